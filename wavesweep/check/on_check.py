@@ -17,7 +17,12 @@ from wavesweep.check.verdict import distance
 from wavesweep.program.analyses.hardware_limits import hardware_of
 from wavesweep.program.analyses.own_design import is_an_end
 from wavesweep.program.reading.keys import readable
-from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_in_words
+from wavesweep.program.tables.number_words import (
+    MOST_DIGITS,
+    rounded_down,
+    rounded_up,
+    span_in_words,
+)
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
@@ -88,7 +93,8 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         for limit in found["limits"]:
             if limit not in bounded and bool(limit["intervals"]) == stable:
                 unit = _unit(spec, limit["name"])
-                spans.append(f"{limit['name']} {limit['from']:g} to {limit['to']:g}{unit}")
+                span = span_in_words(limit["from"], limit["to"])
+                spans.append(f"{limit['name']} {span}{unit}")
         if spans:
             yield 5, f"{said} searched: {', '.join(spans)}"
 
@@ -129,7 +135,7 @@ def _stable_where(limit: Facts, unit: str) -> str:
             spans = [f"{_span(limit, low, high)}{unit}" for low, high in limit["intervals"]]
             at_end = "on an end, " if is_an_end(limit["value"], limit["intervals"]) else ""
             return f"{at_end}stable in {' and '.join(spans)}{proved}"
-        searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
+        searched = f"{span_in_words(limit['from'], limit['to'])}{unit}"
         if limit["certified"]:
             return f"nowhere stable in {searched}"
         return f"no stable value known in {searched} ({limit['doubt']})"
@@ -207,8 +213,13 @@ def _factors(limit: Facts) -> str:
     ways = []
     for words, end in (("down to", "low"), ("up to", "high")):
         if limit[end]:
-            factor = inwards[end](limit[end] / limit["value"], 3)
-            ways.append(f"{words} {float(factor):g}")
+            share = limit[end] / limit["value"]
+            digits = 3
+            factor = inwards[end](share, digits)
+            while float(factor) == 1 != share and digits < MOST_DIGITS:
+                digits += 1
+                factor = inwards[end](share, digits)
+            ways.append(f"{words} {float(factor):.{digits}g}")
     if ways:
         return f" ({' and '.join(ways)} times its value)"
     return ""
@@ -256,7 +267,7 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
     hz = band["holds_to_hz"]
     if hz:
         up_to = "up to" if hz >= 1 else "only up to"
-        parts.append(f"within 10 % {up_to} {hz:.3g} Hz")
+        parts.append(f"within 10 % {up_to} {rounded_down(hz, 3)} Hz")
     if outweighed := outweighed_in_words(band):
         parts.append(outweighed)
     yield 2.5, "; ".join(parts)

@@ -27,7 +27,7 @@ from wavesweep.program.tables.refuters import Refuters
 
 TEXT = 1000  # characters of a counterexample
 SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
-LINEAR = "no loss of contact, the linear wall"
+LINEAR = "the linear wall, in contact all the time"
 ON_CIRCLE = (
     "multipliers of Zames and Falb, by linear programmes, checked on arcs of the unit circle "
     "with bounds on all errors; refuted by a wall and a motion that repeats"

@@ -186,8 +186,10 @@ def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:
     x = np.linspace(*plane.x_span, 2 * cells + 1)[1::2]
     y = np.linspace(*plane.y_span, 2 * cells + 1)[1::2]
     axes = (_axis(spec, plane.x, x), _axis(spec, plane.y, y))
-    stable = (radius_over(spec, axes) < 1).reshape(cells, cells)
-    return {"how": "cells", "x": x.tolist(), "y": y.tolist(), "stable": stable.astype(int).tolist()}
+    radii = radius_over(spec, axes).reshape(cells, cells)
+    stable = (radii < 1).astype(object) * 1
+    stable[np.isnan(radii)] = None  # not known
+    return {"how": "cells", "x": x.tolist(), "y": y.tolist(), "stable": stable.tolist()}
 
 
 def _axis(spec, path, values, span=None) -> Axis:

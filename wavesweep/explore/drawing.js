@@ -58,7 +58,8 @@ function region(p, r, X, Y, ghostly) {
 }
 const nearest = (list, v) => list.reduce((best, each, i) => Math.abs(each - v) < Math.abs(list[best] - v) ? i : best, 0);
 function isStable(p, x, y) {  // null if it is not known
-  if (p.how === "cells") return Boolean(p.stable[nearest(p.x, x)][nearest(p.y, y)]);
+  const cell = p.how === "cells" && p.stable[nearest(p.x, x)][nearest(p.y, y)];
+  if (p.how === "cells") return cell === null ? null : Boolean(cell);
   const at = nearest(p.x, x), gap = x < p.x[at] ? at - 1 : at;
   if (p.x[at] !== x && !p.known[gap]) return null;
   const found = p.columns[at].find(([low, high]) => y >= low && y <= high);
@@ -180,24 +181,24 @@ function chart(id, name, column, log, factor = 1) {
 function numbers() {
   const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
   const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
-  if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : "none: unstable", o.felt.stiffness));
+  if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : o.spectral_radius === null ? "not known" : "none: unstable", o.felt.stiffness));
   const band = o.stable && o.felt?.over_band, beyond = (band && band.outweighed_bands_hz) || [];
   if (band) {
     const seen = band.hz.map((hz, i) => [hz, band.impedance[i]]).filter(([hz]) => !beyond.some(([low, high]) => low <= hz && (high === null || hz <= high)));
     const holds = band.holds_to_hz, bands = beyond.map(([low, high]) => `from ${text(low, 3)}${high === null ? " Hz on" : ` to ${text(high, 3)} Hz`}`).join(" and ");
-    const parts = [seen.map(([, size]) => text(size, 4)).join(", "), holds ? `within a tenth up to ${text(holds, 3)} Hz` : "", bands ? `outweighed by free motion ${bands}` : ""];
+    const parts = [seen.map(([, size]) => text(size, 4)).join(", "), holds ? `within a tenth up to ${rounded(holds, -1, 3)} Hz` : "", bands ? `outweighed by free motion ${bands}` : ""];
     rows.push(item("n-band", seen.length ? `felt at ${seen.map(([hz]) => hz).join(", ")} Hz` : "felt over frequency", parts.filter(Boolean).join("; ")));
   }
   if (o.slowest) {
     const damped = o.least_damped ?? o.slowest;
     rows.push(item("n-slow", "slowest mode falls to 1/e in", text(o.slowest.time_constant_s, 4) + " s", o.slowest.time_constant_s), item("n-ratio", "least damping ratio of all modes", text(damped.damping_ratio, 3) + (damped.omega ? `, at ${text(damped.omega / 2 / Math.PI, 4)} Hz` : ""), damped.damping_ratio));
   }
-  if (o.channel_norm != null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", text(o.channel_norm, 7), o.channel_norm));
+  if (o.channel_norm != null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", rounded(o.channel_norm, 1, 7), o.channel_norm));
   fill($("own"), ...rows);
   const more = data.asked.length ? `The spec asks ${data.asked.join(" and ")}: wavesweep check answers that; this page is of these numbers alone. ` : "";
   $("assumes").textContent = more + (o.assumes ? "Assumes: " + o.assumes : "");
   const these = data.asked.length ? " with these numbers" : "";
-  if (!refused) chip("state", (o.stable ? "● stable" : "✕ unstable") + these, o.stable ? "yes" : "no");
+  if (!refused) chip("state", (o.stable ? "● stable" : o.spectral_radius === null ? "? not known" : "✕ unstable") + these, o.stable ? "yes" : "no");
 }
 const HEADS = ["along", "from", "to", "oscillation there", "felt at the ends", "proof"];
 function intervals() {
@@ -210,12 +211,12 @@ function intervals() {
     const found = ranges[each];
     if (!found) { row({}, title(each), "follows when the sliders rest", null, null, null, null); continue; }
     const proof = !("certified" in found) ? "… preview" : found.certified ? "✓ certified" : `not certified (${found.doubt || "see the README"})`, names = {"data-along": each, "data-certified": found.certified};
-    if (!found.intervals.length) row(names, title(each), `${found.certified === false ? "nothing known to be" : "nowhere"} stable in ${text(found.span[0])} to ${text(found.span[1])}${unit(each)}`, null, null, null, proof);
+    if (!found.intervals.length) row(names, title(each), `${found.certified === false ? "nothing known to be" : "nowhere"} stable in ${rounded(found.span[0], 1)} to ${rounded(found.span[1], -1)}${unit(each)}`, null, null, null, proof);
     for (const i of found.intervals) {
       const hz = [i.low_hz, i.high_hz].map(f => (f ?? null) === null ? "–" : text(f, 4)).join(" / "), ends = (omega, open) => omega !== null ? "" : open ? " (not known beyond)" : " (range ends)";
       const felt = (i.felt_low ?? i.felt_high ?? null) === null ? "–" : `${text(i.felt_low, 4)} / ${text(i.felt_high, 4)} ${data.units.felt[0]}`;
       row({...names, "data-low": i.low, "data-high": i.high, class: values[each] >= i.low && values[each] <= i.high ? "own" : null}, title(each),
-        text(i.low) + unit(each) + ends(i.low_omega, i.open_places && i.open_low < i.low), text(i.high) + unit(each) + ends(i.high_omega, i.open_places && i.open_high > i.high), hz === "– / –" ? "–" : hz + " Hz", felt, proof);
+        rounded(i.low, 1) + unit(each) + ends(i.low_omega, i.open_places && i.open_low < i.low), rounded(i.high, -1) + unit(each) + ends(i.high_omega, i.open_places && i.open_high > i.high), hz === "– / –" ? "–" : hz + " Hz", felt, proof);
     }
   }
   fill($("intervals"), ...rows);
@@ -239,6 +240,6 @@ function draw() {
     chart("c0", `admittance (m${data.units.admittance}) over Hz`, "admittance_abs", true, 1e3); chart("c1", `impedance (${data.units.impedance}) over Hz`, "impedance_abs", true);
     chart("c2", "admittance phase (deg)", "admittance_deg", false); chart("c3", "impedance phase (deg)", "impedance_deg", false);
     const r = answer.response;
-    $("bound").textContent = answer.own.stable ? `Relative error at most ${text(r.error, 2)}${r.doubt.length ? "; doubt: " + r.doubt.join(", ") : ""}.${r.slow_nyquist_hz ? " Dotted: half the slow rate." : ""}${data.measured.response ? " Rings: measured." : ""}` : "An unstable loop has no steady response: the numbers are those of its equations.";
+    $("bound").textContent = answer.own.stable ? `Relative error at most ${rounded(r.error, 1, 2)}${r.doubt.length ? "; doubt: " + r.doubt.join(", ") : ""}.${r.slow_nyquist_hz ? " Dotted: half the slow rate." : ""}${data.measured.response ? " Rings: measured." : ""}` : "An unstable loop has no steady response: the numbers are those of its equations.";
   }
 }

@@ -93,7 +93,8 @@ function drawLoop() {
   for (const [name, words] of Object.entries(MARGINS)) {
     const each = now ? margins.margins.find(row => row.name === name) : null, gain = name.startsWith("gain");
     if (now ? !each : name === "delay_frames") continue;
-    const value = !now ? "…" : each.value === null ? `not known (${each.doubt})` : !each.limited ? "no limit" : (each.unit === "deg" ? `${text(each.value, 4)}°` : each.unit === "s" ? time(each.value) : text(each.value, 4) + (gain ? ` (${text(20 * Math.log10(each.value), 3)} dB)` : "")) + (each.line_hz ? ` at ${text(each.line_hz, 4)} Hz` : "") + (each.doubt ? `, not certified (${each.doubt})` : "");
+    const side = ["gain_down", "sensitivity", "complementary"].includes(name) ? 1 : -1, to = v => rounded(v, side, 4);
+    const value = !now ? "…" : each.value === null ? `not known (${each.doubt})` : !each.limited ? "no limit" : (each.unit === "deg" ? `${to(each.value)}°` : each.unit === "s" ? (each.value < 1 ? `${to(1e3 * each.value)} ms` : `${to(each.value)} s`) : to(each.value) + (gain ? ` (${text(20 * Math.log10(each.value), 3)} dB)` : "")) + (each.line_hz ? ` at ${text(each.line_hz, 4)} Hz` : "") + (each.doubt ? `, not certified (${each.doubt})` : "");
     rows.push(item(words, value, "m-" + name, each?.value));
   }
   fill($("margins"), ...rows);

@@ -10,6 +10,12 @@ let answer = null, picture = null, ranges = {}, ghost = {plane: null, key: "", r
 
 // ---- texts and elements
 const text = (v, digits = 6) => v === null || v === undefined || Number.isNaN(v) ? "not known" : String(Number(Number(v).toPrecision(digits)));
+// a bound of so many digits that is no lower (side 1) or no higher (side -1) than the value
+function rounded(v, side, digits = 6) {
+  const near = Number(Number(v).toPrecision(digits));
+  if (!Number.isFinite(near) || near === v || v === null || (near - v) * side > 0) return text(v, digits);
+  return text(near + side * 10 ** (Math.floor(Math.log10(Math.abs(v))) + 1 - digits), digits);
+}
 const exact = v => String(Number(Number(v).toPrecision(15)));  // without the rounding of a product, as in 0.000029999999999999997
 const short = v => { const said = text(v, 4); return said.length > 7 ? Number(Number(v).toPrecision(4)).toExponential() : said; };
 const unit = path => sliders.get(path).unit ? " " + sliders.get(path).unit : "";

@@ -8,6 +8,7 @@ import numpy as np
 
 from wavesweep.engine.drawing import LONGEST_DELAY
 from wavesweep.program.spec.writing import as_toml
+from wavesweep.program.tables.number_words import span_around
 
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
 DRAWN = {
@@ -58,7 +59,7 @@ def spoken(each: Mapping[str, Any]) -> str:
     digits = min(
         max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12
     )
-    return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
+    return f"{value:.{digits}g} {unit} ({span_around(low, high, digits)})"
 
 
 def whole(delay: Mapping[str, Any]) -> int | None:

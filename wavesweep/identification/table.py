@@ -21,6 +21,7 @@ from wavesweep.program.csv_files import LEAST, MOST, seconds
 from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, whole_kind
+from wavesweep.program.tables.number_words import in_digits, rounded_up, span_around
 from wavesweep.program.tables.table import Table
 
 PREDICTION_METHOD = (
@@ -379,7 +380,7 @@ def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
         others = {name: number for name, number in parameters.items() if name != "mass"}
         estimates = ", ".join(f"{name} {spoken(number)}" for name, number in others.items())
         raise UsageError(
-            f"what was measured leaves the mass open: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
+            f"what was measured leaves the mass open: it could be anything from {span_around(mass['low'], mass['high'], 2)} "
             f"{mass['unit']} (with {estimates}); record a pulse, a chirp or noise that moves the device quickly"
         )
     for name in ("load_mass", "coupling_stiffness"):
@@ -387,7 +388,7 @@ def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
         if number is not None and not number["high"] < KNOWN_RATIO * number["low"]:
             raise UsageError(
                 f"what was measured leaves the resonance of the two masses open: the {name} could be anything from "
-                f"{number['low']:.2g} to {number['high']:.2g} {number['unit']}; record a chirp or noise through the resonance"
+                f"{span_around(number['low'], number['high'], 2)} {number['unit']}; record a chirp or noise through the resonance"
             )
     for name in (*PATHS, *COUPLED):
         if name in parameters and parameters[name]["high"] < 0:
@@ -457,7 +458,7 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
     yield from log.taken
     if log.jitter > JITTER:
         steps = f"the fit takes equal steps of {1e3 * log.period:.6g} ms"
-        yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
+        yield f"times jitter by up to {rounded_up(100 * log.jitter, 2)} % of a period; {steps}"
     unit = turned(READ[log.measured]) if log.turns else READ[log.measured]
     if resolution is None:
         if step:
@@ -568,7 +569,7 @@ def _lacks(found: Numbers, what: str) -> Iterator[str]:
         said = f"the intervals are wider by what is left:{lacks} {missing}"
         yield f"the model does not explain the {what}, and {said}"
         return
-    explains = f"; this effect explains {100 * left['share_of_missing']:.2g} % of it"
+    explains = f"; this effect explains {in_digits(100 * left['share_of_missing'], 2)} % of it"
     if left["withheld"]:
         said = "so no number has an interval"
     elif found["missing"] == "force":
@@ -578,7 +579,7 @@ def _lacks(found: Numbers, what: str) -> Iterator[str]:
         said = "but the numbers above are those beside what it lacks"
     yield f"the model does not explain the {what}, {said}: it lacks {missing}"
     newton = "N*m" if found["turns"] else "N"
-    size = f"{left['lacking']:.3g} {newton} rms, {100 * left['lacking_share']:.2g} % of that of the log"
+    size = f"{left['lacking']:.3g} {newton} rms, {in_digits(100 * left['lacking_share'], 2)} % of that of the log"
     yield f"what it lacks is a force of {size}{explains}"
 
 

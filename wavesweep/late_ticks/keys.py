@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.tables import SpecTable, TableValue
+from wavesweep.program.tables.number_words import span_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,7 +71,7 @@ class LateTick(TableValue):
     def in_words(self, hz: float) -> str:
         """Return which ticks these are."""
         low, high = self.interval(hz)
-        return f"ticks of {1e3 * low:.6g} to {1e3 * high:.6g} ms in any order"
+        return f"ticks of {span_in_words(1e3 * low, 1e3 * high)} ms in any order"
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""

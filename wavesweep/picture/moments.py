@@ -15,6 +15,7 @@ from types import MappingProxyType
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.ages import Ages, DataFlow, Life
 from wavesweep.program.spec import Spec
+from wavesweep.program.tables.number_words import rounded_up
 
 # ages of all numbers in all signals, in all ticks of a frame; more would take some 0.2 GB
 MOST = 20_000_000
@@ -238,6 +239,6 @@ def in_words(frames: Sequence[Moments], force: str = "") -> str:
         beside = f", {in_ms(first.age * first.tick_ms)} ms {WHERE[first.which]}"
     unless = " if none is lost" if last.loses else ""
     return (
-        f"{force or f'what acts on {last.main.port}'} is computed from samples up to {in_ms(waits + stays)} ms old{unless}{beside} "
+        f"{force or f'what acts on {last.main.port}'} is computed from samples up to {rounded_up(waits + stays, 4)} ms old{unless}{beside} "
         f"({last.main.block}: {place}, held {in_ms(stays)} ms)"
     )

@@ -20,6 +20,7 @@ from wavesweep.program.tables.kind import (
     plain,
     whole_kind,
 )
+from wavesweep.program.tables.number_words import lasting
 from wavesweep.program.tables.table import Table, facts_of
 
 LOCUS = 300  # values of the number by default
@@ -171,8 +172,7 @@ def in_words(mode: Mapping[str, Any]) -> str:
     tau = mode["time_constant_s"]
     decays = "stays"
     if tau is not None:
-        way = "falls to 1/e" if tau > 0 else "grows by e"
-        decays = f"{way} in {abs(tau):.4g} s"
+        decays = lasting(tau)
     if mode["doubt"]:
         decays += f", {mode['doubt']} hides whether it is stable"
     elif not mode["stable"]:

@@ -16,7 +16,7 @@ from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.tables.columns import fields_of
 from wavesweep.program.tables.interval_sentences import open_in_words
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
+from wavesweep.program.tables.number_words import lasting, rounded_down, rounded_up
 from wavesweep.program.tables.refuters import Refuters
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ def _beyond(
             size = f"modulus 1 + {mode['radius'] - 1:.3g}"
             hz = mode["shown_hz"]
             motion = f"an oscillation of {hz:.4g} Hz" if hz > 0 else "without oscillation"
-            grows = f"grows by e in {-mode['time_constant_s']:.4g} s"
+            grows = lasting(mode["time_constant_s"])
             yield [f"{along} = {value:.7g}", f"eigenvalue {z} per frame, {size}: {motion}, {grows}"]
             return
 

@@ -25,7 +25,7 @@ from wavesweep.program.tables.kind import (
     plain,
     whole_kind,
 )
-from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_in_words
+from wavesweep.program.tables.number_words import in_digits, rounded_down, rounded_up, span_in_words
 from wavesweep.program.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _span_notices(spec: Spec, axis: Axis) -> list[str]:
         said = "has values in [sweep]: searched between their ends,"
     else:
         said = "has no span in [sweep]: searched"
-    return [f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}"]
+    return [f"{axis.name} {said} from {span_in_words(axis.start, axis.stop)}"]
 
 
 def sensitivities(grid: Grid, axis: Axis) -> Columns:
@@ -214,7 +214,7 @@ def _limit(rows: Columns) -> Numbers | None:
 def _lines(found: Numbers) -> Iterator[Line]:
     axis, spans = found["along"], found["stable_intervals"]
     name, unit = axis["name"], _unit(axis["unit"])
-    searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
+    searched = f"{span_in_words(axis['from'], axis['to'])}{unit}"
     places = "".join(f", {open_in_words(place, unit)}" for place in found["open"])
     if spans:
         yield (
@@ -329,7 +329,7 @@ def _changes(elasticities: Mapping[str, float], than: str, sign: int) -> str:
     changes = []
     for number, elasticity in elasticities.items():
         way = "up" if sign * elasticity > 0 else "down"
-        change = f"{way} by {abs(elasticity):.3g} %"
+        change = f"{way} by {in_digits(abs(elasticity), 3)} %"
         if abs(elasticity) < LEAST_ELASTICITY:
             change = "not at all"
         changes.append(f"1 % {than} {number}{KEPT.get(number, '')}{verb} {change}")

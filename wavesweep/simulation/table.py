@@ -26,6 +26,7 @@ from wavesweep.program.tables.kind import (
     plain,
     whole_kind,
 )
+from wavesweep.program.tables.number_words import in_digits
 from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
 from wavesweep.simulation.keys import RANDOM, entry_of, first_tick
@@ -160,7 +161,7 @@ def _unlike_the_linear(spec, linear, tones, frame):
         constant = -frame / spec.tick_hz / log(radius)
         enough = log(SETTLED_SINE / 10) / log(radius) * frame / spec.tick_hz
         yield (
-            f"the slowest mode, which falls to 1/e in {constant:.3g} s, still has {100 * left:.2g} % of its beginning after "
+            f"the slowest mode, which falls to 1/e in {constant:.3g} s, still has {in_digits(100 * left, 2)} % of its beginning after "
             f"simulate.settle_s = {settle:g} s, and is part of the response seen; {enough:.3g} s leave {10 * SETTLED_SINE:g} % of it"
         )
 

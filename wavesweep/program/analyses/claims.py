@@ -18,6 +18,7 @@ from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.row_kinds import row_kind
+from wavesweep.program.tables.number_words import span_in_words
 
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing
@@ -441,7 +442,7 @@ class Tick(NamedTuple):
     def in_words(self) -> Iterator[str]:
         """Yield which ticks these are, if they are not all alike."""
         if self.low < self.high:
-            yield f"ticks of {1e3 * self.low:.6g} to {1e3 * self.high:.6g} ms in any order"
+            yield f"ticks of {span_in_words(1e3 * self.low, 1e3 * self.high)} ms in any order"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_of_each, named_modes
 from wavesweep.program.analyses.poles import ON_CIRCLE, leading
+from wavesweep.program.tables.number_words import lasting
 
 SPAN_PLACES = 33  # inside a span, at which the modes are looked at, beside its ends
 # states of a loop whose modes are looked at: a tenth of a second at each place
@@ -112,11 +113,7 @@ def mode_in_words(mode: Mapping[str, Any], name: str, unit: str) -> str:
     time = mode["time_constant_s"]
     if time is None:
         return stays_in_words(mode["states"])
-    if time > 0:
-        lasts = f"falls to 1/e in {time:.4g} s"
-    else:
-        lasts = f"grows e times in {-time:.4g} s"
-    said = f"{mode['hz']:.4g} Hz, damping ratio {mode['damping_ratio']:.3g}, {lasts}"
+    said = f"{mode['hz']:.4g} Hz, damping ratio {mode['damping_ratio']:.3g}, {lasting(time)}"
     states = f" of {', '.join(mode['states'])}" if mode["states"] else ""
     place = f"nearest at {name} = {mode['value']:.6g}{unit}"
     return (

@@ -13,6 +13,7 @@ from wavesweep.capabilities import offered
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.tables.kind import Kind, Line, Numbers, ProvedAgain, Recompute, Summary
+from wavesweep.program.tables.number_words import span_in_words
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -195,7 +196,7 @@ def _notices(spec: Spec, stages: Sequence[Stage]) -> Iterator[str]:
     if axis.scale == "log" and not axis.values:
         yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
     if axis.values:
-        yield f"{axis.name} has values in [sweep]: searched between their ends, from {axis.start:g} to {axis.stop:g}"
+        yield f"{axis.name} has values in [sweep]: searched between their ends, from {span_in_words(axis.start, axis.stop)}"
     yield from notices_of(job.grid)
     yield from spans_held(spec, axis.path)
     for stage in stages:

@@ -38,6 +38,17 @@ def in_all_digits(value: float) -> str:
     return repr(float(value))
 
 
+def in_digits(value: float, digits: int) -> str:
+    """A value of so many digits, without an exponent below a million."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def lasting(time_constant_s: float) -> str:
+    """How a mode goes on: its time constant (s), negative of one that grows."""
+    way = "falls to 1/e" if time_constant_s > 0 else "grows by a factor of e"
+    return f"{way} in {abs(time_constant_s):.4g} s"
+
+
 def rounded_up(value: float, digits: int = DIGITS) -> str:
     """A value of so many digits that is no lower than it."""
     return _rounded(value, digits, ROUND_CEILING)
