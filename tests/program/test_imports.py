@@ -48,6 +48,7 @@ PROGRAM = (
     "platform_compat",
     "atomic_files",
     "columns",
+    "number_words",
     "row_kinds",
     "reading",
     "spec",

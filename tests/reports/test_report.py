@@ -14,10 +14,10 @@ import pytest
 import wavesweep
 from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope
 from wavesweep.program.cli import main
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.spec import load
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.reports import content
 from wavesweep.reports.sentences import interval_rows, question
 

@@ -178,7 +178,7 @@ def place(run, said):
 
 @shape(
     rf"(?:(.*) \| )?K = {N} \| eigenvalue {N} per frame, modulus 1 \+ {N}: (?:an oscillation of {N} Hz|without oscillation), "
-    rf"grows by e in {N} s",
+    rf"grows by a factor of e in {N} s",
     "report",
 )
 def grows_beyond(run, said, K, eigenvalue, more, hz, seconds):

@@ -588,7 +588,7 @@ def nowhere(run, said):
         truth = run.case.inside(members)
         assert not truth or greatest(truth) < run.case.start * 1.01, said
         assert all(min(run.case.members[name]) <= each[0] <= max(run.case.members[name]) for name, each in named.items()), said
-    found = re.search(rf"nearest at K = {N}: {N} Hz, grows e times in {N} s", said)
+    found = re.search(rf"nearest at K = {N}: {N} Hz, grows by a factor of e in {N} s", said)
     if found and len(members["n"]) == len(members["c"]) == 1:
         K, hz, seconds = map(float, found.groups())
         frame = members["n"][0] * T
@@ -846,11 +846,11 @@ def stopped(run, tick, seconds):
 
 
 @shape(
-    rf"  (?:{N} Hz, damping ratio {N}|no oscillation), (falls to 1/e|grows by e) in {N} s(?:, UNSTABLE)?: p integral", "poles"
+    rf"  (?:{N} Hz, damping ratio {N}|no oscillation), (falls to 1/e|grows by a factor of e) in {N} s(?:, UNSTABLE)?: p integral", "poles"
 )
 def mode(run, hz, ratio, way, tau):
     z, seconds = own(run)
-    assert (way == "grows by e") == (abs(z) > 1)
+    assert (way == "grows by a factor of e") == (abs(z) > 1)
     return mode_of(z, seconds, tau, ratio, hz)
 
 

@@ -16,13 +16,13 @@ from wavesweep.check import room_of_numbers as ranges
 from wavesweep.check.verdict import distance
 from wavesweep.program.analyses.hardware_limits import hardware_of
 from wavesweep.program.analyses.own_design import is_an_end
-from wavesweep.program.reading.keys import readable
-from wavesweep.program.tables.number_words import (
+from wavesweep.program.number_words import (
     MOST_DIGITS,
     rounded_down,
     rounded_up,
     span_in_words,
 )
+from wavesweep.program.reading.keys import readable
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked

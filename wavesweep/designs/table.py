@@ -8,11 +8,11 @@ import numpy as np
 from wavesweep.designs.columns import DESIGN
 from wavesweep.designs.wish_keys import WISHES, Wish
 from wavesweep.program.columns import Columns
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.columns import fields
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, count, plain, whole_kind
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
 
 DIGITS_OF_WISH = 5  # of a wish in a sentence
 THIN = 0.01  # of a bound or a range, within which a design is near it, or near an end

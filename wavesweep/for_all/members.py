@@ -19,7 +19,7 @@ from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.mode_in_the_way import mode_in_the_way, outside
-from wavesweep.program.tables.number_words import in_all_digits, lasting, span_in_words
+from wavesweep.program.number_words import in_all_digits, lasting, span_in_words
 
 MOST_VALUES = 6  # values of each number that varies, its ends among them, beside the spec's own
 NO_CONTRADICTION = 1e-6  # of an end, or of a radius: no contradiction

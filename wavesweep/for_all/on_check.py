@@ -48,7 +48,7 @@ def _every_hand(spec: Spec, found: Mapping[str, Any]) -> str:
     from wavesweep.for_all.rows import CONTRADICTED
     from wavesweep.for_all.varying import Rules
     from wavesweep.program.analyses.claims import STABLE, Claim, Status
-    from wavesweep.program.tables.number_words import rounded_up
+    from wavesweep.program.number_words import rounded_up
 
     needed = found["needed"]
     device = found["device"]

@@ -42,15 +42,15 @@ from wavesweep.program.analyses.claims import (
     Status,
 )
 from wavesweep.program.analyses.interval_jobs import Guarantee
-from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.spec.studies import K_VE_SPAN
-from wavesweep.program.sweep.grid import loops_of, own_loop
-from wavesweep.program.tables.number_words import (
+from wavesweep.program.number_words import (
     in_all_digits,
     rounded_down,
     span_around,
     span_in_words,
 )
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.spec.studies import K_VE_SPAN
+from wavesweep.program.sweep.grid import loops_of, own_loop
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range

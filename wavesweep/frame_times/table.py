@@ -15,11 +15,11 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
 from wavesweep.frame_times.times import MeasuredFrames, read_run
 from wavesweep.program.columns import Columns
+from wavesweep.program.number_words import rounded_up
 from wavesweep.program.platform_compat import versions
 from wavesweep.program.reading.keys import HIGHEST_RATIO
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.kind import Line, Numbers, count, whole_kind
-from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.program.tables.table import Table
 
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"

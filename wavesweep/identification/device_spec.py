@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.drawing import LONGEST_DELAY
+from wavesweep.program.number_words import span_around
 from wavesweep.program.spec.writing import as_toml
-from wavesweep.program.tables.number_words import span_around
 
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
 DRAWN = {

@@ -18,10 +18,10 @@ from wavesweep.identification.device_spec import PATHS, negative, spoken
 from wavesweep.program.analyses.assumptions import USUAL
 from wavesweep.program.columns import Columns
 from wavesweep.program.csv_files import LEAST, MOST, seconds
+from wavesweep.program.number_words import in_digits, rounded_up, span_around
 from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, whole_kind
-from wavesweep.program.tables.number_words import in_digits, rounded_up, span_around
 from wavesweep.program.tables.table import Table
 
 PREDICTION_METHOD = (

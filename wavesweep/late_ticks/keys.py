@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from wavesweep.engine.keys import Key
+from wavesweep.program.number_words import span_in_words
 from wavesweep.program.reading.tables import SpecTable, TableValue
-from wavesweep.program.tables.number_words import span_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,6 +13,7 @@ from wavesweep.engine.response import Step
 from wavesweep.margins.marked_steps import MARK, draw_others, draw_step
 from wavesweep.program.analyses.claims import of_rows
 from wavesweep.program.columns import Columns
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.plots.figure_layout import MOST_MEMBERS
 from wavesweep.program.plots.labels import assumption, valued
 from wavesweep.program.plots.style import (
@@ -28,7 +29,6 @@ from wavesweep.program.plots.style import (
     wide,
 )
 from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
 
 LOWEST_SHOWN = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there

@@ -11,6 +11,7 @@ from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.claims import Claim, Property, Status, own_scope
 from wavesweep.program.columns import RATIO, Columns, joined
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.kind import (
     Kind,
@@ -22,7 +23,6 @@ from wavesweep.program.tables.kind import (
     in_doubt,
     plain,
 )
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.program.tables.table import Table, facts_of, held
 
 METHOD = (

@@ -64,7 +64,7 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | C
     if spec.drawing or not (channel := _channel_of(_kept(spec))):
         return
     if channel.entries <= LARGEST_CHANNEL:
-        from wavesweep.program.tables.number_words import rounded_up
+        from wavesweep.program.number_words import rounded_up
 
         def known():
             norm = _channel_norm(channel)

@@ -13,7 +13,7 @@ from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
-from wavesweep.program.tables.number_words import in_all_digits
+from wavesweep.program.number_words import in_all_digits
 
 GAP_OF_MARGIN = 1e-2  # of a margin: what may lie between what is checked and what is refuted
 ENVIRONMENT = tuple(

@@ -18,10 +18,10 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.analyses.claims import own_figures
 from wavesweep.program.columns import Columns, joined
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.tables.columns import at_port
 from wavesweep.program.tables.interval_table import interval_kind
 from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, count, from_spec
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from types import MappingProxyType
 
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.ages import Ages, DataFlow, Life
+from wavesweep.program.number_words import rounded_up
 from wavesweep.program.spec import Spec
-from wavesweep.program.tables.number_words import rounded_up
 
 # ages of all numbers in all signals, in all ticks of a frame; more would take some 0.2 GB
 MOST = 20_000_000

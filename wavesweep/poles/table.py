@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.columns import Columns
+from wavesweep.program.number_words import lasting
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.tables.kind import (
     Line,
@@ -20,7 +21,6 @@ from wavesweep.program.tables.kind import (
     plain,
     whole_kind,
 )
-from wavesweep.program.tables.number_words import lasting
 from wavesweep.program.tables.table import Table, facts_of
 
 LOCUS = 300  # values of the number by default

@@ -12,11 +12,11 @@ from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.program.analyses.claims import Claim, Status, lost_in_words, of_rows
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
+from wavesweep.program.number_words import lasting, rounded_down, rounded_up
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.tables.columns import fields_of
 from wavesweep.program.tables.interval_sentences import open_in_words
-from wavesweep.program.tables.number_words import lasting, rounded_down, rounded_up
 from wavesweep.program.tables.refuters import Refuters
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.poles import GONE
+from wavesweep.program.number_words import rounded_up
 from wavesweep.program.reading.keys import ALL_MODES, TIMES_OF_MODES
-from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import (

@@ -12,11 +12,11 @@ from wavesweep.program.analyses.claims import Claim, Status, own_scope, required
 from wavesweep.program.analyses.interval_jobs import job_over
 from wavesweep.program.analyses.own_design import is_an_end, searched
 from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.number_words import span_in_words
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import keys_of, make_grid
 from wavesweep.program.sweep.running import in_memory
 from wavesweep.program.tables.fields import DOUBTS
-from wavesweep.program.tables.number_words import span_in_words
 
 
 def facts(spec: Spec, own: Mapping[str, Any], *_: object) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.plots.labels import assumption, printed, symbol
 from wavesweep.program.plots.style import (
     GRID,
@@ -18,7 +19,6 @@ from wavesweep.program.plots.style import (
     note_below,
 )
 from wavesweep.program.tables.kind import plain
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 
 MOST_NUMBER_BARS = 12  # numbers of a panel that have bars

@@ -12,6 +12,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.columns import Columns, axes_of, open_places
+from wavesweep.program.number_words import in_digits, rounded_down, rounded_up, span_in_words
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.spec.loading import naming
@@ -25,7 +26,6 @@ from wavesweep.program.tables.kind import (
     plain,
     whole_kind,
 )
-from wavesweep.program.tables.number_words import in_digits, rounded_down, rounded_up, span_in_words
 from wavesweep.program.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:

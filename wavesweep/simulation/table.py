@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.program.columns import Columns, run_column
+from wavesweep.program.number_words import in_digits
 from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.reading.reading import read_bytes
 from wavesweep.program.tables.kind import (
@@ -26,7 +27,6 @@ from wavesweep.program.tables.kind import (
     plain,
     whole_kind,
 )
-from wavesweep.program.tables.number_words import in_digits
 from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
 from wavesweep.simulation.keys import RANDOM, entry_of, first_tick

@@ -13,7 +13,7 @@ from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubts import Doubt
 from wavesweep.program import plots, results
 from wavesweep.program.cli.entry import main
-from wavesweep.program.tables.number_words import rounded_up
+from wavesweep.program.number_words import rounded_up
 
 
 def regions(*parts):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_around, span_in_words
+from wavesweep.program.number_words import rounded_down, rounded_up, span_around, span_in_words
 
 
 @pytest.mark.parametrize("digits", [1, 3, 6])

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.number_words import span_in_words
 from wavesweep.program.row_kinds import row_kind
-from wavesweep.program.tables.number_words import span_in_words
 
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing

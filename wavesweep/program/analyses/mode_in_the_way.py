@@ -11,7 +11,7 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_of_each, named_modes
 from wavesweep.program.analyses.poles import ON_CIRCLE, leading
-from wavesweep.program.tables.number_words import lasting
+from wavesweep.program.number_words import lasting
 
 SPAN_PLACES = 33  # inside a span, at which the modes are looked at, beside its ends
 # states of a loop whose modes are looked at: a tenth of a second at each place

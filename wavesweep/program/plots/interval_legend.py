@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.program.analyses.claims import Status
 from wavesweep.program.analyses.plane_columns import incomplete
 from wavesweep.program.columns import FELT_ALIKE
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.plots.labels import unit, valued
 from wavesweep.program.plots.member_panels import Member, look_of
 from wavesweep.program.plots.region_figures import (
@@ -27,7 +28,6 @@ from wavesweep.program.plots.region_figures import (
 from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
 from wavesweep.program.row_kinds import COMPUTED, row_kind
-from wavesweep.program.tables.number_words import rounded_down, rounded_up
 
 _BESIDE_PANEL = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"

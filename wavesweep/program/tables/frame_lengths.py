@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.columns import Columns
-from wavesweep.program.tables.number_words import rounded_up
+from wavesweep.program.number_words import rounded_up
 from wavesweep.program.tables.refuters import Refuters
 
 RATIO = "rates.ratio"

@@ -9,19 +9,19 @@ import numpy as np
 from wavesweep.program.analyses.claims import WIDEST, Claim, Status
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
-from wavesweep.program.reading.keys import readable
-from wavesweep.program.row_kinds import row_kinds
-from wavesweep.program.tables.fields import DOUBTS
-from wavesweep.program.tables.frame_lengths import lengths_in_words
-from wavesweep.program.tables.interval_summary import BEGINS_NEAR_ZERO
-from wavesweep.program.tables.kind import Line, Numbers, count
-from wavesweep.program.tables.number_words import (
+from wavesweep.program.number_words import (
     in_all_digits,
     rounded_down,
     rounded_up,
     span_around,
     span_in_words,
 )
+from wavesweep.program.reading.keys import readable
+from wavesweep.program.row_kinds import row_kinds
+from wavesweep.program.tables.fields import DOUBTS
+from wavesweep.program.tables.frame_lengths import lengths_in_words
+from wavesweep.program.tables.interval_summary import BEGINS_NEAR_ZERO
+from wavesweep.program.tables.kind import Line, Numbers, count
 from wavesweep.program.tables.refuters import in_a_sentence
 
 INDENT = 2  # spaces before the sentences about one of several kinds of rows

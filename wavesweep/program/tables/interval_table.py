@@ -12,8 +12,8 @@ import numpy as np
 from wavesweep.capabilities import offered
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.columns import Columns, joined
+from wavesweep.program.number_words import span_in_words
 from wavesweep.program.tables.kind import Kind, Line, Numbers, ProvedAgain, Recompute, Summary
-from wavesweep.program.tables.number_words import span_in_words
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
