@@ -846,7 +846,9 @@ def stopped(run, tick, seconds):
 
 
 @shape(
-    rf"  (?:{N} Hz, damping ratio {N}|no oscillation), (falls to 1/e|grows by a factor of e) in {N} s(?:, UNSTABLE)?: p integral", "poles"
+    rf"  (?:{N} Hz, damping ratio {N}|no oscillation), (falls to 1/e|grows by a factor of e)"
+    rf" in {N} s(?:, UNSTABLE)?: p integral",
+    "poles",
 )
 def mode(run, hz, ratio, way, tau):
     z, seconds = own(run)
