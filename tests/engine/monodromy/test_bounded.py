@@ -123,11 +123,17 @@ def test_a_change_that_comes_to_rest_in_a_tick_carries_no_errors_on():
 
 def test_nothing_is_known_of_what_may_be_divided_by_zero():
     one = Bounded.exact(np.ones((1, 1)))
-    assert one.over(Bounded(np.ones((1, 1)), np.ones((1, 1)))).error == np.inf
+    assert one.over(Bounded(np.ones((1, 1)), 2 * np.ones((1, 1)))).error == np.inf
     assert (Bounded(np.eye(2), 0.6 * np.eye(2)).inverse().error == np.inf).all()
     singular = Bounded.exact(np.array([[0.1, 0.3], [0.2, 0.6]]))
     assert (singular.inverse().error == np.inf).all()
     assert (singular.solved(Bounded.exact(np.ones((2, 1)))).error == np.inf).all()
+
+
+def test_an_inverse_has_all_orders_of_the_errors():
+    """That of [[0.8, -0.2], [-0.2, 0.8]], within 0.2 of the identity, is off by 1/3, of which 0.2 is of first order."""
+    error = Bounded(np.eye(2), np.full((2, 2), 0.2)).inverse().error
+    assert ((error > 1 / 3) & (error < 0.4)).all()
 
 
 def test_a_product_that_underflows_is_not_known_as_zero():
