@@ -56,35 +56,6 @@ def test_json_holds_the_verdict_and_the_plan(check):
     assert {limit["name"] for limit in found["verdict"]["limits"]} <= set(SYMBOLS)
 
 
-def test_the_verdict_is_printed_before_ranges_are_searched(wavesweep, tmp_path, monkeypatch):
-    def limits(*_):
-        raise library.UsageError("no range")
-
-    (tmp_path / "mine.toml").write_text(DESIGN)
-    monkeypatch.setattr("wavesweep.check.room_of_numbers.limits", limits)
-    code, out, err = wavesweep("check", str(tmp_path / "mine.toml"))
-    assert (code, out) == (2, "mine, pmw: stable (spectral radius 0.937103 per frame of 20 ms)\n")
-    assert "no range" in err
-
-
-@pytest.mark.asks("passive")
-def test_the_value_that_makes_a_frame_too_long_is_named(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text(DESIGN)
-    code, _, err = wavesweep("passivity", "mine.toml", "--set", 'sweep={"rates.slow_hz"=[50,60,60.1]}')
-    assert code == 2
-    assert err.startswith("Error: ")
-    assert "found 10000 for rates.slow_hz = 60.1; leave out these values" in err
-
-
-def test_rates_that_do_not_divide_have_neighbours_that_do(wavesweep, tmp_path):
-    spec = tmp_path / "mine.toml"
-    spec.write_text('controller.kind = "dc-slow"\nrates = { fast_hz = 1000, slow_hz = 60 }\n')
-    said = "60 Hz does not divide 1000 Hz, so that computing takes several times as long; 62.5 and 58.8235 Hz do"
-    assert said in " ".join(wavesweep("check", str(spec))[1].split())
-    assert "does not divide" not in wavesweep("check", str(spec), "--set", "rates.slow_hz=62.5")[1]
-
-
 def test_a_slow_rate_that_is_taken_as_a_fraction_is_said_so(wavesweep, tmp_path):
     (tmp_path / "mine.toml").write_text('[controller]\nkind = "dc-slow"\n')
     said = "rates.slow_hz = 285.7142857142857 is taken as 2000/7 Hz, a frame of 7/2 ticks"

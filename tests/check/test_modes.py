@@ -5,7 +5,6 @@ from support.drawn import APART
 
 import wavesweep
 from wavesweep.program.analyses.own_design import own_design
-from wavesweep.program.cli import main
 from wavesweep.program.spec import load
 
 
@@ -17,32 +16,6 @@ def test_check_names_the_states_of_the_slowest_mode_and_of_the_least_damped():
     found = wavesweep.verdict(heavy)
     assert (found["slowest"]["states"][0][:3], found["least_damped"]["states"][0][:3]) == ("one", "two")
     assert found["least_damped"]["damping_ratio"] == pytest.approx(0.005, rel=1e-6)
-
-
-def test_the_slowest_mode_of_a_deadbeat_loop_is_over_within_a_frame(tmp_path, capsys):
-    spec = tmp_path / "mine.toml"
-    spec.write_text(
-        """[rates]
-tick_hz = 1000.0
-[numbers]
-K = 1000.0
-[block]
-p = { type = "integrator" }
-h = { type = "hold", every = 1 }
-[wire]
-"h.u" = "p.y"
-"p.u" = "r - K*h.y"
-[ports]
-inputs = { r = "r" }
-outputs = { y = "p.y" }
-[sweep]
-along = "K"
-K = { start = 1.0, stop = 5000.0 }
-""",
-        encoding="utf-8",
-    )
-    assert main(["check", str(spec)]) == 0
-    assert "  slowest mode: over within a frame\n" in capsys.readouterr().out
 
 
 def test_a_loop_without_states_is_over_within_its_frame_of_several_ticks():

@@ -1,6 +1,5 @@
 """The verdict on a spec's own design, against the library's own answers and laws of the model."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +7,8 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.check import on_check
 from wavesweep.check import room_of_numbers as judging
-from wavesweep.check.verdict import distance, further, of_spec, verdict_lines
-from wavesweep.program.analyses.assumptions import of_axes
-from wavesweep.program.analyses.own_design import own_design, own_lines
+from wavesweep.check.verdict import verdict_lines
 from wavesweep.program.spec import SYMBOLS, load
 
 ROOT = Path(__file__).parents[2]
@@ -26,14 +22,6 @@ def verdict(values):
 
 def limit_of(found, name):
     return next(each for each in found["limits"] if each["name"] == name)
-
-
-def test_the_nearest_end_counts_first():
-    """Where there is no room for the ranges of all numbers; what is not stable comes before them."""
-    ends = [(0.9, 50.0), (0.5, 1.5), (0.1, None), (None, None)]
-    ranks = [distance({"value": 1.0, "stable": True, "low": low, "high": high}) for low, high in ends]
-    assert 0 < ranks[0] < ranks[1] < ranks[2] < ranks[3] == 1
-    assert distance({"value": 1.0, "stable": False, "low": None, "high": None}) == 0
 
 
 @pytest.mark.slow
@@ -74,38 +62,12 @@ def test_direct_coupling_at_the_fast_rate_feels_the_wall_as_it_is():
     assert felt["damping"] == pytest.approx(2.0, rel=1e-3)
 
 
-def test_what_is_felt_over_frequency_is_left_to_bode_if_there_are_many_states(monkeypatch):
-    monkeypatch.setattr("wavesweep.program.analyses.feel.MOST_FELT_STATES", 3)
-    few, many = (verdict(values_of("dc", K_VE=3.0) | {"device.delay": late})["felt"] for late in (1, 2))
-    assert few["over_band"]
-    assert many["over_band"] is None
-    assert many["stiffness"] == pytest.approx(3.0, rel=1e-9)
-
-
 @pytest.mark.parametrize(("K", "B"), [(100.0, 0.01), (2000.0, 0.003), (5000.0, 0.2)])
 @pytest.mark.parametrize("ratio", [1, 20])
 def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):
     tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": K, "B_VE": B}, "device": {"damping": 10.0}}
     felt = wavesweep.verdict(tables | {"rates": {"fast_hz": 4000.0, "ratio": ratio}})["felt"]
     assert felt["damping"] == pytest.approx(B, rel=1e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    ("slow_hz", "wall", "Kp"), [(90.0, (200.0, 0.0), 0.0), (75.0, (1500.0, 3.0), 0.0), (60.0, (200.0, 1.0), 20.0)]
-)
-def test_rounding_at_the_lowest_frequencies_is_no_damping(slow_hz, wall, Kp):
-    """There it is the same at every look, and minus the device's damping."""
-    tables = {
-        "rates": {"fast_hz": 1000.0, "slow_hz": slow_hz},
-        "device": {"damping": 5.0},
-        "controller": {"kind": "pmw", "Kp": Kp},
-        "environment": dict(zip(("K_VE", "B_VE"), wall, strict=True)),
-    }
-    hz = 1e-3
-    impedance = wavesweep.compile(tables).response([hz]).impedance_im[0]
-    assert wavesweep.verdict(tables)["felt"]["damping"] == pytest.approx(impedance / (2 * np.pi * hz), rel=1e-3)
 
 
 def with_a_slow_part(stiffness, damping, slow, seconds):
@@ -140,26 +102,6 @@ def test_a_late_wall_is_felt_with_less_damping():
 
 @pytest.mark.slow
 @pytest.mark.sample(1)
-@pytest.mark.parametrize(("Kp", "ratio", "damping"), [(0.5, 2, -1151.175), (1.0, 2, -570.985), (0.5, 20, -1794.691)])
-def test_a_mode_slower_than_the_first_frequencies_is_waited_for(Kp, ratio, damping):
-    tables = {"controller": {"kind": "pmw", "Kp": Kp}, "rates": {"ratio": ratio}}
-    felt = wavesweep.verdict(tables)["felt"]
-    hz = 1e-5
-    impedance = wavesweep.compile(tables).response([hz]).impedance_im[0]
-    assert felt["damping"] == pytest.approx(impedance / (2 * np.pi * hz), rel=1e-5)
-    assert felt["damping"] == pytest.approx(damping, abs=1e-3)
-
-
-@pytest.mark.slow
-def test_the_slowest_mode_decays_as_a_simulation_does():
-    found = verdict(WAVES)
-    slowest = found["slowest"]
-    assert 0 < slowest["damping_ratio"] < 1
-    assert slowest["time_constant_s"] == pytest.approx(-0.02 / np.log(found["spectral_radius"]), rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "pmw", "pmw-lm"])
 @pytest.mark.filterwarnings("error")
 def test_no_damping_is_felt_as_none(kind):
@@ -172,26 +114,6 @@ def test_no_damping_is_felt_as_none(kind):
         }
         felt = wavesweep.verdict(spec)["felt"]
         assert (felt["stiffness"], felt["damping"], felt["rigid"]) == (K, 0.0, False)
-
-
-@pytest.mark.slow
-@pytest.mark.asks("prove")
-def test_a_range_ends_where_the_spec_takes_no_more():
-    """A cutoff of 30 Hz is followed up to half its rate, 200 Hz, and not up to 300 Hz."""
-    tables = {
-        "rates": {"tick_hz": 400},
-        "numbers": {"fc": 30.0, "g": 0.0},
-        "block": {
-            "m": {"type": "mass", "mass": "1.0 + sqrt(1 - g)", "damping": 1.0},
-            "lp": {"type": "butterworth", "order": 1, "cutoff_hz": "fc"},
-        },
-        "wire": {"lp.u": "m.x", "m.f": "-5*lp.y - 3*m.v"},
-    }
-    limits = {each["name"]: each for each in wavesweep.verdict(tables)["limits"]}
-    assert limits["fc"]["to"] == pytest.approx(200, rel=1e-6)
-    assert limits["fc"]["to"] < 200
-    assert limits["fc"]["certified"]
-    assert limits["g"]["to"] == pytest.approx(1, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -217,19 +139,6 @@ def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, 
     line = np.abs(np.fft.rfft(moved * np.hanning(moved.size)))
     found = frequency[1 + np.argmax(line[1:] / frequency[1:])]
     assert slowest["omega"] / (2 * np.pi) == pytest.approx(found, abs=2 * frequency[1])
-
-
-@pytest.mark.slow
-@pytest.mark.asks("passive")
-@pytest.mark.parametrize(("kind", "known"), [("pmw-lm", False), ("pmw", True)])
-def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):
-    """Its matrix grows with the frame on both sides with a local model; without one it has a single row."""
-    spec = load(nested(values_of(kind) | {"rates.fast_hz": 10_000.0, "rates.ratio": 200}))
-    verdict = wavesweep.verdict(spec)
-    assert (verdict["channel_norm"] is not None) == known
-    said = [line for _, line in verdict_lines(spec, verdict) if "wave channel: norm" in line]
-    assert len(said) == 1
-    assert ("not computed" in said[0]) != known
 
 
 def late(k, ticks, **numbers):
@@ -312,46 +221,6 @@ def test_the_range_of_a_sweep_is_searched_as_well():
     assert limit["high"] == pytest.approx(2.88564, abs=1e-5)
 
 
-@pytest.mark.asks("for_all")
-def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
-    tables = nested(WAVES) | {"sweep": {"B_VE": [0.5, 1.0]}}
-    spec = load(tables | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.12}, "operator.damping": [0.0]}})
-    found = wavesweep.verdict(spec)
-    said = [line.strip() for _, line in verdict_lines(spec, found)]
-    assert said[0] == "for the spec's own B_VE = 1 N*s/m, of [sweep] 0.5, 1"
-    assert found["answer"] == "yes"
-    own = own_design(spec)
-    first, second, *_ = own_lines(spec, own, of_spec(spec, own | further(spec, own)))
-    assert first.endswith("proved stable for device.mass from 0.08 to 0.12, operator.damping = 0")
-    assert second.startswith(
-        "  own numbers (device.mass = 0.1, operator.damping = 0), as for the limits and modes below: stable"
-    )
-    assert "0.08" not in found["assumes"]  # which is about the spec's own numbers
-    (outside, *_) = verdict_lines(changed := load(tables | {"sweep": {"B_VE": [2.0, 3.0]}}), wavesweep.verdict(changed))
-    assert outside[1].strip() == "for the spec's own B_VE = 1 N*s/m, not in [sweep] 2, 3"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "half"),  # of x = 0 a share of its way to where the far arm is stretched
-    [("x", 0.02 * ((0.23**2 - 0.15**2) ** 0.5 - 0.03)), ("device_l1", 0.002)],
-)
-def test_a_number_that_a_pose_depends_on_is_searched_next_to_its_value(name, half):
-    """A command for all of its range would be refused: with other values of [sweep] the pose ends elsewhere."""
-    spec = load(ROOT / "sweeps/templates/five-bar.toml")
-    path = spec.names.find(name).path
-    limit = judging._limit(spec, name, path, judging.searched(spec, name, path))
-    assert limit["stable"]
-    assert limit["certified"]
-    assert (limit["value"] - limit["from"], limit["to"] - limit["value"]) == pytest.approx((half, half), rel=1e-6)
-    assert limit["of_key"] == [False, False]
-    said = on_check._stable_where(limit, " m")
-    low, high = re.fullmatch(r"known to be stable from (\S+) to (\S+) m, searched no further", said).groups()
-    assert limit["from"] <= float(low) < limit["from"] + 1e-8
-    assert limit["to"] - 1e-8 < float(high) <= limit["to"]
-    assert on_check._going_on(spec, limit) == ""
-
-
 @pytest.mark.parametrize("side", [-1, 1])
 def test_what_is_searched_of_a_pose_ends_before_it_is_singular(side):
     """The far arm of a five-bar is stretched, 0.23 m long, where the motor is 0.03 m beside the middle and y = 0.15 m."""
@@ -377,9 +246,3 @@ def test_a_dead_time_of_zero_is_searched_up_to_the_tick_in_which_stability_ends(
     limit = judging._limit(spec, "L", "numbers.L", judging.searched(spec, "L", "numbers.L"))
     assert limit["certified"]
     assert (limit["high"], limit["to"]) == pytest.approx((0.007, 0.008), rel=1e-9)
-
-
-def test_a_slow_rate_that_is_swept_is_held_against_that_of_the_ratio():
-    spec = load(ROOT / "sweeps" / "examples" / "rates.toml")
-    said = of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]")
-    assert said.endswith("rates.slow_hz = 50 Hz, of [sweep] 20, 50, 100, 200, 500, 1000")

@@ -7,13 +7,11 @@ import pytest
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import edges_of
-from wavesweep.contact.on_check import facts
 from wavesweep.contact.rows import records_in_frames, records_through_contact, refuse
 from wavesweep.contact.rows_in_frames import in_frames
 from wavesweep.contact.stored_check import falls
 from wavesweep.contact.verdict import of_wall
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.analyses.claims import Verdict
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 
@@ -232,53 +230,6 @@ def test_waves_are_proved_while_frames_vary():
     linear = np.array([-1e9, 1e9]), np.array([-1e9, 1e9])
     beyond = forces_of_waves(200.0, np.resize([16, 16, 33, 33, 16], 200), linear, starts)
     assert (np.ptp(beyond[-40:], axis=0) > np.ptp(beyond[:40], axis=0)).any()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("more", "status", "said"),
-    [
-        ({}, "PROVED", "for frames of 16, 20, 25, 33 ticks in any order with any wall"),
-        ({"K_VE": 145.0}, "REFUTED", "in frames of 33 ticks"),
-        ({"K_VE": 300.0}, "REFUTED", "the linear wall, frames"),
-    ],
-)
-def test_the_verdict_names_frames_and_walls(more, status, said):
-    tables = slow()
-    tables["environment"] |= more
-    spec = load(tables)
-    claims = facts(spec)["claims"]
-    answer = Verdict.of(spec, claims).answers[-1]
-    assert answer.status.name == status
-    assert said in answer.words()
-
-
-def test_frames_are_named_with_their_delay_where_delays_vary():
-    tables = slow()
-    tables["for_all"] |= {
-        "rates.ratio": {"values": [16, 20], "varying": True},
-        "environment.delay": {"values": [1, 8], "varying": True},
-    }
-    spec = load(tables)
-    kinds = in_frames(rules_of(spec), dict(spec.values), [K, B]).constant()
-    ticks = ("16 ticks and a delay of 1", "16 ticks and a delay of 8", "20 ticks and a delay of 1", "20 ticks and a delay of 8")
-    assert sorted(name for name, _ in kinds) == list(ticks)
-
-
-@pytest.mark.slow
-def test_values_of_a_number_are_cases():
-    """The row of two masses is the common part of the rows of each."""
-    ends = []
-    for masses in ([0.1, 0.12], [0.12]):
-        tables = slow()
-        ratio = {"values": [20, 33], "varying": True}
-        tables["for_all"] = {"contact": True, "rates.ratio": ratio, "device.mass": masses}
-        (row,) = rows_of(tables)
-        ends.append(row["high"])
-    tables = slow()
-    tables["for_all"] = {"contact": True, "rates.ratio": ratio}
-    (own,) = rows_of(tables)
-    assert ends[0] == pytest.approx(min(ends[1], own["high"]))
 
 
 @pytest.mark.parametrize(

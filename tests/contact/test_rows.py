@@ -13,7 +13,6 @@ from wavesweep import SpecError, UsageError
 from wavesweep.contact.rows import LINEAR
 from wavesweep.contact.rows_in_frames import FREE
 from wavesweep.contact.verdict import of_wall
-from wavesweep.program.analyses.claims import PUSHES
 from wavesweep.program.spec import load
 from wavesweep.program.tables.frame import framed
 from wavesweep.program.tables.interval_table import intervals
@@ -75,12 +74,6 @@ def test_intervals_along_the_damping_are_proved_too():
     assert not ((beyond["low"] < 100) & (beyond["high"] > 100)).any()
 
 
-def test_a_drawn_loop_has_the_same_rows_as_its_controller():
-    drawn = contact_rows(spec_of(DRAWN, sweep=DRAWN["sweep"]))
-    own = contact_rows(spec_of(SLOW, environment={"B_VE": 0.3}))
-    assert drawn["high"].to_numpy() == pytest.approx(own["high"].to_numpy(), rel=2e-3)
-
-
 def test_a_loop_that_is_unstable_without_its_wall_has_no_row():
     """A local model that is too stiff: the wall that is never touched is one of the walls."""
     spec = spec_of({"controller": {"kind": "dc-lm"}, "local_model": {"K_LM": 4e4}})
@@ -95,14 +88,6 @@ def test_a_row_of_a_loop_that_the_proof_is_not_about_says_that_it_is_in_doubt():
     block = DRAWN["block"] | {"handle": handle}
     (row,) = contact_rows(spec_of(DRAWN, block=block, sweep=DRAWN["sweep"])).itertuples()
     assert (row.intervals, row.certified, row.doubt) == (0, False, "search")
-
-
-def test_a_spec_is_written_with_the_key_again():
-    spec = spec_of(FIG4)
-    assert spec.tables()["for_all"] == {"contact": True}
-    assert load(spec.tables()).sha256 == spec.sha256
-    assert spec.sha256 != load({**FIG4, "sweep": SWEEP}).sha256
-    assert load({**FIG4, "sweep": SWEEP, "for_all": {"contact": False}}).contact is None
 
 
 NET = DRAWN | {
@@ -123,19 +108,6 @@ def test_contact_is_refused_beside_what_its_proof_is_not_about(tables, beside, f
     said = f"or no contact, found {found} beside it"
     with pytest.raises(SpecError, match=re.escape(said)):
         load({**tables, "sweep": tables.get("sweep", SWEEP), "for_all": {"contact": True} | beside})
-
-
-@pytest.mark.parametrize(
-    ("more", "text"),
-    [
-        ({"for_all": {"contact": 1}}, "for_all.contact: expected true or false, found 1"),
-        ({"for_all": {"contct": True}}, "did you mean `contact`?"),
-    ],
-)
-def test_a_wrong_key_is_refused(more, text):
-    with pytest.raises(SpecError, match="for_all") as refused:
-        spec_of(FIG4, **more)
-    assert text in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -168,17 +140,6 @@ def test_the_verdict_on_the_own_wall(stiffness, damping, expected):
 
 
 @pytest.mark.slow
-@pytest.mark.asks("check")
-def test_check_says_it():
-    """In its facts, and as an answer to what is asked."""
-    found = wavesweep.verdict(spec_of(FIG4).tables())
-    assert found["contact"] == {"verdict": "proved", "counterexample": ""}
-    (_, through_contact) = found["questions"]
-    assert (through_contact["what"], through_contact["status"]) == ("comes to rest", "proved")
-    assert through_contact["scope"]["walls"] == PUSHES
-
-
-@pytest.mark.slow
 def test_the_example_draws_a_wall_that_goes_on_and_two_that_rest(tmp_path):
     path = Path("sweeps/examples/contact.py").resolve()
     made = spec_from_file_location("contact_example", path)
@@ -194,32 +155,3 @@ def test_the_example_draws_a_wall_that_goes_on_and_two_that_rest(tmp_path):
     wall = example.curve(readings, forces)
     assert np.ptp(example.march(row.fails_from, wall, push, *start)[-20:]) > 1.9
     assert np.ptp(example.march(0.95 * row.high, wall, push, *start)[-20:]) < 1e-3
-
-
-def test_the_library_gives_the_rows():
-    loop = wavesweep.compile(spec_of(FIG4).tables())
-    frame = loop.stable_intervals(along="K_VE", span=(0, 2000), B_VE=[1.0])
-    assert np.flatnonzero(frame["guarantee"] == "contact").size == 1
-
-
-def test_another_command_says_that_it_is_of_a_wall_that_also_pulls(wavesweep, write):
-    """`bode` does, and the commands that look at contact do not."""
-    text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = [0, 9]\n[for_all]\ncontact = true\n'
-    name = write(text)
-    said = f"responses with the spec's own numbers; zwidth, stability-region and check answer with {PUSHES}"
-    for command, expected in (("bode", True), ("zwidth", False)):
-        code, _, written = wavesweep(command, name, "--no-plot", "--jobs", "1")
-        assert code == 0
-        assert (said in " ".join(written.split())) == expected
-
-
-@pytest.mark.slow
-@pytest.mark.asks("reports")
-def test_a_report_says_what_rows_of_contact_hold_for_and_what_refutes_more(wavesweep, write):
-    text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = { start = 0, stop = 9000 }\n'
-    code, _, _ = wavesweep("report", write(text + "[for_all]\ncontact = true\n"), "--out", "r")
-    assert code == 0
-    page = Path("r/report.html").read_text(encoding="utf-8")
-    assert "hold for every wall that is a function of K x + B v with slopes from 0 to 1" in page
-    assert page.count("proved through contact") > 2
-    assert "a wall through (" in page

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from wavesweep.contact.on_check import facts, refuse
+from wavesweep.contact.on_check import refuse
 from wavesweep.contact.verdict import OPEN, WITHIN, of_saturation
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
-from wavesweep.program.tables.frame import framed
-from wavesweep.program.tables.interval_table import intervals
 
 pytestmark = pytest.mark.asks("for_all")
 ARM = {
@@ -88,16 +86,6 @@ def test_a_motion_that_goes_on_at_the_limits_is_found(kp, verdict):
     found = of_saturation(load({**ARM, "block": block, "numbers": {"kp": kp, "kd": 5.0}}), "amp")
     assert found["verdict"] == verdict
     assert found["counterexample"].startswith("a wall through (") == (verdict == "refuted")
-
-
-def test_check_says_it_and_tables_have_no_rows_of_it():
-    spec = load(ARM)
-    refuse(spec)
-    found = facts(spec)
-    (claim,) = found.pop("claims")
-    assert found == {"saturations": {"amp": {"verdict": "proved", "counterexample": ""}}}
-    assert claim.words() == "proved to come to rest with amp at its limits, or any curve of slopes from 0 to 1"
-    assert "guarantee" not in framed(intervals(spec, "kp"))
 
 
 def test_a_loop_with_neither_wall_nor_saturation_is_refused():

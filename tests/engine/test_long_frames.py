@@ -7,7 +7,7 @@ from panel_speed import LONG, chain
 from wavesweep.engine import loop_from_drawing
 from wavesweep.engine._energy import long_frames, norms
 from wavesweep.engine._energy.lifted_map import TickMaps
-from wavesweep.engine._energy.long_frames import is_above, largest_gains, squared_norm_of_one
+from wavesweep.engine._energy.long_frames import is_above, largest_gains
 from wavesweep.engine._energy.norms import squared_norm
 
 
@@ -36,7 +36,7 @@ def test_the_largest_gain_is_a_singular_value(seed):
     assert found.max() == pytest.approx(exact.max(), rel=1e-11)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_level_is_proved_above_the_norm_and_never_below(seed):
     """The norm is that of responses at thousands of angles, and of the level sets of the lifted loop."""
     ticks = random_ticks(seed)
@@ -70,16 +70,6 @@ def test_the_norm_over_many_ticks_is_that_of_the_lifted_loop(monkeypatch, ticks,
     exact = loop.hinf_norm("F", "y")
     assert found.certified
     assert float(found.value) == pytest.approx(float(exact.value), rel=1e-10)
-
-
-@pytest.mark.parametrize("seed", range(12, 24))
-def test_the_proof_agrees_with_dense_eigenvalues_of_random_loops(seed):
-    """What stored energy proves without an angle, the eigenvalues of responses meet or do not."""
-    ticks = random_ticks(seed, 24)
-    found = squared_norm_of_one(ticks, norms.NORM_TOLERANCE)
-    exact = float(norms._by_responses(ticks).value[0])
-    assert found.certified
-    assert found.square == pytest.approx(exact, rel=2e-10)
 
 
 @pytest.mark.parametrize(("share", "looser"), [(0.01, 1), (0.5, 1), (0.9, 3), (0.99, 100)])

@@ -28,15 +28,3 @@ def test_a_range_of_a_dead_time_is_held_in_each_of_its_pieces_of_a_tick(low):
     assert row["counterexample"] == "device.dead_time = 0.0013"
     assert row["fails_from"] == pytest.approx(ends[0.0013], rel=1e-9)
     assert 0.99 * ends[0.0013] < row["high"] < ends[0.0013] < ends[low]
-
-
-@pytest.mark.slow
-def test_intervals_along_a_dead_time_of_several_ticks_hold_for_all_masses():
-    row = row_of(loop(), "device.dead_time", 0.0027, mass=(0.08, 0.12))
-    ends = [
-        wavesweep.compile(loop(mass=mass)).stable_intervals("device.dead_time", (0, 0.0027)).high[0] for mass in (0.08, 0.12)
-    ]
-    assert row["settled"]
-    assert row["fails_from"] == pytest.approx(min(ends), rel=1e-9)
-    assert 0.99 * min(ends) < row["high"] < min(ends)
-    assert 0.001 < min(ends) < 0.0027

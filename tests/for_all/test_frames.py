@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
-from support.frames import frames_of_controller, frames_of_drawing, plan_of_controller
+from support.frames import frames_of_controller, frames_of_drawing
 from support.specs import INTEGRATIONS, values_of
 
 import wavesweep
 from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._stability.stable import stable_intervals
-from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.for_all.frame_families import ANY_NUMBER, FramesInAnyOrder
-from wavesweep.for_all.joint import bracket, nearest_refuted
+from wavesweep.for_all.frame_families import FramesInAnyOrder
+from wavesweep.for_all.joint import bracket
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.patterns import growth, is_refuted, shortest_through
 from wavesweep.for_all.plan import FRAME, LOST
@@ -60,13 +59,6 @@ def test_one_length_for_ever_is_the_loop_of_that_ratio(kind, integration, ticks,
     E = MarginalModes.of(*Loops(drawing, read).twins()).closed_frame(Loops(drawing, read).drawn())
     expected, found = (large(np.linalg.eigvals(each)) for each in (np.eye(len(E)) + E, frames.at(35.0)[0]))
     np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("varies", [{"rates": {"ratio": {"values": [4, 7], "varying": True}}}, {"lost": 1}])
-def test_a_mean_as_long_as_a_frame_is_refused_where_frames_vary(varies):
-    tables = {"controller": {"kind": "pmw-mean"}, "rates": {"ratio": 5}, "sweep": {"B_VE": [1.0]}, "for_all": varies}
-    with pytest.raises(UsageError, match="pmw-mean, whose mean is as long as a frame"):
-        wavesweep.zwidth(tables)
 
 
 @pytest.mark.parametrize("kind", ["dc-slow", "pmw-mean"])
@@ -142,15 +134,6 @@ def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
     assert growth(family.at(300.0), (0, 1)) == pytest.approx(marched(fig4(), 300.0, one_lost, 400), rel=0.03)
 
 
-@pytest.mark.slow
-def test_of_results_that_are_lost_at_random_any_number_may_be_lost_in_a_row():
-    family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (1,), lost=ANY_NUMBER))
-    assert [(each.delay, each.lost) for each in family.symbols] == [(1, 0), (LOST, 0)]
-    assert family.follows.all()
-    five_lost = [(20, 1), *[(20, LOST)] * 5]
-    assert growth(family.at(300.0), (0, 1, 1, 1, 1, 1)) == pytest.approx(marched(fig4(), 300.0, five_lost, 400), rel=0.03)
-
-
 def test_words_that_may_not_be_repeated_refute_nothing():
     """Only one result may be lost in a row, so none of these patterns occurs, though their products grow."""
     family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (0,), lost=1))
@@ -210,14 +193,6 @@ def test_losses_beside_results_that_are_in_place_at_once_end_where_a_march_does(
     assert row["fails_from"] <= min(k for k in np.arange(1.0, 300.0) if any(radius(each, k) > 1 for each in patterns))
 
 
-def test_a_result_that_is_there_at_once_and_one_that_is_not():
-    family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (0, 5)))
-    assert [(each.delay, each.through) for each in family.symbols] == [(0, False), (0, True), (5, False), (5, True)]
-    assert growth(family.at(200.0), (1,)) == pytest.approx(
-        growth(frames_of_controller(fig4(), FramesInAnyOrder((20,), (0,))).at(200.0), (0,)), rel=1e-9
-    )
-
-
 @pytest.mark.parametrize(
     ("kind", "number", "integration", "frames"),
     [
@@ -247,18 +222,6 @@ def test_a_drawn_loop_has_the_frames_of_the_controller_that_it_draws(elapsed):
     own = frames_of_controller(values, FramesInAnyOrder(LENGTHS, elapsed=elapsed))
     for one, other in zip(drawn.at(300.0), own.at(300.0), strict=True):
         np.testing.assert_allclose(large(np.linalg.eigvals(one)), large(np.linalg.eigvals(other)), atol=1e-9)
-
-
-def test_frames_of_several_loops_at_once_are_those_of_each():
-    changes = {"controller.b": np.array([5.0, 10.0, 40.0]), "device.mass": np.array([0.1, 0.2, 0.1])}
-    number = "environment.K_VE"
-    plan = plan_of_controller(fig4(), FramesInAnyOrder(LENGTHS), (number,))
-    together = plan.along_each(number, changes, 3)
-    for at, family in enumerate(together):
-        own = {path: float(column[at]) for path, column in changes.items()}
-        alone = frames_of_controller(fig4(**own), FramesInAnyOrder(LENGTHS))
-        np.testing.assert_array_equal(family.at(300.0), alone.at(300.0))
-        np.testing.assert_array_equal(family.enclosed(300.0), alone.enclosed(300.0))
 
 
 PERIODIC = {
@@ -308,112 +271,3 @@ def test_one_length_alone_is_the_interval_of_today():
     assert found.high == pytest.approx(today.high[0], rel=1e-6)
     assert found.low == pytest.approx(today.low[0], abs=1e-6)
     assert found.fails_from == pytest.approx(today.high[0], rel=1e-9)
-
-
-@pytest.mark.slow
-def test_long_runs_of_the_shortest_and_of_the_longest_of_many_lengths_refute():
-    family = frames_of_controller(fig4(**{"environment.B_VE": 0.0}), FramesInAnyOrder(tuple(range(14, 23)), (FRAME,)))
-    assert nearest_refuted(family, 20.0, 5000.0, 0.01)[0] < 290
-
-
-@pytest.mark.slow
-def test_fast_and_slow_modes_beside_each_other_leave_room_for_rounding():
-    """A virtual coupling on the measured device: near K_VE = 0 the slow mode loses a millionth in a frame."""
-    device = {"device.mass": 0.25, "device.damping": 1.2, "device.dead_time": 0.0015}
-    loop = fig4("dc-vc", **device, **{"environment.B_VE": 5.0, "controller.K_VC": 500.0, "controller.B_VC": 5.0})
-    found = bracket(frames_of_controller(loop, FramesInAnyOrder(tuple(range(14, 23)), (FRAME,))), 25.0, (0.0, 2000.0))
-    assert found.settled
-    assert 0 < found.low < 0.02
-    assert 216 < found.high < 216.87
-    assert found.fails_from == pytest.approx(216.8624, abs=1e-3)  # 22 ticks for ever
-
-
-@pytest.mark.slow
-def test_a_pattern_is_met_that_grows_below_all_others_and_decays_again_before_they_grow():
-    """Frames of 14, 14, 22, 22, 22 ticks grow between 1536 and about 1670 N/m; a search from 2000 downwards ends at 1719."""
-    changes = {"controller.b": 15.0, "environment.B_VE": 10.0, "filters.lp1.cutoff_hz": 10.0, "device.mass": 0.25}
-    changes |= {"device.damping": 1.2, "device.dead_time": 0.0015}
-    family = frames_of_controller(fig4(**changes), FramesInAnyOrder(tuple(range(14, 23)), (FRAME,)))
-    assert nearest_refuted(family, 100.0, 2000.0, 0.01)[0] < 1540
-
-
-TABLE = [
-    ("pmw", FramesInAnyOrder(LENGTHS), 196.9, 198.9),
-    pytest.param("pmw", FramesInAnyOrder(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.slow),
-    pytest.param("pmw", FramesInAnyOrder((20, 40)), 148.4, 148.5, marks=pytest.mark.slow),
-    ("pmw", FramesInAnyOrder((19, 20, 21)), 791.5, 792.3),
-    pytest.param("pmw", FramesInAnyOrder(tuple(range(16, 34))), 196.9, 198.9, marks=pytest.mark.slow),
-    ("dc-slow", FramesInAnyOrder(LENGTHS), 146.8, 147.0),
-    ("dc-slow", FramesInAnyOrder(LENGTHS, (FRAME,)), 48.9, 49.0),
-    pytest.param("pmw-lm", FramesInAnyOrder(LENGTHS), 306.3, 309.5, marks=pytest.mark.slow),
-]
-
-
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "frames", "proved", "refuted"), TABLE)
-def test_brackets_to_a_hundredth(kind, frames, proved, refuted):
-    """Between a number that is proved and one that a pattern refutes, which random patterns do not contradict."""
-    family = frames_of_controller(fig4(kind), frames)
-    found = bracket(family, 20.0, (0.0, 5000.0))
-    assert found.settled
-    assert found.high >= proved
-    assert found.fails_from <= refuted
-    assert found.high < found.fails_from <= found.high * 1.0101
-    ends = [found.low, *(each.high for each in found.stretches)]
-    assert ends == [*(each.low for each in found.stretches), found.high]
-    rng = np.random.default_rng(2)
-    for x in (0.5 * found.high, found.high):
-        A = family.at(x)
-        assert all(growth(A, tuple(rng.integers(len(A), size=rng.integers(1, 9)))) < 1 for _ in range(300))
-    assert growth(family.at(found.fails_from), found.words[1]) >= 1
-
-
-def test_along_a_gain_that_is_0_in_the_spec_the_frames_are_those_of_its_values():
-    values = fig4(**{"controller.Kp": 0.0})
-    along = frames_of_controller(values, FramesInAnyOrder(LENGTHS), "controller.Kp")
-    own = frames_of_controller(values | {"controller.Kp": 20.0}, FramesInAnyOrder(LENGTHS))
-    for one, other in zip(along.at(20.0), own.at(values["environment.K_VE"]), strict=True):
-        np.testing.assert_allclose(large(np.linalg.eigvals(one)), large(np.linalg.eigvals(other)), atol=1e-9)
-
-
-def test_what_is_no_frame_is_refused():
-    for lengths, delays in (((), (1,)), ((0,), (1,)), ((16, 20), (17,)), ((16,), ())):
-        with pytest.raises(UsageError, match=r"rates.ratio: expected frames|environment.delay: expected delays"):
-            FramesInAnyOrder(lengths, delays)
-    with pytest.raises(UsageError, match=r"while frames vary \(\[for_all\]\), expected a number that one wire"):
-        frames_of_controller(fig4(), FramesInAnyOrder((20,)), "controller.b")
-
-
-def test_a_gain_within_a_block_of_firmware_is_refused_along_and_one_behind_it_is_not():
-    """While frames vary, the block is matrices of its own period, of which no number is one gain."""
-    block = {"x": {"type": "integrator"}, "c": {"type": "pi", "kp": "k", "every": "n"}}
-    loop = {"rates": {"tick_hz": 100}, "numbers": {"k": 0.1, "n": 2}, "block": block, "wire": {"x.u": "-c.y", "c.u": "x.y"}}
-    loop |= {"sweep": {"along": "k", "k": {"start": 0, "stop": 100}}, "for_all": {"n": {"values": [2, 3], "varying": True}}}
-    with pytest.raises(UsageError, match="a gain in the wire behind a block is one"):
-        wavesweep.compile(loop).stable_intervals("k", (0, 100))
-    behind = loop | {"block": block | {"c": {"type": "pi", "kp": 1, "every": "n"}}, "wire": {"x.u": "-k*c.y", "c.u": "x.y"}}
-    row = wavesweep.compile(behind).stable_intervals("k", (0, 100)).set_index("guarantee").loc["for_all"]
-    assert row["fails_from"] == pytest.approx(2 / 0.03, rel=1e-6)  # x+ = (1 - k T) x, of the longest run
-    assert 0.99 * row["fails_from"] < row["high"] < row["fails_from"]
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize(("b", "cutoff"), [(10.0, 8.0), (9.0, 6.5)])
-def test_designs_rank_by_short_patterns_near_to_what_is_proved(b, cutoff):
-    """From above, within a third; at constant frames the first stands walls more than twice as stiff as what is proved."""
-    spec = load({
-        "rates": {"ratio": 20},
-        "environment": {"integration": "explicit", "delay": 1, "B_VE": 1},
-        "device": {"velocity": "difference", "mass": 0.1, "damping": 1.0},
-        "controller": {"kind": "pmw", "b": b},
-        "filters": {"lp1": {"order": 1, "cutoff_hz": cutoff}},
-        "for_all": {"rates.ratio": {"values": [16, 20, 25], "varying": True}},
-        "design": {"vary": {"b": {"start": 3, "stop": 60}}, "wish": {"z_width": {}}},
-    })  # fmt: skip
-    proof, ranking = spec.for_all.proof(spec), spec.for_all.ranking(spec)
-    limits = np.array([4000.0])
-    (proved,) = proof.stiffest([spec], "environment.K_VE", 4000.0, limits)
-    (ranked,) = ranking.stiffest([spec], "environment.K_VE", 4000.0, limits)
-    assert proved <= ranked <= 1.35 * proved

@@ -16,7 +16,7 @@ import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.for_all.mean_square import brackets_on_average, decays, grows_everywhere
 from wavesweep.for_all.patterns import growth
-from wavesweep.for_all.rows import intervals_for_all, verdict
+from wavesweep.for_all.rows import intervals_for_all
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
@@ -254,16 +254,6 @@ def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
     assert decays(Rules.of(loaded).on_average().family(dict(loaded.values), "")) == ("proved" if stable else "refuted")
 
 
-@pytest.mark.slow
-def test_frames_that_alternate_are_stable_as_their_product_is():
-    (found,) = found_of(built_in("pmw", [16, 33], next=[[0, 1], [1, 0]]), "environment.K_VE", 1200.0)
-
-    def product(K):
-        return np.abs(np.linalg.eigvals(pmw(K)(33, 16) @ pmw(K)(16, 33))).max()
-
-    assert product(found.high) < 1 < product(found.fails_from)
-
-
 def test_results_may_be_lost_in_any_pattern_where_all_others_are_in_place_at_once():
     """The samples of frames may have results that are in place at once, and such that never are."""
     spec = built_in("pmw", [16, 33])
@@ -285,103 +275,6 @@ def test_one_length_alone_is_stable_as_a_constant_rate_is():
     assert found.high == pytest.approx(exact, rel=2e-5)
 
 
-def test_moments_are_those_of_many_runs():
-    """20,000 runs of a chain, whose matrices are drawn one by one, against the operator."""
-    shares = np.array([[1, 2, 0], [1, 1, 3], [4, 0, 1]])
-    loaded = load(integrator([2, 9, 14], next=shares.tolist()))
-    loop = Rules.of(loaded).on_average().family(dict(loaded.values), "numbers.k")
-    rng, runs, frames, (A, _) = np.random.default_rng(0), 20_000, 6, loop.at(3.0)
-    assert [symbol.ticks for symbol in loop.family.symbols] == [2, 9, 14]
-    x, last = np.tile(np.eye(A.shape[-1])[0], (runs, 1)), np.zeros(runs, int)
-    for _ in range(frames):
-        last = (rng.uniform(size=(runs, 1)) > np.cumsum(shares / shares.sum(1, keepdims=True), axis=1)[last]).sum(1)
-        x = np.einsum("rij,rj->ri", A[last], x)
-    moments = np.linalg.matrix_power(loop.operator(3.0), frames)[:, 0].reshape(3, -1)[:, 0]
-    for node in range(3):
-        own = x[:, 0] ** 2 * (last == node)
-        assert abs(own.mean() - moments[node]) < 5 * own.std() / np.sqrt(runs)
-
-
-@pytest.mark.slow
-def test_rows_stand_beside_those_in_any_order_and_check_says_both():
-    spec = built_in("dc-slow", [16, 33], shares=[3, 1])
-    rows = wavesweep.zwidth(spec).set_index("guarantee")
-    assert rows.index.tolist() == ["spec", "for_all", "mean_square"]
-    assert rows.certified.all()
-    assert rows.high["for_all"] < rows.high["mean_square"] < rows.fails_from["mean_square"]
-    assert rows.counterexample["mean_square"] == "second moments that grow"
-    for row in rows.loc[["for_all", "mean_square"]].itertuples():  # the end of the proof, and not of what decays
-        assert row.low < 1e-5
-        assert row.left_open == f"within environment.K_VE 0 to {row.low:.4g}"
-    between = (rows.fails_from["for_all"] + rows.high["mean_square"]) / 2
-    found = wavesweep.verdict(load(spec).with_values({"K_VE": float(between)}))
-    assert (found["for_all"]["verdict"], found["at_random"]["verdict"]) == ("refuted", "proved")
-    assert found["at_random"]["kind"] == "frames"
-    beyond = load(spec).with_values({"K_VE": float(1.01 * rows.fails_from["mean_square"])})
-    assert verdict(beyond, Rules.of(beyond).on_average())["verdict"] == "refuted"
-
-
-def on_a_spring(K, stiffness, B=1.0, b=10.0):
-    """As `pmw`, with the position in place of what it moved by, and the position before."""
-    (b0, b1), (_, a1) = butter(1, 8.57, fs=1 / T)
-    move = expm(T * np.array([[-1.5 / 0.1, -stiffness / 0.1, 1 / 0.1], [1, 0, 0], [0, 0, 0]]))[:2]
-
-    def march(state, length, before, _):
-        (v, x, last, u, y, avatar, wave), result = state, 0.0
-        for tick in range(length):
-            wave = result if tick == 1 else wave
-            now = np.sqrt(2 * b) * (x - last) / T - wave
-            y, u = b0 * now + b1 * u - a1 * y, now
-            if tick == 0:
-                speed = (np.sqrt(2 * b) * y - K * avatar) / (b + B)
-                avatar, result = avatar + before * T * speed, y - np.sqrt(2 / b) * (K * avatar + B * speed)
-            push = -(b * (x - last) / T - np.sqrt(2 * b) * wave)
-            last, (v, x) = x, move @ [v, x, push]
-        return v, x, last, u, y, avatar, wave
-
-    return lambda length, before, delay: matrix_of(march, 7, length, before, delay)
-
-
-@pytest.mark.slow
-def test_along_a_wall_that_a_drift_depends_on_its_place_of_rest_is_set_aside():
-    """With a spring in the hand the position of rest depends on K_VE; in the march it has an eigenvalue of 1."""
-    lengths, shares = [8, 12], [1, 1]
-    spec = load(built_in("pmw", lengths, shares=shares) | {"operator": {"stiffness": 50.0}})
-    loops = loops_of(spec, dict(spec.values), "environment.K_VE")
-    (row,) = intervals_for_all(Rules.of(spec).on_average(), loops, "environment.K_VE", (0.0, 2000.0))
-    for K in (row["low"], row["high"] / 2, row["high"]):
-        assert radius(on_a_spring(K, 50.0), lengths, shares) < 1 + 1e-7
-    assert radius(on_a_spring(1500.0, 50.0), lengths, shares) > 1 + 1e-9
-    assert 1000 < row["high"] < 1500
-
-
-def test_a_spec_is_written_again_with_its_shares():
-    for given in ({"shares": [1.0, 3.0]}, {"next": [[1.0, 2.0], [0.0, 1.0]]}):
-        spec = load(built_in("pmw", [16, 20], **given))
-        again = load(spec.tables())
-        assert again.for_all == spec.for_all
-        assert spec.for_all.shares == tuple(map(tuple, rows_of(next(iter(given.values())))))
-        assert again.sha256 == spec.sha256
-
-
-@pytest.mark.parametrize(
-    ("ratio", "said"),
-    [
-        ({"shares": [1]}, "for_all.rates.ratio.shares: expected a list of 2 weights, found a list"),
-        ({"shares": [0, 0]}, "for_all.rates.ratio.shares: expected a weight above 0 in each list, found none"),
-        ({"shares": [1, -1]}, "for_all.rates.ratio.shares[1]: expected a number >= 0"),
-        ({"next": [[1, 1]]}, "for_all.rates.ratio.next: expected 2 lists, one for each value"),
-        ({"next": [[1, 1], [1]]}, "for_all.rates.ratio.next: expected a list of 2 weights, found a list"),
-        ({"next": [[1, 1], [1, 1]], "shares": [1, 1]}, "for_all.rates.ratio: expected either shares or next, found both"),
-        ({"varying": False, "shares": [1, 1]}, "for_all.rates.ratio: expected values and varying = true beside shares"),
-    ],
-)
-def test_shares_that_cannot_be_used_are_refused(ratio, said):
-    with pytest.raises(SpecError) as caught:
-        load(built_in("pmw", [16, 20], **ratio))
-    assert said in str(caught.value)
-
-
 DELAYS = {"values": [1, 2], "varying": True}
 
 
@@ -394,9 +287,6 @@ DELAYS = {"values": [1, 2], "varying": True}
             {"environment.delay": DELAYS | {"next": [[1, 1]] * 2}},
             "expected shares of delays, or a list of them for each length",
         ),
-        ({"environment.delay": DELAYS | {"shares": [[1, 1]]}}, "shares: expected 2 lists, one for each length of frames"),
-        ({"environment.delay": DELAYS | {"shares": [[1, 1], [1]]}}, "shares: expected a list of 2 weights"),
-        ({"rates.ratio": {"start": 2, "stop": 9, "varying": True, "shares": [1] * 8}}, "expected values and varying = true"),
         ({"loss": 1.5}, "for_all.loss: expected a number <= 1"),
     ],
 )
@@ -502,7 +392,6 @@ def test_messages_lost_at_random_beside_frames_at_random_have_the_moments_of_a_m
     ("block", "said"),
     [
         ({"up": {"loss": 0.1, "missing": "zero"}}, "expected channels that run once a frame and hold the last message"),
-        ({"up": {"loss": 0.1, "every": 1}}, "expected channels that run once a frame and hold the last message"),
         ({"up": {"loss": 0.1}, "down": {"lost": 1}}, "expected late = 0 and lost = 0 of other channels, found down with more"),
         ({"up": {"lost": 1}}, "frames (shares) and messages (loss, burst) at random, found up (channel)"),
     ],
@@ -514,19 +403,6 @@ def test_channels_that_cannot_stand_beside_frames_at_random_are_refused(block, s
     with pytest.raises((SpecError, UsageError)) as caught:
         wavesweep.stability_region(spec)
     assert said in str(caught.value)
-
-
-@pytest.mark.slow
-def test_check_says_whether_a_range_beside_frames_at_random_is_proved():
-    spec = built_in("dc-slow", [16, 33], shares=[3, 1])
-    spec["for_all"]["device.mass"] = {"start": 0.08, "stop": 0.12}
-    found = []
-    for K in (195.0, 203.0, 206.0):
-        own = load(spec).with_values({"K_VE": K})
-        radii = [radius(dc_slow(K, m=m), [16, 33], [3, 1]) for m in (0.08, 0.1, 0.12)]
-        found.append(verdict(own, Rules.of(own).on_average())["verdict"])
-        assert (found[-1] == "proved") == (max(radii) < 1)
-    assert found == ["proved", "proved", "refuted"]
 
 
 @pytest.mark.parametrize(("above", "grows"), [(1e-4, True), (-1e-4, False)])

@@ -55,8 +55,3 @@ def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_
         assert radius.max() < 1
         inside, outside = worst_modes(v, [hand_of(row)] * 2, row["high"] * np.array([1 - 1e-7, 1 + 1e-7]), 1.0)[0]
         assert inside < 1 < outside
-
-
-def test_a_box_with_a_negative_or_empty_range_is_refused():
-    with pytest.raises(ValueError, match="stiffness expected 0 <= low <= high"):
-        HandBox((0.1, 0.2), (1.0, 2.0), (5.0, 1.0))

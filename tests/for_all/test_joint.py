@@ -1,6 +1,5 @@
 """Matrices in any order: published joint spectral radii, all short words, and what the check of a proof refuses."""
 
-from collections import defaultdict
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise, product
@@ -8,11 +7,10 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.for_all import ranking
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
 from wavesweep.for_all.norm_check import Norms, shrink, shrink_along
-from wavesweep.for_all.patterns import nearest, short_words
+from wavesweep.for_all.patterns import nearest
 from wavesweep.for_all.remembered import Remembered
 
 ONE = Graph.least(np.ones((1, 1), bool))
@@ -108,21 +106,6 @@ def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_
     for stretch in found.stretches:
         ends = zip(stretch.norms, (stretch.low, stretch.high), strict=True)
         assert all(shrink(norms, *family.enclosed(x), family.follows) for norms, x in ends)
-
-
-def test_no_norms_are_searched_at_a_start_that_a_short_word_refutes(monkeypatch):
-    monkeypatch.setattr("wavesweep.for_all.joint.find_norms", None)
-    assert np.isnan(bracket(scaled(PAIR), 2.0, (0.0, 3.0)).low)
-
-
-@pytest.mark.slow
-def test_an_integrator_whose_input_is_used_a_tick_late_or_not_at_all():
-    """x' = -k x, sampled in every tick: the small gain of Kao and Lincoln (2004) proves 2/3; a tick late for ever ends at 1."""
-    family = Affine.of([[[1, 0], [1, 0]], [[1, 0], [1, 0]]], [[[-1, 0], [0, 0]], [[0, -1], [0, 0]]])
-    found = bracket(family, 0.5, (0.01, 3.0))
-    assert found.low == 0.01
-    assert found.high > 0.99
-    assert found.fails_from == pytest.approx(1, abs=1e-8)
 
 
 def test_a_slow_oscillation_is_pumped_by_a_pattern_of_many_matrices():
@@ -225,57 +208,8 @@ def test_a_check_needs_every_sequence_small_errors_and_symmetric_forms():
     assert not shrink(Norms(lopsided, ONE), -np.eye(2)[None], np.zeros((1, 2, 2)), np.ones((1, 1), bool))
 
 
-def test_a_form_that_is_not_positive_proves_nothing():
-    """With P = -1, `P - A P A` is positive for A = 1.1, which grows."""
-    assert not shrink(Norms(np.array([[[-1.0]]]), ONE), np.array([[[0.1]]]), np.zeros((1, 1, 1)), np.ones((1, 1), bool))
-
-
 def test_a_refutation_is_the_nearest_number_at_which_its_own_word_grows():
     """`(0.6 + x) (1.5 - x)` is 1 or more from 0.13 to 0.77, and again in size from 1.9 on."""
     family = Affine.of([[[0.6]], [[1.5]]], [[[1.0]], [[-1.0]]])
     assert nearest(family, (0, 1), 0.0, 4.5) == pytest.approx((0.9 - 0.41**0.5) / 2, rel=1e-7)
     assert nearest(family, (0, 1), 1.0, 4.5) == pytest.approx((0.9 + 8.41**0.5) / 2, rel=1e-7)
-
-
-def test_short_words_are_each_cycle_once_of_those_that_may_follow():
-    assert short_words(np.ones((2, 2), bool)) == [
-        (0,),
-        (1,),
-        (0, 1),
-        (0, 0, 1),
-        (0, 1, 1),
-        (0, 0, 0, 1),
-        (0, 0, 1, 1),
-        (0, 1, 1, 1),
-    ]
-    assert short_words(np.array([[False, True], [True, False]])) == [(0, 1)]
-    assert len(short_words(np.ones((30, 30), bool))) == 30  # those of two would be too many
-
-
-class Ring:
-    """Six scalars, each of which follows the one before: their product is `(factor x/2)^6`."""
-
-    follows = np.roll(np.eye(6, dtype=bool), 1, axis=1)
-
-    def __init__(self, factor=1):
-        self.factor = factor
-
-    def at(self, x):
-        return np.full((6, 1, 1), self.factor * x / 2)
-
-
-def test_of_several_designs_words_are_searched_for_the_leading_one_alone(monkeypatch):
-    """The ring's only word of six grows from 2 on; each other design is bounded by it, at half and a third of that."""
-    searched = []
-    whole = ranking.growing
-    monkeypatch.setattr(ranking, "growing", lambda *a, **more: searched.append(1) or whole(*a, **more))
-    families = [[Ring(factor)] for factor in (2, 1, 3)]
-    limits = np.full(3, 10.0)
-    for designs, searches in ((np.arange(3), 3), (None, 4)):  # the first one twice, as it finds the word
-        known = defaultdict(list)
-        ends = ranking.least_refuted(families, limits, designs, known)
-        assert ends == pytest.approx([1, 2, 2 / 3], rel=2e-3)
-        assert [sorted(word) for words in known.values() for word in words] == [[0, 1, 2, 3, 4, 5]]
-        assert len(searched) == searches
-        searched.clear()
-    assert ranking.least_refuted(families, np.full(3, 0.6), None, known).tolist() == [0.6, 0.6, 0.6]

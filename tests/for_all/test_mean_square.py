@@ -8,7 +8,6 @@ from support.messages import marched, random_loop, spec_of
 
 import wavesweep
 from wavesweep.engine._sets.taylor_models import Polynomials
-from wavesweep.engine.errors import UsageError
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import brackets_on_average, chances, decays
 from wavesweep.for_all.norm_check import Norms, shrink_on_average, shrink_over
@@ -133,35 +132,6 @@ def test_all_intervals_are_found_in_which_either_most_messages_are_lost_or_most_
         assert radius(p) > 1
 
 
-def test_probabilities_above_1_have_no_mean_square():
-    spec = recursion(0.5)
-    spec["block"]["net"]["loss"] = "2*p"
-    del spec["numbers"]["k"]
-    spec["wire"]["net.u"] = "-0.4*plant.y"
-    (found,) = brackets_on_average(chain(spec, "p"), (0.0, 1.0))
-    assert (found.low, found.high, found.settled) == (0, 0.5, True)
-
-
-@pytest.mark.parametrize("keys", [{"lost": 1}, {"late": 1}])
-def test_patterns_beside_losses_at_random_are_refused(keys):
-    spec = recursion(1.2)
-    spec["block"]["back"] = {"type": "channel", **keys}
-    spec["wire"] |= {"back.u": "plant.y", "net.u": "-k*back.y"}
-    with pytest.raises(UsageError, match="found back with more"):
-        chain(spec)
-
-
-def test_a_number_in_probabilities_and_wires_is_refused():
-    spec = recursion(1.2)
-    spec["wire"]["net.u"] = "-k*(1 - p)*plant.y"
-    with pytest.raises(UsageError, match="that probabilities of channels alone read"):
-        chain(spec, "p")
-    spec = recursion(1.2)
-    spec["block"]["net"]["loss"] = "p*p"
-    with pytest.raises(UsageError, match="linearly"):
-        chain(spec, "p")
-
-
 def lossy(source):
     """A random loop whose two channels lose messages at random, one message of each in a frame of few ticks."""
     loop = random_loop(source)
@@ -197,33 +167,3 @@ def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tic
     assert np.isfinite(found.fails_from)
     assert np.abs(np.linalg.eigvals(moments(loop, found.fails_from, chance))).max() > 1 - 1e-12
     assert found.high == pytest.approx(found.fails_from, rel=1e-3)
-
-
-@pytest.mark.slow
-def test_the_mean_square_of_many_runs_is_that_of_the_second_moments():
-    """x+ = 1.2 x + u, u = -x or held, in bursts: the mean of 200,000 runs after eight messages."""
-    burst = {"burst": 0.1, "burst_end": 0.4, "burst_loss": 0.9}
-    loop, source, runs = chain(recursion(1.2, "held", **burst), k=1.0), np.random.default_rng(1), 200_000
-    x, held, inside = np.ones(runs), np.zeros(runs), np.zeros(runs, bool)
-    operator, nodes = loop.operator(0.0), loop.graph.nodes
-    n = loop.family.kept.size
-    X = np.zeros((nodes, n * (n + 1) // 2))
-    states = [loop.family.ticks.states[state] for state in loop.family.kept]
-    assert states == ["plant.x0", "net.shown"]
-    X[0, 0] = 1.0
-    for _ in range(8):
-        inside = np.where(inside, source.random(runs) >= 0.4, source.random(runs) < 0.1)
-        lost = source.random(runs) < np.where(inside, 0.9, 0.1)
-        held = np.where(lost, held, -x)
-        x = 1.2 * x + held
-        X = (operator @ X.ravel()).reshape(X.shape)
-    expected, spread = X[:, 0].sum(), np.std(x**2) / np.sqrt(runs)
-    assert abs((x**2).mean() - expected) < 2 * spread < 0.05 * expected
-
-
-@pytest.mark.asks("check")
-def test_what_a_verdict_says_of_messages_in_time_leaves_probabilities_out():
-    """Stability then depends on none of them: "stable for every p" would be no answer."""
-    found = wavesweep.verdict(recursion(1.2))
-    assert found["for_all"]["kind"] == "mean_square"
-    assert [limit["name"] for limit in found["limits"]] == ["k"]

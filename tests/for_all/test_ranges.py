@@ -1,6 +1,5 @@
 """Boxes of unknown numbers while frames vary: every proof is attacked by a program that shares no code with it."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -46,24 +45,6 @@ def test_products_and_parts_of_polynomials_enclose_what_they_stand_for():
         inner = middle + half * s
         assert (np.abs(at(both, inner) - at(part, s)) <= part.rest - both.rest + 1e-15).all()
         assert (np.abs(np.linalg.solve(basis, at(one, s) @ basis) - at(seen, s)) <= seen.rest).all()
-
-
-@pytest.mark.parametrize("moved", [1.0, 1e-6])
-def test_units_follow_the_frames_along_each_side_that_moves_them(moved):
-    """Turned frames of two states, whose second one has the unit exp(s) along the first side; the other moves less."""
-    one = 0.9 * np.array([[0.8, 0.6], [-0.6, 0.8]])
-
-    class Turned:
-        def over(self, boxes):
-            assert len(boxes) == 1  # places differ along sides that are not wide
-            first, second = boxes[0].mean(0)
-            unit = np.diag(np.exp([0.0, 1.0 * first + 0.5 * moved * second]))
-            matrix = unit @ one @ np.linalg.inv(unit)
-            return [ranges.Enclosed(boxes[0], Polynomials(matrix[None, None], np.zeros((1, 2, 2)), 0, 5), np.zeros(0))]
-
-    units = ranges.units_of(Turned(), np.array([[0.0, -1.0], [2.0, 1.0]]), np.ones((1, 1), bool))
-    assert np.diff(units[0]) == pytest.approx(-1.0, abs=0.02)
-    assert np.diff(units[1]) == pytest.approx(-0.5 if moved == 1.0 else 0.0, abs=0.02)
 
 
 def scalar(*terms, rest=0.0):
@@ -143,28 +124,6 @@ def growth(frames, word):
     return np.abs(np.delete(values, at_one) if np.abs(values[at_one] - 1) < 1e-6 else values).max()
 
 
-def spec_of(kind, lengths, box, sweep=(150, 1000)):
-    values = {"controller": {"kind": kind, "b": 10.0}, "device": {"velocity": "difference"}}
-    values |= {"environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0}}
-    values |= {} if kind == "dc-slow" else {"filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
-    values["for_all"] = {"rates.ratio": {"values": lengths, "varying": True}}
-    values["for_all"] |= {path: dict(zip(("start", "stop"), ends, strict=True)) for path, ends in zip(HAND, box, strict=True)}
-    return values | {"sweep": {"K_VE": dict(zip(("start", "stop"), sweep, strict=True))}}
-
-
-def attacked(kind, lengths, box, low, high, tries, seed=0):
-    """The largest growth per frame of random words for random hands of the box and stiffnesses that are proved."""
-    rng, worst = np.random.default_rng(seed), 0.0
-    for _ in range(tries // 20):
-        K = high if rng.random() < 0.5 else np.exp(rng.uniform(np.log(low), np.log(high)))
-        hand = [rng.choice([*ends, rng.uniform(*ends)], p=[0.35, 0.25, 0.4]) for ends in box]
-        frames = marched_frames(kind, K, hand, lengths)
-        for _ in range(20):
-            word = rng.choice(rng.choice(len(lengths), rng.integers(1, 4)), rng.integers(1, 9))
-            worst = max(worst, growth(frames, word) ** (1 / len(word)))
-    return worst
-
-
 @pytest.mark.parametrize("stop", [1.0, 0.15])
 def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(stop):
     """What it adds to the frame, 5e-10/((p - 0.3)^2 + 1e-9), is 1/2 at 0.3 and next to nothing at the nodes."""
@@ -193,41 +152,6 @@ def frames_of(kind, box):
     paths = ["environment.K_VE", *HAND]
     plan = plan_of_controller(values, FramesInAnyOrder((18, 22)), paths)
     return plan.over([Side(paths[0], 0.0), *map(Side, paths[1:])], box)
-
-
-def test_frames_of_several_lengths_share_the_plant_of_a_cell():
-    box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
-    (one, other), (_, apart) = (dict.fromkeys(loop for loop, _ in frames_of("pmw", box).ticks) for _ in range(2))
-    known = {}
-    first, second, alone = one.over(box, known), other.over(box, known), apart.over(box)
-    assert second.blocks["device"] is first.blocks["device"]
-    for own, shared in zip(alone.blocks["device"], second.blocks["device"], strict=True):
-        assert (own.terms == shared.terms).all()
-        assert (own.rest == shared.rest).all()
-
-
-def test_units_of_states_change_nothing_in_the_middle_of_a_layer():
-    """A logarithm is far from 0, and units that are 1 there would differ by many decades here."""
-    box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(155.0), 0.01, 0.1, 1.0]])
-    frames = frames_of("pmw", box)
-    plain = frames.over(box[None])[0].matrices
-    units = np.zeros((4, plain.rest.shape[-1]))
-    units[0] = 3 * np.random.default_rng(0).normal(size=units.shape[1])
-    moved = replace(frames, units=units, about=box.mean(0)).over(box[None])[0].matrices
-    assert moved.terms[0] == pytest.approx(plain.terms[0], rel=1e-12, abs=1e-15)
-    assert moved.terms[1] != pytest.approx(plain.terms[1], rel=1e-3)
-
-
-def test_members_that_nothing_holds_are_those_that_a_soft_spring_holds():
-    """Where the hand has no stiffness, another state tells where the loop rests."""
-    values = values_of("pmw") | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
-    values |= {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
-    paths = ["environment.K_VE", *HAND]
-    box = np.array([[150.0, 0.0, 0.0, 0.0], [1000.0, 0.02, 0.2, 10.0]])
-    members = plan_of_controller(values, FramesInAnyOrder((18, 22)), paths).members(paths, box)
-    free, held = (members.at(np.array([[690.0, 0.02, 0.0, stiffness]]))[:, 0] for stiffness in (0.0, 1e-6))
-    for one, other in zip(free, held, strict=True):
-        assert np.abs(np.linalg.eigvals(one)).max() == pytest.approx(np.abs(np.linalg.eigvals(other)).max(), rel=1e-6)
 
 
 @pytest.mark.slow
@@ -263,14 +187,6 @@ def test_a_frame_that_may_not_follow_itself_need_not_shrink_alone():
     found, _ = ranges._forms(frames, follows, None, 4e9)
     assert ranges._judged(frames, found, follows)[0]
     assert ranges._forms(frames, np.ones((2, 2), bool), None, 4e9)[0] is None
-
-
-def test_forms_are_found_where_frames_shrink_and_their_fastest_word_hardly():
-    """Each matrix by itself leaves much room, their product 2e-4: its root is the joint spectral radius."""
-    A = (1 - 1e-4) * np.array([[[1.0, 1.0], [0.0, 1.0]], [[1.0, 0.0], [1.0, 1.0]]]) * 2 / (1 + np.sqrt(5))
-    frames, follows = Polynomials(np.stack([A, 0 * A, 0 * A, 0 * A]), np.zeros_like(A), 1, 3), np.ones((2, 2), bool)
-    found, _ = ranges._forms(frames, follows, None, 4e9, [(0, 1)])
-    assert ranges._judged(frames, found, follows)[0]
 
 
 TWO_CHANNELS = """

@@ -6,25 +6,21 @@ from functools import reduce
 from itertools import product
 
 import numpy as np
-import pandas as pd
 import pytest
 from cliffs import FIG4
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep import SpecError, UsageError
+from wavesweep import UsageError
 from wavesweep.engine.rows import distinct
 from wavesweep.for_all import ranges as ranges_module
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames
-from wavesweep.for_all.on_check import facts, lines
-from wavesweep.for_all.patterns import LONGEST_RETURN
-from wavesweep.for_all.rows import TEXT, ForAllGuarantee, text_of_part
-from wavesweep.for_all.unknown import Part
+from wavesweep.for_all.on_check import facts
+from wavesweep.for_all.rows import ForAllGuarantee
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
-from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.interval_table import intervals
 
 PD = {
@@ -55,30 +51,6 @@ def test_pd_held_over_a_period_that_is_not_known_has_the_limit_of_the_longest():
     assert 0.99 * row["fails_from"] < row["high"] < row["fails_from"]
     assert "n = 10" in row["counterexample"]
     assert "kd = 3" in row["counterexample"]
-
-
-@pytest.mark.slow
-def test_a_gain_that_the_spec_does_not_have_is_in_the_loops_of_its_range():
-    """Without Kp its wire is not drawn; what holds for all of a range has to hold for each of its values."""
-    (own,), (row,) = for_all(FIG4, **{"controller.Kp": {"start": 20, "stop": 60}})
-    ends = wavesweep.compile(FIG4).stable_intervals(Kp=[20.0, 32.0, 45.0, 60.0])["high"]
-    assert row["high"] <= ends.min() < own["high"]
-    assert row["settled"]
-
-
-def test_a_range_of_what_decides_how_a_loop_is_built_is_of_whole_numbers():
-    with pytest.raises(UsageError, match="of a number that decides how the loop is built"):
-        for_all(FIG4, **{"rates.fast_hz": {"start": 999.5, "stop": 1000.5}})
-
-
-@pytest.mark.slow
-def test_the_worst_device_under_a_hand_that_may_let_go():
-    ranges = {"device.mass": {"start": 0.08, "stop": 0.125}, "operator.stiffness": {"start": 0, "stop": 1000}}
-    (_,), (row,) = for_all(FIG4, **ranges)
-    worst = wavesweep.compile(FIG4).with_(**{"device.mass": 0.125}).stable_intervals().high[0]
-    assert row["fails_from"] == pytest.approx(worst, rel=1e-9)
-    assert row["settled"]
-    assert row["counterexample"] == "device.mass = 0.125, operator.stiffness = 0"
 
 
 def random_box(seed):
@@ -146,30 +118,6 @@ def test_frames_of_any_length_in_any_order(lengths, more, proved, refuted):
 
 
 @pytest.mark.slow
-def test_results_that_fail_to_come_are_held():
-    (_,), (row,) = for_all(FIG4, lost=2)
-    assert row["settled"]
-    assert "(lost)" in row["counterexample"]
-    assert row["fails_from"] < 801
-
-
-@pytest.mark.slow
-def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
-    """The same; products of its frames in random orders decay up to what is proved, which `check` says too."""
-    ranges = {"n": {"values": [5, 10], "varying": True}, "kd": {"start": 3.6, "stop": 4.4}}
-    (_,), (row,) = for_all(PD, **ranges)
-    assert 720 * 0.9 < row["high"] < row["fails_from"] <= 2 * 3.6 / 0.010 * (1 + 1e-7)
-    rng = np.random.default_rng(1)
-    for kp, kd in zip(rng.uniform(row["low"], row["high"], 50), rng.choice([3.6, 3.8, 4.4], 50), strict=True):
-        steps = rng.choice([0.005, 0.010], 1 + rng.integers(6))
-        frames = (np.array([[1, T], [0, 1]]) - np.outer([T**2 / 2, T], [kp, kd]) / 0.2 for T in steps)
-        assert np.abs(np.linalg.eigvals(reduce(np.matmul, frames))).max() < 1
-    assert facts(load(PD | {"for_all": ranges}))["for_all"]["verdict"] == "proved"
-    bad = facts(load(PD | {"for_all": ranges | {"kd": {"start": 0.2, "stop": 5}}}))["for_all"]
-    assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2, frames 10")
-
-
-@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("every", "more", "longest"),
@@ -207,42 +155,6 @@ def test_a_row_that_goes_beyond_one_of_its_members_is_in_doubt_and_asks_to_be_re
     assert "please report it" in for_all_module.reason_of(said)
 
 
-def test_what_cannot_be_planned_is_said_with_its_line(tmp_path):
-    text = """
-[rates]
-tick_hz = 1000
-[numbers]
-n = 2
-m = 2
-[block.p]
-type = "mass"
-mass = "m"
-[block.h]
-type = "hold"
-every = "{}"
-[block.g]
-type = "hold"
-every = "{}"
-[wire]
-"h.u" = "p.x"
-"g.u" = "h.y"
-"p.f" = "-g.y"
-[for_all]
-n = {{ values = [2, 3], varying = true }}
-"""
-    path = tmp_path / "drawn.toml"
-    for every, other, said in (
-        ("2*n", "3*n", r"toml:15:9: block.g.every: expected one `every` of all .*, found 2\*n of h, 3\*n of g"),
-        ("2*n", "4", r"toml:15:9: block.g.every: expected one `every` .*, found 2\*n of h, 4 of g"),
-        ("n/2", "n/2", r"toml:12:9: block.h.every: expected a whole number of ticks, 1 or more, found 1.5 with n = 3"),
-        ("6/(3 - n)", "6", r"toml:12:9: block.h.every: expected a whole .*, found none with n = 3"),
-        ("m", "m + 0*n", r"toml:22:16: for_all.m: expected one number that varies, .* of blocks reads, found n, m"),
-    ):
-        path.write_text(text.format(every, other) + "m = { values = [2, 4], varying = true }\n" * (every == "m"))
-        with pytest.raises(SpecError, match=said):
-            facts(load(path))
-
-
 @pytest.mark.parametrize(
     ("spec", "ranges", "expected"),
     [
@@ -251,7 +163,6 @@ n = {{ values = [2, 3], varying = true }}
             {"rates.ratio": {"values": [4, 5], "varying": True}},
             "controller.kind: expected a controller with a slow environment, whose frames may vary, found dc",
         ),
-        (FIG4, {"device.mass": {"values": [0.1, 0.2], "varying": True}}, "expected rates.ratio or environment.delay"),
         (
             FIG4,
             {"rates.ratio": {"values": [1, 20], "varying": True}, "environment.delay": {"values": [5, 9]}},
@@ -263,11 +174,6 @@ n = {{ values = [2, 3], varying = true }}
             r"have a rule for steps that vary .*, found pd \(notch\)",
         ),
         (
-            PD,
-            {"kd": {"values": [3, 4], "varying": True}},
-            "for_all.kd: expected one number that varies, .*, found kd",
-        ),
-        (
             PD | {"block": PD["block"] | {"pd": {"type": "hold", "every": "n", "phase": 3}}},
             {"n": {"values": [2, 5], "varying": True}},
             "block.pd.phase: expected phases below the shortest frame, 2, found 3 of pd",
@@ -277,7 +183,6 @@ n = {{ values = [2, 3], varying = true }}
             {"n": {"values": [2, 5], "varying": True}},
             "found n of pd, 7 of more",
         ),
-        (PD, {"lost": 2}, "expected no lost or loss beside a drawn loop, whose channels say what is lost, found 2"),
         (
             PD | {"block": PD["block"] | {"pd": {"type": "channel", "every": 5, "loss": 0.01}}},
             {"loss": 0.3},
@@ -295,15 +200,6 @@ def test_check_says_whether_the_design_holds_for_all():
     assert good == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
     bad = facts(load(PD | {"for_all": {"kd": {"start": 0.2, "stop": 5}}}))["for_all"]
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2")
-
-
-def test_check_says_that_its_own_numbers_are_not_among_those_of_the_table():
-    for values, without in (([2, 3], ["[for_all] leaves the spec's own n = 5 out"]), ([2, 5], [])):
-        spec = load(PD | {"for_all": {"n": {"values": values}, "kd": {"start": 3, "stop": 5}}})
-        found = facts(spec)
-        (claim,) = found["claims"]
-        assert claim.words() == f"proved stable for n of {values[0]}, {values[1]}, kd from 3 to 5"
-        assert [line for _, line in lines(spec, found) if "leaves" in line] == without
 
 
 def test_an_end_that_is_not_known_is_no_counterexample(monkeypatch):
@@ -369,82 +265,6 @@ def test_periods_in_any_order_are_judged_without_an_axis(nominal, lengths):
     else:
         assert found == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
         assert max(radius(word) for word in product(lengths, repeat=9)) < 1
-
-
-@pytest.mark.parametrize(
-    ("ranges", "expected"),
-    [
-        ({"kp": {"start": 0, "stop": 1}}, "expected a number that \\[sweep\\] does not have as well"),
-        ({"kd": {"start": 3, "stop": 1}}, "expected a number > start"),
-        ({"kd": {"values": [3], "start": 1}}, "expected either start and stop or values"),
-        ({"kd": {"start": 1, "stop": 2, "vary": True}}, "one of start, stop, values, varying"),
-        ({"kd": {"start": 1, "stop": 2, "varying": 1}}, "expected true or false"),
-        ({"kdd": {"start": 1, "stop": 2}}, "an unknown axis"),
-        ({"n": {"start": 1, "stop": 99, "varying": True}}, "expected at most 64 values of a number that varies, .*, found 99"),
-        ({"lost": -1}, "expected a whole number >= 0"),
-    ],
-)
-def test_a_range_that_is_none_is_said(ranges, expected):
-    with pytest.raises(SpecError, match=expected):
-        load(PD | {"for_all": ranges})
-
-
-@pytest.mark.asks("passive")
-def test_hands_are_not_asked_for_beside_ranges():
-    with pytest.raises(UsageError, match="one proof covers every passive hand"):
-        intervals(load(FIG4 | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.12}}}), "K_VE", wavesweep_hands(), jobs=1)
-
-
-def wavesweep_hands():
-    from wavesweep.program.tables.hand_rows import hands_of
-
-    return hands_of("port")
-
-
-@pytest.mark.slow
-def test_both_ends_name_their_own_pattern_and_the_summary_that_of_the_upper_one():
-    """An integrator whose input is held 1, 2 or 3 ticks of 10 ms: `0 < k < 2/(3 T)`."""
-    spec = {
-        "rates": {"tick_hz": 100},
-        "numbers": {"k": 10.0, "n": 1},
-        "block": {"x": {"type": "integrator"}, "held": {"type": "hold", "every": "n"}},
-        "wire": {"held.u": "x.y", "x.u": "-k*held.y"},
-        "for_all": {"n": {"values": [1, 2, 3], "varying": True}},
-        "sweep": {"along": "k", "k": {"start": -20, "stop": 200}},
-    }
-    table = intervals(load(spec), jobs=1)
-    tally = kind_named("stability-region").tally(table)
-    row = table.watched(tally.add).columns
-    assert row["counterexample"][1].count("frames") == 2
-    assert row["fails_from"][1] == pytest.approx(200 / 3, rel=1e-6)
-    (said,) = [line for line, _ in kind_named("stability-region").lines(tally.numbers(table.facts)) if "refuted at" in line]
-    assert said.endswith(", refuted at 66.6667 by frames 3")
-
-
-def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
-    frames = f"frames {', '.join(['16, 33'] * 400)}"
-    whole = f"device.mass = 0.114997, frames {', '.join(['116, 133'] * (LONGEST_RETURN // 2))}"
-    assert text_of_part(Part(1.0, 2.0, {whole: None}, {"frames 3": None})) == f"below: {whole}; from: frames 3"
-    both = text_of_part(Part(1.0, 2.0, {frames: None}, {"frames 3": None}))
-    assert both.endswith(" ...; from: frames 3")
-    assert len(text_of_part(Part(1.0, 2.0, None, {frames: None}))) <= TEXT
-
-
-@pytest.mark.slow
-@pytest.mark.asks("require")
-def test_the_library_gives_the_rows_of_the_command():
-    spec = load(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}})
-    loop, table = wavesweep.compile(spec), wavesweep.stability_region(spec)
-    found = loop.stable_intervals()
-    pd.testing.assert_frame_equal(found, table, check_exact=True)
-    assert found.guarantee.tolist() == ["spec", "for_all"]
-    several = loop.stable_intervals(**{"block.arm.mass": [0.2, 0.4]})
-    assert several.guarantee.tolist() == ["spec", "spec", "for_all", "for_all"]
-    assert loop.plot_zwidth().axes
-    with pytest.raises(UsageError, match="kd: expected a number that \\[for_all\\] does not have as well"):
-        loop.stable_intervals(kd=[3.0, 4.0])
-    with pytest.raises(UsageError, match="require: expected a spec without \\[for_all\\]"):
-        loop.stable_intervals(require={"radius": 0.99})
 
 
 def held_arm(ticks, kp):
@@ -520,26 +340,6 @@ def test_where_nothing_is_stable_that_is_certified():
         assert (found.certified & found.settled & (found.doubt == "")).all()
 
 
-@pytest.mark.slow
-def test_nowhere_is_certified_where_frames_of_constant_lengths_have_no_stable_value_in_common():
-    """A coupling of 500 N/m and 5 N*s/m is unstable with every wall at 22 ms, and stable with some at 14 ms."""
-    device = {"mass": 0.25, "damping": 1.2, "dead_time": 0.0015, "velocity": "difference"}
-    spec = {"rates": {"ratio": 14}, "device": device, "controller": {"kind": "dc-vc", "K_VC": 500, "B_VC": 5}}
-    spec |= {"environment": {"integration": "explicit", "delay": "frame", "B_VE": 2}}
-    spec |= {"sweep": {"K_VE": {"start": 0, "stop": 2000}}}
-    assert wavesweep.zwidth(spec).intervals.all()
-    found = wavesweep.zwidth(spec | {"for_all": {"rates.ratio": {"values": [14, 22], "varying": True}}})
-    some = found.guarantee == "for_all"
-    assert some.any()
-    assert not found.intervals[some].any()
-    assert found.certified[some].all()
-    assert (
-        found.counterexample[some]
-        .str.match(r"with frames 22 no \S*K_VE is stable \(nearest at \S*K_VE = .* Hz, .*\); with frames 14 it is in ")
-        .all()
-    )
-
-
 def test_nowhere_is_certified_where_one_combination_has_no_stable_value_and_another_has_some():
     """An integrator `x + T u` with `u = -c K x` held over 1 or 2 ticks grows for every K > 0 if c = -1."""
     blocks = {"p": {"type": "integrator"}, "h": {"type": "hold", "every": "n"}}
@@ -609,13 +409,6 @@ def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypat
     smaller = load(tmp_path / "spec.toml", [f"for_all.m.stop={part[1]}"])
     assert for_all_module.verdict(smaller)["verdict"] == "proved"
     assert for_all_module.verdict(spec) == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
-
-
-def test_nothing_is_open_where_a_proof_reaches_its_goal(tmp_path):
-    (tmp_path / "spec.toml").write_text(HELD)
-    row = {name: column[1] for name, column in intervals(load(tmp_path / "spec.toml"), jobs=1, along="K").columns.items()}
-    assert row["settled"]
-    assert row["left_open"] == ""
 
 
 def test_what_a_constant_member_refutes_everywhere_needs_no_proof_beside_a_range_that_is_a_point_to_rounding():

@@ -4,28 +4,19 @@ Each type of block is written down here once more from its rule alone: a functio
 since its last run and the time before that, which gives its output and what it remembers then.
 """
 
-import dataclasses
 import gc
 from functools import reduce
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.signal import butter
-from support.frames import frames_of_controller, frames_of_drawing
+from support.frames import frames_of_drawing
 from support.missing import needed
 
 import wavesweep
 from wavesweep.engine._drawing.block_types import TYPES, BlockType
 from wavesweep.engine._loops import blocks
 from wavesweep.engine.errors import UsageError
-from wavesweep.for_all.frame_families import FramesInAnyOrder
-from wavesweep.for_all.joint import PROVED, REFUTED, decide
-from wavesweep.for_all.patterns import growth
-from wavesweep.haptics import controller_page as controllers
-from wavesweep.haptics.controller_page import BlockDiagram
-from wavesweep.haptics.controllers import CONTROLLERS
-from wavesweep.haptics.direct import dc_slow
 from wavesweep.program.spec import load
 
 T, PATTERN, K = 1e-3, [16, 33, 16, 25, 33, 33], 3.0
@@ -228,74 +219,3 @@ def test_a_type_without_a_rule_is_refused_by_name(kind):
 
     with pytest.raises(UsageError, match=refused):
         simulation.simulated(loop_with(kind, OTHERS[kind], simulate={"frames": PATTERN}), [1.0])
-
-
-def smoothed(values):
-    """A controller that somebody adds: the slow wall's force through a low-pass at the slow rate."""
-    page = dc_slow(values)
-    held = next(name for name in page.blocks if name.startswith("wall_"))
-    slow = {"type": "butterworth", "order": 1, "cutoff_hz": 10.0}
-    blocks = {**page.blocks, "smooth": {key: page.blocks["wall"][key] for key in ("every", "phases")} | slow}
-    return BlockDiagram(blocks, {**page.wires, "smooth.u": "wall.y", f"{held}.u": "smooth.y"}, page.reaction)
-
-
-def test_a_controller_with_a_slow_block_without_a_rule_is_refused_by_name(monkeypatch):
-    monkeypatch.setitem(CONTROLLERS, "dc-slow", dataclasses.replace(CONTROLLERS["dc-slow"], page=smoothed))
-    for name in ("_drawing", "_read"):  # which remember the page of an earlier test
-        monkeypatch.setattr(controllers, name, getattr(controllers, name).__wrapped__)
-    spec = {"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}, "sweep": {"K_VE": {"start": 0, "stop": 500}}}
-    with pytest.raises(UsageError, match=r"have a rule for steps that vary .*, found smooth \(butterworth\)"):
-        wavesweep.zwidth(spec | {"for_all": {"rates.ratio": {"values": [16, 33], "varying": True}}})
-
-
-TRAPEZIA = {
-    "controller": {"kind": "pmw", "b": 5.0},
-    "device": {"velocity": "difference", "mass": 0.3, "damping": 0.5},
-    "environment": {"integration": "trapezoidal", "delay": 2, "B_VE": 0.5},
-    "filters": {"lp1": {"order": 2, "cutoff_hz": 40.0}},
-}
-
-
-def growth_of_waves(stiffness, pattern):
-    """Spectral radius of the loop TRAPEZIA over a pattern of frames, tick by tick from units of all that it remembers."""
-    b, root, memory = 5.0, np.sqrt(10.0), np.eye(10)
-    (b0, b1, b2), (_, a1, a2) = butter(2, 40.0, fs=1 / T)
-    step = expm(T * np.array([[-0.5 / 0.3, 0, 1 / 0.3], [1, 0, 0], [0, 0, 0]]))
-    v, x, last, u1, u2, y1, y2, out, place, speed = memory
-    shown, out = out, 0 * out  # of the frame before, which is in place when the pattern begins
-    gap = pattern[-1] * T
-    for ticks in pattern:
-        for k in range(ticks):
-            shown = out if k == 2 else shown
-            wave = root * (x - last) / T - shown
-            y = b0 * wave + b1 * u1 + b2 * u2 - a1 * y1 - a2 * y2
-            u1, u2, y1, y2 = wave, u1, y, y1
-            if k == 0:
-                far = place + gap / 2 * speed  # the position but for the new velocity
-                new = (root * y - stiffness * far) / (b + 0.5 + stiffness * gap / 2)
-                place, speed = far + gap / 2 * new, new
-                out = y - np.sqrt(2 / b) * (stiffness * place + 0.5 * new)
-            force = b * (x - last) / T - root * shown
-            last = x
-            v, x = step[:2, :2] @ np.array([v, x]) - np.outer(step[:2, 2], force)
-        gap = ticks * T
-    whole = np.array([v, x - last, 0 * last, u1, u2, y1, y2, shown, place, speed])
-    # The device's own position is read by nothing: its change in a tick stands for it.
-    return np.abs(np.linalg.eigvals(whole @ np.diag([1, 1, 0, 1, 1, 1, 1, 1, 1, 1]))).max()
-
-
-@pytest.mark.slow
-def test_trapezia_of_the_slow_environment_are_refuted_where_a_march_grows():
-    values = load(TRAPEZIA).values
-    family = frames_of_controller(values, FramesInAnyOrder((16, 33), (2,)))
-    word = [16, 33, 16, 33, 16, 33, 33]
-    assert growth_of_waves(150.0, word) == pytest.approx(1.0078, abs=5e-5)
-    for stiffness, some in ((150.0, word), (90.0, [16, 33, 33]), (250.0, [33, 16])):
-        indices = tuple([16, 33].index(ticks) for ticks in some)
-        assert growth(family.at(stiffness), indices) == pytest.approx(growth_of_waves(stiffness, some), rel=1e-9)
-    refuted, proved = decide(family, 150.0), decide(family, 100.0)
-    assert (refuted.verdict, proved.verdict) == (REFUTED, PROVED)
-    assert growth_of_waves(150.0, [family.symbols[each].ticks for each in refuted.word]) > 1
-    for seed in range(40):
-        some = np.random.default_rng(seed).choice([16, 33], size=1 + seed % 9).tolist()
-        assert growth_of_waves(100.0, some) < 1

@@ -1,6 +1,5 @@
 """Frames as they were measured, against counts by hand, loops that count ticks, and chains whose numbers are known."""
 
-import importlib.util
 import json
 import tomllib
 from collections import Counter
@@ -14,11 +13,10 @@ import pytest
 from wavesweep import load
 from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
-from wavesweep.frame_times.table import KINDS, identified, spec_text
+from wavesweep.frame_times.table import identified, spec_text
 from wavesweep.frame_times.times import read_run
 from wavesweep.frame_times.within import lengths_of, lines, number_of, within
 
-EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 ENGINE = {
     "environment": {"integration": "explicit", "delay": 1},
     "device": {"velocity": "difference"},
@@ -248,24 +246,6 @@ def test_lengths_of_which_there_are_too_many_become_multiples_that_for_all_takes
     assert (found["left"] > 3000, found["every"]) == (True, 14)
 
 
-def test_lengths_in_a_summary_are_the_most_frequent_and_all_others_are_named(written):
-    lengths = [9, 3, 12, 5, 7, 4, 6, 8, 10, 11, 2, 2]
-    found = identified(written("duration", np.array(lengths) / 1000), 1000.0, "rates.ratio", {}, {})
-    said = [line for line, _ in KINDS[0].lines(KINDS[0].tally(found).numbers(found.facts))]
-    assert [line.split()[0] for line in said if "tick" in line and "%" in line] == [
-        "2",
-        "3",
-        "4",
-        "5",
-        "6",
-        "7",
-        "8",
-        "9",
-        "10,",
-    ]
-    assert said[9] == "  10, 11, 12 ticks: at most 8.34 % of frames each"
-
-
 def test_a_chain_of_more_lengths_than_a_proof_takes_is_left_out(written):
     lengths = np.repeat(np.arange(10, 40), 30)
     text = spec_text(identified(written("duration", lengths / 1000), 1000.0, "rates.ratio", {}, {}).facts)
@@ -325,18 +305,12 @@ def test_check_says_it_and_ends_with_it(wavesweep, written):
     [
         ("stamp", [1, 2, 3], "expected a column time or duration, found number, stamp; --column time=stamp names"),
         ("time", [0, 0.02, 0.02, 0.04], "times.csv:4: time: expected frames of at least a tick of 1 ms, found one of 0 ms"),
-        ("duration", [0.02, 0.0002], "times.csv:3: duration: expected frames of at least a tick of 1 ms, found one of 0.2 ms"),
         ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=FACTOR"),
         ("time", [0, 0.02], "expected at least 3 rows"),
         (
             "time",
             [0, 0.02, 5.02],
             "csv:4: time: expected frames of at most 1000 ticks of 1 ms, found one of 5000 ms; is it",
-        ),
-        (
-            "duration",
-            [0.02, 0.02, 1e18],
-            "csv:4: duration: expected frames of at most 1000 ticks of 1 ms, found one of 1e+",
         ),
         ("duration", [0.02, 0.02, 1e307], "duration: expected a largest size of 1e+30 s, found 1e+307"),
         (
@@ -352,37 +326,11 @@ def test_a_file_that_cannot_be_used_is_refused(written, name, numbers, said):
     assert said in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["stamp", "time"])
-def test_check_names_the_option_that_helps(wavesweep, written, name):
-    Path("slow.toml").write_text('controller.kind = "dc-slow"\n')
-    written(name, [0, 20, 40, 60])
-    code, _, err = wavesweep("check", "slow.toml", "--frames", "times.csv")
-    assert (code, "times.csv: " in err, "--column" in err, "--scale" in err) == (2, True, name == "stamp", name == "time")
-
-
 def test_a_rate_at_which_frames_last_more_ticks_than_a_ratio_has_is_refused(written):
     with pytest.raises(UsageError, match="expected frames of at most 1000 ticks of 1e-297 ms, found one of 20 ms"):
         identified(written("duration", [0.02] * 3), 1e300, "rates.ratio", {}, {})
     with pytest.raises(UsageError, match="--every 21: expected at most 20, the ticks of the shortest frame, found 21"):
         identified("times.csv", 1000.0, "rates.ratio", {}, {}, every=21)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--frames", "times.csv"), "--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found neither"),
-        (("--frames", "times.csv", "log.csv"), "--frames: expected no LOG beside it, found log.csv"),
-        (("--frames", "times.csv", "--fast-hz", "9", "--two-masses"), "--two-masses: expected none beside --frames"),
-        (("log.csv", "--fast-hz", "1000"), "expected --frames with --fast-hz, --spec or --every, found none"),
-        ((), "expected LOG, or --frames TIMES, found none"),
-        (("--frames", "times.csv", "--fast-hz", "1000", "--column", "force=F"), "--column force: expected time or duration"),
-    ],
-)
-@pytest.mark.asks("identification")
-def test_options_that_do_not_fit_are_refused(wavesweep, written, words, said):
-    written("time", stamps([20, 20]))
-    code, _, err = wavesweep("identify", *words)
-    assert (code, said in err) == (2, True), err
 
 
 def test_a_loop_without_frames_is_refused():
@@ -392,20 +340,6 @@ def test_a_loop_without_frames_is_refused():
     ):
         with pytest.raises(UsageError, match=said):
             lengths_of(load(values))
-
-
-def test_the_frames_of_the_page_are_those_of_its_script():
-    spec = importlib.util.spec_from_file_location("frames", EXAMPLES / "frames.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert (EXAMPLES / "frames.csv").read_text(encoding="utf-8").splitlines() == list(script.rows())
-    misses = list(script.rows(script.MISSES, 300, (-1, 0)))
-    assert (EXAMPLES / "misses.csv").read_text(encoding="utf-8").splitlines() == misses
-
-
-def test_frames_of_one_length_have_neither_shares_nor_a_chain(written):
-    table = identified(written("time", stamps(np.full(50, 20))), 1000.0, "rates.ratio", {}, {})
-    assert tomllib.loads(spec_text(table.facts))["for_all"]["rates.ratio"].keys() == {"values", "varying"}
 
 
 @pytest.mark.parametrize("fixed", [False, True])

@@ -101,19 +101,3 @@ def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
     at_rest = haptics.frame_dcgain(opened.drawn, opened.port, opened.frame, opened.drift)
     assert np.isnan(at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
     assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
-
-
-def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
-    """The same wall, written as a product in the reaction and as a block: the same ends and the same stiffness felt."""
-    blocks, wires = {"device": DEVICE, "h": {"type": "hold", "every": 10}}, {"h.u": "device.x"}
-    found = []
-    for force, more in (("K*h.y", {}), ("wall.y", {"wall": {"type": "gain", "k": "K"}})):
-        wires = {"h.u": "device.x", "device.f": f"hand - {force} - B*device.v - b*device.v"} | {
-            f"{name}.u": "h.y" for name in more
-        }
-        loop = wavesweep.compile(TABLES | {"block": blocks | more, "wire": wires, "ports": _ports(force)})
-        assert open_loops.open_loops(own_loop(loop.spec), "K").cut is not None
-        found.append(loop.stable_intervals("K", b=[5.0, 10.0]))
-    names = ["low", "high", "felt_low", "felt_high"]
-    np.testing.assert_allclose(*(table[names] for table in found), rtol=1e-9)
-    assert found[0].certified.all()

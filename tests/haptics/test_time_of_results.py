@@ -2,14 +2,13 @@
 
 from fractions import Fraction
 from itertools import pairwise
-from math import ceil, exp, floor, pi, sqrt, tan
+from math import exp, floor, pi, sqrt, tan
 
 import numpy as np
 import pytest
 
 import wavesweep as package
 from wavesweep import load
-from wavesweep.haptics.controller_page import Slow, assumption_of_page
 
 MASS, DAMPING, B_VE = 0.1, 1.5, 1.0  # kg, N s/m, N s/m: the defaults
 B, CUTOFF_HZ = 25.0, 10.0  # N s/m of the waves, Hz of LP1
@@ -126,28 +125,6 @@ def test_the_next_frame_is_an_instant_and_no_number_of_ticks(slow_hz, right):
 
 
 @pytest.mark.slow
-def test_blocks_show_each_result_when_its_time_has_come_whatever_the_rates_and_the_delay():
-    """Results are counted as the blocks of `Slow` hand them on, in all ratios of rates that are in step again in 25 ticks."""
-    for frame in sorted({Fraction(q, p) for q in range(1, 26) for p in range(1, q + 1)}):
-        if 1 < frame < 2:
-            continue  # such rates are refused
-        ratio = float(frame) if frame.denominator > 1 else frame.numerator
-        for late in (*range(ceil(frame) + 1), ratio):
-            slow = Slow.of({"rates.ratio": ratio, "environment.delay": late})
-            computed, kept, given, shown = -9, -9, -9, -9
-            for tick in range(3 * frame.numerator):
-                phase = tick % frame.numerator
-                if phase in slow.reads:
-                    computed = max(computed, -1) + 1
-                if phase in slow.stored or not slow.stored:
-                    kept = computed
-                if phase in slow.shown or not slow.shown:
-                    shown, given = kept if slow.by == "hold" else given, kept
-                if tick > frame.numerator:
-                    assert shown == in_place(tick, frame, "frame" if late == ratio else late)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rates.slow_hz", "rates.ratio"])
 def test_the_next_frame_stays_the_next_one_where_the_rate_is_swept(name):
     values = [500.0, 400.0, 60.0] if name == "rates.slow_hz" else [2, 5, 20]
@@ -156,31 +133,6 @@ def test_the_next_frame_stays_the_next_one_where_the_rate_is_swept(name):
         slow_hz = value if name == "rates.slow_hz" else 1000 / value
         (alone,) = package.compile(spec("dc-slow", 1000.0, slow_hz, "frame")).stable_intervals().high
         assert high == pytest.approx(alone, rel=1e-9)
-
-
-@pytest.mark.asks("designs")
-@pytest.mark.slow
-def test_designs_have_results_with_the_next_frame():
-    """Which cannot be later: there is no further delay."""
-    design = {
-        "vary": {"device.damping": [1.0, DAMPING]},
-        "wish": {"z_width": {"B_VE": [B_VE]}, "delay_margin": {"walls": [50]}},
-        "generations": 1,
-        "population": 8,
-    }
-    best = package.design(spec("dc-slow", 1000.0, 60.0, "frame").tables() | {"design": design})
-    (own,) = best[best["device.damping"] == DAMPING].itertuples()
-    assert own.z_width == pytest.approx(limit(direct, 1000.0, 60.0, "frame", 40.0, 160.0), rel=1e-6)
-    assert own.delay_margin == 0
-
-
-@pytest.mark.slow
-def test_what_init_writes_for_an_engine_of_60_hz_is_right(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert wavesweep("init", "pmw", "--set", "rates.slow_hz=60")[0] == 0
-    own = load("pmw.toml", [f"sweep={{K_VE={{start=0,stop=20000}}, B_VE=[{B_VE}]}}"])
-    (high,) = package.compile(own).stable_intervals().high
-    assert limit(waves, 1000.0, 60.0, "frame", 0.5 * high, 1.5 * high) == pytest.approx(high, rel=1e-8)
 
 
 LATE = [
@@ -206,11 +158,3 @@ def test_ends_of_results_that_are_late_are_those_of_a_march_in_time(kind, march,
             middle = (low + high) / 2
             inside = ((table.low < middle) & (middle < table.high)).any()
             assert inside == (radius(march, middle, 1000.0, frame, late) < 1)
-
-
-@pytest.mark.parametrize(
-    ("slow_hz", "said"), [(60.0, "mean of 17 ticks, a frame being 16.6667, "), (400.0, "mean of 3 ticks"), (50.0, "")]
-)
-def test_a_mean_that_is_no_whole_frame_is_said(slow_hz, said):
-    assumed = assumption_of_page(spec("pmw-mean", 1000.0, slow_hz, 0).values)
-    assert assumed.startswith(said or "explicit integration")

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 from support import exact
-from support.missing import needed
 from support.specs import nested, random_values, values_of
 
 import wavesweep
-from wavesweep.program.tables.hand_rows import hands_of
-from wavesweep.program.tables.interval_table import intervals
 
 VC = ("dc-vc", "dc-vc-lm")
 
@@ -72,19 +69,6 @@ def test_at_one_rate_it_is_the_impedance_of_adams_and_hannaford():
     for z in wanted[np.abs(wanted) > 1e-3]:
         if abs(z - 1) > 1e-6:  # cancels, since all of it is of differences
             assert np.abs(poles - z).min() < 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(("B_VC", "damping"), [(0.4, 1.5), (0.1, 0.8)])
-def test_every_passive_hand_is_stable_as_far_as_colgate_and_schenkel_say(B_VC, damping):
-    """With a rigid wall and velocity from differences: d > K_VC T/2 + B_VC."""
-    needed("passive")
-    changes = {"K_VE": 1e12, "velocity": "difference", "B_VC": B_VC, "damping": damping, "ratio": 2}
-    spec = wavesweep.load(nested(values_of("dc-vc", **changes)) | {"sweep": {"K_VC": {"start": 1.0, "stop": 20000.0}}})
-    found = intervals(spec, "K_VC", jobs=1, hands=hands_of(["passive"])).columns
-    (high,) = found["high"][found["hand"] == "passive"]
-    assert high == pytest.approx(2 * (damping - B_VC) / 1e-3, rel=1e-5)
 
 
 def test_a_local_model_that_knows_the_wall_hides_the_slow_loop_and_a_rigid_coupling_is_none():

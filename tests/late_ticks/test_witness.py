@@ -5,7 +5,6 @@ import pytest
 
 import wavesweep
 from tests.late_ticks.test_rows import SPEC, changed
-from wavesweep.engine.errors import SpecError
 from wavesweep.simulation.from_spec import simulated
 
 pytestmark = [pytest.mark.asks("for_all"), pytest.mark.asks("simulation")]
@@ -34,16 +33,3 @@ def test_a_pattern_of_ticks_grows_where_it_refutes_and_decays_where_all_are_prov
     assert late > early
     early, late = run(500.0, (0.001,))
     assert late < early
-
-
-@pytest.mark.parametrize(
-    ("simulate", "words"),
-    [
-        ({"ticks": []}, "simulate.ticks: expected a list of numbers, found an empty list"),
-        ({"ticks": [0.001, -1]}, "ticks.1."),
-        ({"ticks": [0.001], "jitter": 0.1}, "either lengths of ticks in turn, or jitter"),
-    ],
-)
-def test_wrong_lengths_are_refused(simulate, words):
-    with pytest.raises(SpecError, match=words):
-        wavesweep.load(changed(simulate=simulate))

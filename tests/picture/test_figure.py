@@ -9,10 +9,9 @@ from support.drawn import ARM, JOINT, NETWORK, WALL, as_blocks, random_network, 
 from support.plants import joint
 from support.specs import KINDS, nested
 
-import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controller_page import loop_drawing
-from wavesweep.picture.diagram import WIDEST_PICTURE, placed
+from wavesweep.picture.diagram import placed
 from wavesweep.picture.layout import LINES_APART, ROW
 from wavesweep.picture.wiring import wiring_of_drawing
 from wavesweep.program import plots
@@ -103,33 +102,6 @@ def on(line, x, y):
     return min(a, c) - TINY <= x <= max(a, c) + TINY and min(b, d) - TINY <= y <= max(b, d) + TINY
 
 
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["A", "W", "J", "joint", "pmw-lm", "pmw-lm-blocks", "dc", "twenty-1", "chain-2"])
-def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):
-    spec = SPECS[name]()
-    _, routes = routed(spec)
-    figure = plots.diagram(spec)
-    (axes,) = figure.axes
-    extents = [text.get_window_extent() for text in axes.texts if text.get_text()]
-    width, height = figure.canvas.get_width_height()
-    for box in extents:
-        assert box.x0 >= 0
-        assert box.x1 <= width
-        assert box.y0 >= 0
-        assert box.y1 <= height
-    for one, other in itertools.combinations(extents, 2):
-        assert not one.padded(-1).overlaps(other.padded(-1)), (one, other)
-    for _, a, b, c, d in routes.lines:
-        (p, q), (r, s) = axes.transData.transform([(a, b), (c, d)])
-        for box in extents:
-            inner = box.padded(-2)
-            assert not (min(p, r) < inner.x1 and max(p, r) > inner.x0 and min(q, s) < inner.y1 and max(q, s) > inner.y0)
-    # Seven points are at least ten pixels high if the picture is 1280 pixels wide; a narrower one is shown as it is.
-    assert figure.get_figwidth() <= WIDEST_PICTURE + 0.5
-    assert 7 / 72 * 1280 / figure.get_figwidth() >= 10
-
-
 def test_a_plant_of_several_blocks_shows_what_is_continuous_and_what_is_held():
     spec = load(joint())
     parts = {part.name: part for part in wired(spec).parts}
@@ -140,27 +112,6 @@ def test_a_plant_of_several_blocks_shows_what_is_continuous_and_what_is_held():
     assert said.count("plant") == 2
     assert "held \N{MINUS SIGN}kp" in said
     assert "continuous: acts between ticks too, as physics does" in said
-
-
-def test_a_controller_shows_its_blocks_its_wall_and_its_numbers():
-    loop = wired(built_in("pmw"))
-    parts = {part.name: part for part in loop.parts}
-    assert not any(gain.startswith("continuous") for part in loop.parts for _, terms in part.inputs for _, gain in terms)
-    assert {"f_h", "device", "encoder", "lp1", "avatar", "displacement", "reaction"} < parts.keys()
-    assert (parts["avatar"].type, parts["avatar"].every) == ("avatar", 20)
-    assert dict(parts["avatar"].inputs)["f"] == (("avatar.x_spring", "K_VE"), ("avatar.v", "B_VE"))
-    assert (parts["v_1_shown"].type, parts["v_1_shown"].phase) == ("hold", 3)
-    back = (("v_1_shown.y", "1"), ("x_s_shown.y", "Kp"), ("device.x", "-Kp"))
-    assert dict(parts["encoder"].inputs)["in"] == back
-    direct = [part.name for part in wired(built_in("dc")).parts]
-    assert direct == ["f_h", "device", "displacement", "reaction"]  # of one rate: nothing is sampled, and nothing held
-
-
-def test_the_picture_of_rates_that_do_not_divide_has_the_frame_in_which_they_meet():
-    canvas = plots.diagram(wavesweep.load({"controller": {"kind": "pmw"}, "rates": {"fast_hz": 1000.0, "slow_hz": 60.0}}))
-    said = [text.get_text() for text in canvas.axes[0].texts]
-    assert any("frame of 50 ticks, 50 ms" in each for each in said)
-    assert "every 16.6667 ticks: 60 Hz" in said
 
 
 def test_a_picture_that_nobody_could_read_is_refused():

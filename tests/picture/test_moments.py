@@ -9,7 +9,7 @@ from math import ceil, floor
 import numpy as np
 import pytest
 
-from wavesweep.picture.moments import in_words, moments
+from wavesweep.picture.moments import moments
 from wavesweep.program.spec import load
 
 TICK_HZ = 1024  # dead times in quarters of a tick are then doubles without rounding
@@ -206,21 +206,6 @@ def test_rates_that_do_not_divide_have_the_ages_of_their_own_instants(slow_hz, d
     found = moments(spec)
     assert found[-1].age == max(ages)
     assert min(life.oldest for life in found[-1].main.lives) == min(ages)
-
-
-def test_words_say_when_a_result_is_in_place_and_what_nothing_bounds():
-    late = {"controller": {"kind": "dc-slow"}, "environment": {"delay": "frame"}}
-    said = "the force is computed from samples up to 40 ms old (wall: in place 20 ms after it reads, held 20 ms)"
-    assert in_words(moments(load(late)), "the force") == said
-    ideal = moments(load({"controller": {"kind": "dc"}}))
-    assert (
-        in_words(ideal)
-        == "what acts on device.f is computed from samples up to 1 ms old (device.f: in place at once, held 1 ms)"
-    )
-    random = late | {"for_all": {"loss": 0.1}}
-    assert "up to 40 ms old if none is lost (" in in_words(moments(load(random)))
-    varying = late | {"for_all": {"rates.ratio": {"values": [10, 30], "varying": True}}}
-    assert "up to 60 ms old, 20 ms in the shortest frames (" in in_words(moments(load(varying)))
 
 
 @pytest.mark.asks("late_ticks")

@@ -6,8 +6,6 @@ import pytest
 from matplotlib import style as styles
 from matplotlib.colors import to_rgb
 
-import wavesweep
-from wavesweep.engine.errors import UsageError
 from wavesweep.picture.moments import moments
 from wavesweep.program import plots
 from wavesweep.program.plots.style import ONE_COLUMN, as_asked
@@ -55,19 +53,6 @@ def test_the_bars_are_the_life_of_the_oldest_number_and_its_age_is_below():
 
 
 @pytest.mark.slow
-def test_lost_results_are_crossed_and_lengthen_what_is_held():
-    canvas = plots.timing(load(SPECS["log"]))
-    shortest, _, longest, _ = canvas.axes
-    assert shortest.get_xlim() == longest.get_xlim()
-    assert shortest.get_title(loc="left") == "shortest frames, a result every 16 ms"
-    assert longest.get_title(loc="left") == "longest frames, a result every 41 ms, 1 lost in a row"
-    crosses = [line.get_xdata()[0] for line in longest.lines if line.get_marker() == "x"]
-    assert crosses == [82]
-    strong = to_rgb("#0072B2")  # the only rate: an exact velocity needs no block
-    assert [span[:2] for span in bars(longest) if span[2] == pytest.approx(strong)] == [(41, 123)]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "width", "dark"),
     [
@@ -100,21 +85,3 @@ def test_texts_can_be_read(name, width, dark):
         assert box.y1 <= high + 1
     for one, other in itertools.combinations(extents, 2):
         assert not one.padded(-1.5).overlaps(other.padded(-1.5)), (one, other)
-
-
-def test_a_loop_in_which_nothing_runs_has_no_picture_of_time():
-    spec = load(
-        {
-            "rates": {"tick_hz": 10},
-            "block": {"m": {"type": "mass", "mass": 1}},
-            "wire": {"m.f": "push"},
-            "ports": {"inputs": {"push": {"signal": "push", "unit": "N"}}, "outputs": {"x": {"signal": "m.x", "unit": "m"}}},
-        }
-    )
-    with pytest.raises(UsageError, match="expected a block that runs in ticks"):
-        plots.timing(spec)
-
-
-@pytest.mark.slow
-def test_a_compiled_loop_draws_it_too():
-    assert len(wavesweep.compile(LATE).plot_timing().axes) == 2

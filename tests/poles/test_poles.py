@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from pathlib import Path
 
 import control
 import numpy as np
@@ -11,12 +10,9 @@ from scipy.linalg import expm
 from support.drawn import APART, DRIVE
 
 import wavesweep
-from wavesweep.poles import table
 from wavesweep.poles.table import ends_on_circle
-from wavesweep.program import plots
 from wavesweep.program.analyses.asked import axes_asked
 from wavesweep.program.analyses.poles import poles
-from wavesweep.program.plots.style import as_asked
 from wavesweep.program.spec import load
 
 
@@ -62,14 +58,6 @@ def test_a_root_locus_has_the_poles_of_every_value_and_its_ends_are_on_the_circl
     assert (end[0], end[4]) == (interval, True)
     assert end[1]
     np.testing.assert_allclose(np.hypot(end[1], end[2]), 1, rtol=0, atol=1e-9)
-
-
-def test_the_figure_of_a_root_locus_marks_certified_ends():
-    own = wavesweep.compile(tomllib.loads(DRIVE))
-    canvas = own.plot_root_locus("kp")
-    (legend,) = [text.get_text() for text in canvas.legends[0].get_texts()]
-    (row,) = own.stable_intervals("kp").itertuples()
-    assert legend == f"kp = {row.high:.6g}, {row.high_hz:.4g} Hz"
 
 
 def test_at_one_rate_they_are_what_damp_of_python_control_has():
@@ -169,16 +157,3 @@ def test_a_root_locus_has_lines_through_the_poles_of_a_held_force_and_the_whole_
         for pole in np.linalg.eigvals(whole[:2, :2] - np.outer(whole[:2, 2], [kp, kd])):
             assert np.abs(vertices - pole).min() < 1e-9
     assert axes.get_xlim()[0] <= -1 < 1 <= axes.get_xlim()[1]
-
-
-@pytest.mark.slow
-def test_a_narrow_figure_has_its_legend_whole_and_says_what_its_lines_are():
-    """The legend of modes with three states each was cut off at both sides."""
-    spec = load(Path(__file__).parents[2] / "sweeps" / "templates" / "two-mass.toml")
-    found = table.poles(spec)
-    with as_asked(85 / 25.4):
-        canvas = plots.poles(found.columns, found.facts)
-    box = canvas.legends[0].get_window_extent()
-    assert 0 <= box.x0 < box.x1 <= canvas.bbox.x1
-    assert canvas.legends[0].get_texts()[0].get_text() == "poles"
-    assert "damping ratios of 0.1, 0.3, 0.5" in " ".join(canvas.get_supxlabel().split())

@@ -1,6 +1,5 @@
 """`wavesweep paper`, with the figures and statements that are quick."""
 
-import json
 from functools import cache
 
 import pytest
@@ -9,7 +8,6 @@ pytest.importorskip("wavesweep.passive", reason="the paper's program asks for pa
 from reproduce import figures, open_choices, passive_bank
 from reproduce.specs import load_paper
 from reproduce.statements.stability import STATEMENTS
-from wavesweep.program.results import read
 
 pytestmark = pytest.mark.slow
 
@@ -48,26 +46,6 @@ def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_
     assert err.splitlines()[-1].startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
 
 
-@pytest.mark.slow
-def test_quiet_says_nothing_and_the_table_of_statements_reads_back_and_names_all_specs(wavesweep, tmp_path):
-    assert wavesweep("paper", "--quiet", "--no-plot", "--out", "there") == (0, "", "")
-    csv, parquet = (read(tmp_path / f"there/statements{suffix}") for suffix in (".csv", ".parquet"))
-    assert {name: column.tolist() for name, column in csv.items()} == {
-        name: column.tolist() for name, column in parquet.items()
-    }
-    facts = json.loads((tmp_path / "there/statements.datapackage.json").read_text())["wavesweep"]
-    assert {"fig2", "fig4", "fig8", "pmw", "dc"} <= facts["specs"].keys()
-    assert not (tmp_path / "there/fig4.png").exists()
-
-
-@pytest.mark.slow
-def test_a_dash_writes_the_statements_to_stdout_and_no_file(wavesweep, tmp_path):
-    code, out, _ = wavesweep("paper", "--out", "-")
-    assert code == 0
-    assert out.startswith("number,where,statement,verdict,")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there/fig4.csv").write_text("mine\n")
@@ -75,13 +53,3 @@ def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
     assert code == 2
     assert "--overwrite" in err
     assert (tmp_path / "there/fig4.csv").read_text() == "mine\n"
-
-
-@pytest.mark.slow
-def test_the_verdicts_as_json_are_one_object_on_stdout(wavesweep):
-    code, out, err = wavesweep("paper", "--no-plot", "--json")
-    assert (code, err) == (0, "")
-    found = json.loads(out)
-    assert found["command"] == "paper"
-    assert sum(found["verdicts"].values()) == 1
-    assert "results/paper/statements.csv" in found["files"]

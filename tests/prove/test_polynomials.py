@@ -12,7 +12,7 @@ from support.drawn import random_network, random_tables
 
 import wavesweep
 from wavesweep.prove.ball_crossings import count_outside, crossings
-from wavesweep.prove.ball_polynomials import BallFamily, Budget, FamilyPart, bernstein, chebyshev
+from wavesweep.prove.ball_polynomials import BallFamily, Budget, FamilyPart
 from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 
@@ -52,21 +52,6 @@ def test_polynomials_on_a_part_enclose_those_of_each_value(number):
 
 def _weight(m, j, t):
     return comb(m, j) * t**j * (1 - t) ** (m - j)
-
-
-def test_chebyshev_polynomials_in_bernstein_form():
-    x = np.linspace(-1, 1, 9)
-    for slope, constant, expected in (
-        (1, 0, lambda k, t: np.cos(k * t)),
-        (2, 0, lambda k, t: np.sin((k + 1) * t) / np.sin(t)),
-        (2, -1, lambda k, t: np.cos((k + 0.5) * t) / np.cos(t / 2)),
-        (2, 1, lambda k, t: np.sin((k + 0.5) * t) / np.sin(t / 2)),
-    ):
-        rows = floats(bernstein(chebyshev(6, slope, constant), 7))
-        t = np.arccos(x[1:-1])
-        for k, row in enumerate(rows):
-            value = sum(c * _weight(7, j, (x[1:-1] + 1) / 2) for j, c in enumerate(row))
-            assert value == pytest.approx(expected(k, t), abs=1e-12)
 
 
 @pytest.mark.parametrize(("roots", "outside"), [([0.5, -0.9], 0), ([1.1, 0.2, -3.0], 2), ([0.6 + 0.9j, 0.6 - 0.9j, 0.1], 2)])

@@ -19,7 +19,6 @@ from wavesweep.program.spec import load
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.interval_table import intervals
 from wavesweep.reports import content
-from wavesweep.reports.sentences import interval_rows, question
 
 pytestmark = pytest.mark.slow
 PD = {
@@ -124,17 +123,6 @@ def test_the_commands_of_a_report_give_its_tables_and_the_report(axis, tmp_path,
 
 
 @pytest.mark.slow
-def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
-    sweep = {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}}
-    spec = PD | sweep | {"for_all": {"J": {"start": 0.009, "stop": 0.011}}}
-    text, rows = " ".join(read(wavesweep.report(spec)).words), wavesweep.stability_region(spec)
-    (told,) = rows[rows["counterexample"] != ""].itertuples()
-    (refuted,) = re.findall(rf"K = ([\d.]+)\s+{re.escape(told.counterexample)}", text)
-    assert told.fails_from <= float(refuted) < told.fails_from + 0.01  # six digits, on the side that is refuted
-    assert "for every J from 0.009 to 0.011?" in text
-
-
-@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("spec", "changes", "said"),
@@ -182,21 +170,6 @@ def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, c
     for wrong in ("report.pdf", "", "-", "nowhere/mine.toml/x.html"):
         Path("nowhere").touch()
         assert main(["report", "mine.toml", "-o", wrong]) == 2
-
-
-@pytest.mark.asks("for_all")
-def test_rows_of_messages_lost_at_random_have_their_words():
-    tables = {
-        "rates": {"tick_hz": 1.0},
-        "numbers": {"K": 0.1},
-        "block": {"plant": {"type": "tf", "num": [1], "den": [1, 0]}, "net": {"type": "channel", "loss": 0.3}},
-        "wire": {"net.u": "-K*plant.y", "plant.u": "net.y"},
-        "sweep": {"along": "K", "K": {"start": 0, "stop": 3}},
-    }
-    spec = load(tables)
-    assert question(spec) == "For which K from 0 to 3 is the loop stable, with messages that are late or lost?"
-    _, rows = interval_rows(intervals(spec, jobs=1))
-    assert [(row[0], row[-1]) for row in rows] == [("nominal numbers", "certified"), ("proved in mean square", "proved")]
 
 
 def test_a_figure_in_which_nothing_is_drawn_is_left_out():

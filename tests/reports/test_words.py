@@ -6,17 +6,9 @@ import pytest
 
 import wavesweep
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.reports.sentences import counterexamples, question
+from wavesweep.reports.sentences import counterexamples
 
 WALLS = {"K_VE": {"start": 0, "stop": 5000}}
-
-
-def test_a_single_value_is_a_condition_and_several_are_asked_of_each():
-    spec = wavesweep.load({"controller": {"kind": "pmw"}, "sweep": WALLS | {"B_VE": [2.0]}})
-    assert question(spec) == "For which K_VE from 0 to 5000 N/m is the loop stable, at B_VE = 2 N*s/m?"
-    spec = wavesweep.load({"controller": {"kind": "pmw"}, "sweep": WALLS | {"B_VE": [2.0], "b": [10.0, 20.0]}})
-    end = "is the loop stable, at B_VE = 2 N*s/m, for each of b = 10, 20 N*s/m?"
-    assert question(spec) == f"For which K_VE from 0 to 5000 N/m {end}"
 
 
 def test_beyond_an_end_of_the_specs_own_loop_an_eigenvalue_is_outside_of_the_circle():

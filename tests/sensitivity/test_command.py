@@ -2,7 +2,6 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +9,7 @@ from support.drawn import ARM
 
 from wavesweep.program import results
 from wavesweep.program.plots import figure_of
-from wavesweep.program.plots.style import as_asked
 from wavesweep.program.spec import load
-from wavesweep.program.tables import kind_named
 from wavesweep.sensitivity.table import why
 
 HOLE = """
@@ -76,43 +73,9 @@ def test_another_axis_and_a_drawn_loop(wavesweep, hole, tmp_path):
     assert list(end["limit"]["elasticities"]) == ["kd", "kp", "rates.tick_hz"]
 
 
-def test_nothing_is_said_of_numbers_that_would_move_a_stiffness_of_0(wavesweep, tmp_path, monkeypatch):
-    path = Path(__file__).parents[2] / "sweeps/recipes/controllers/pmw.toml"
-    monkeypatch.chdir(tmp_path)
-    assert "  felt there: 0 N/m\n" in wavesweep("why", str(path), "--no-plot")[2]
-
-
-def test_no_limit_in_the_range_is_said(wavesweep, hole):
-    words = ("--set", "sweep.K_VE={start=1, stop=100}", "--out")
-    code, _, err = wavesweep("why", hole, *words, "none")
-    assert code == 0
-    assert "stability sets no end of it in the range searched, 1 to 100 N/m" in err
-    _, out, _ = wavesweep("why", hole, *words, "-")
-    assert out == ",".join(kind_named("why").names) + "\n"
-    words = ("--set", "sweep.K_VE={start=900, stop=1000}", "--no-plot", "--out", "unstable")
-    assert "K_VE: no stable interval in 900 to 1000 N/m" in wavesweep("why", hole, *words)[2]
-
-
 def panels(canvas):
     """The panels that are shown."""
     return [axis for axis in canvas.axes if axis.get_visible()]
-
-
-@pytest.mark.parametrize("width", [None, 3.5])
-def test_titles_of_two_ends_and_long_names_stay_in_the_figure(width):
-    """Of a drive whose numbers have long names, with what the rate of the ticks keeps below the bars."""
-    table = why(load("sweeps/templates/two-mass.toml"))
-    with as_asked(width):
-        canvas = figure_of("why")(table.columns, table.facts)
-    shown = panels(canvas)
-    assert len(shown) == 2
-    for panel in shown:
-        texts = [panel._left_title, panel.xaxis.label, *panel.get_yticklabels()]
-        boxes = [text.get_window_extent() for text in texts]
-        assert min(box.x0 for box in boxes) >= 0
-        assert max(box.x1 for box in boxes) <= canvas.bbox.x1
-        assert "same periods in ticks" not in " ".join(label.get_text() for label in panel.get_yticklabels())
-        assert panel.bbox.width > 0.3 * canvas.bbox.width
 
 
 def test_the_figure_has_a_panel_per_end_sorted_and_with_no_more_than_a_dozen_numbers():
@@ -137,22 +100,3 @@ def test_the_figure_has_a_panel_per_end_sorted_and_with_no_more_than_a_dozen_num
     shown = np.abs(table.columns["elasticity"])
     assert largest[0] == shown.max()
     assert panel.get_title(loc="left").startswith(r"high end, $K_\mathrm{VE}$ = ")
-
-
-def test_titles_fit_into_a_column():
-    tables = {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"K": 40.0, "J": 0.01},
-        "block": {"axis": {"type": "inertia", "inertia": "J", "damping": 0.5}, "gain": {"type": "gain", "k": "K"}},
-        "wire": {"gain.u": "-axis.x", "axis.f": "gain.y"},
-        "sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}},
-    }
-    table = why(load(tables))
-    with as_asked(89 / 25.4):
-        canvas = figure_of("why")(table.columns, table.facts)
-    canvas.draw_without_rendering()
-    (panel,) = panels(canvas)
-    title = panel._left_title.get_window_extent()
-    assert title.x1 <= canvas.bbox.width
-    assert "same periods in" in panel.get_xlabel()
-    assert panel.bbox.width > 0.6 * canvas.bbox.width

@@ -41,13 +41,6 @@ def test_the_end_moves_by_minus_the_ratio_of_the_growths(seed):
     assert not crossing.defective.any()
 
 
-def test_participation_is_that_of_the_states():
-    E = np.zeros((3, 3))
-    E[:2, :2], E[2, 2] = turn(1.0), 0.5
-    crossing = found(E, E, E[None], 1.0)
-    np.testing.assert_allclose(crossing.share, [[0.5, 0.5, 0]], atol=1e-12)
-
-
 def test_two_crossings_at_an_end_are_both_there_and_the_one_that_sets_it_is_the_first():
     r = np.random.default_rng(1)
     E, by_p, by_q = matrices(

@@ -1,71 +1,20 @@
 """Elasticities of limits against differences in 50 digits, against limits computed again, and against closed forms."""
 
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.derivatives import PATHS, elasticity, felt_elasticity
 from support.drawn import CORNER, JOINT, NETWORK, PD, random_tables
-from support.specs import nested, random_values, values_of
+from support.specs import nested, random_values
 
 import wavesweep
-from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import load
 
-ROOT = Path(__file__).parents[2]
-
-ALL_FEATURES = {
-    "integration": "explicit", "delay": 3, "velocity": "difference", "Kp": 20.0, "stiffness": 40.0, "K_LM": 800.0, "B_LM": 0.7,
-    "lp1_order": 1, "hp_order": 2, "operator__mass": 0.05, "operator__damping": 1.0,
-}  # fmt: skip
-# A hole in the range of pmw: ends at two frequencies and at z = -1.
-LOOPS = {
-    "pmw": values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57),
-    "pmw-lm": values_of("pmw-lm", **ALL_FEATURES),
-    "dc-slow": values_of("dc-slow", delay=4),
-}
-LONG = {"pmw-lm": ["b", "Kp", "K_LM", "B_VE", "device.mass", "rates.fast_hz", "filters.lp2.cutoff_hz"]}  # some numbers only
 # Powers of kg and of 1/s in the unit of each number.
 MASS = {"device.mass": 1, "device.damping": 1, "operator.mass": 1, "operator.damping": 1, "operator.stiffness": 1}
 MASS |= {"B_VE": 1, "b": 1, "K_LM": 1, "B_LM": 1, "Kp": 0.5}
 RATE = {"rates.fast_hz": 1, "device.damping": 1, "operator.damping": 1, "operator.stiffness": 2, "B_VE": 1, "b": 1}
 RATE |= {"K_LM": 2, "B_LM": 1, "Kp": 1.5} | {f"filters.{name}.cutoff_hz": 1 for name in ("lp1", "hp", "lp2")}
-
-
-def ends_of(table):
-    """The certified rows of ends that are not zero, for numbers that are not zero."""
-    assert table.certified[(table.quantity == "end") | (table.limit_value != 0)].all()  # nothing is felt of a wall of 0
-    return table[(table.limit_value != 0) & (table.value != 0)]
-
-
-@pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("name", LOOPS)
-def test_central_differences_in_50_digits_give_the_same(name):
-    values = LOOPS[name]
-    rows = ends_of(wavesweep.compile(nested(values)).sensitivity())
-    assert (rows.limit_value > 0).any()
-    rows = rows[rows.number.isin(LONG[name])] if name in LONG else rows
-    for (_, _, number), pair in rows.groupby(["interval", "side", "number"]):
-        quantities = pair.set_index("quantity")
-        limit, omega = quantities.limit_value["end"], quantities.omega["end"]
-        path = PATHS.get(number, number)
-        exact = elasticity(values, "environment.K_VE", limit, omega, path)
-        assert quantities.elasticity["end"] == pytest.approx(float(exact), rel=1e-8)
-        felt = felt_elasticity(values, "environment.K_VE", limit, path, exact)
-        assert quantities.elasticity["felt"] == pytest.approx(float(felt), rel=1e-8)
-
-
-@pytest.mark.slow
-def test_along_a_number_that_is_no_wall_too():
-    values = values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57, K_VE=900.0)
-    rows = ends_of(wavesweep.compile(nested(values)).sensitivity("b", (2.0, 100.0)))
-    rows = rows[rows.quantity == "end"]
-    assert {"K_VE", "device.mass"} <= set(rows.number)
-    for row in rows.itertuples():
-        exact = elasticity(values, "controller.b", row.limit_value, row.omega, PATHS.get(row.number, row.number))
-        assert row.elasticity == pytest.approx(float(exact), rel=1e-8)
 
 
 def dimension(rows, powers):
@@ -175,83 +124,10 @@ def test_a_row_that_is_not_certified_has_a_doubt_and_no_numbers():
     assert table[["elasticity", "slope", "damping_ratio"]].isna().all(axis=None)
 
 
-WITHOUT = "without derivatives, since they are whole numbers or decide how the loop is built"
-
-
-def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
-    table = wavesweep.why({"controller": {"kind": "dc-slow"}, "sweep": {"B_VE": [0.5, 1.0]}})
-    zero = table[table.number == "operator.mass"]
-    assert (zero.elasticity == 0).all()
-    assert zero.slope.isna().all()
-    assert table.attrs["facts"]["notices"] == [
-        "B_VE is not swept here, held at the spec's 1",
-        f"{WITHOUT}: rates.ratio, device.delay, device.dead_time, environment.delay",
-    ]
-    uneven = wavesweep.why({"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": 60.0}})
-    assert uneven.attrs["facts"]["notices"][-1].endswith(
-        "is built: rates.fast_hz (the spec keeps rates.slow_hz), rates.slow_hz, device.delay, device.dead_time, "
-        "environment.delay"
-    )
-    assert table.attrs["units"]["omega"] == "rad/s"
-    assert set(table[table.number == "B_VE"].number_unit) == {"N*s/m"}
-    assert set(table.unit) == {"N/m"}
-
-
 def test_a_range_without_a_limit_has_no_rows():
     table = wavesweep.compile({"controller": {"kind": "dc"}}).sensitivity("device.mass", (0.5, 1.0))
     assert len(table) == 0
     assert table.columns[0] == "along"
-
-
-def test_requests_that_cannot_be_met_say_why():
-    loop = wavesweep.compile(tomllib.loads(PD.replace("-kp*m.x", "-value*m.x").replace("kp =", "value =")))
-    with pytest.raises(
-        UsageError, match=r"value: the table has a column of this name; name the axis by its path, numbers.value"
-    ):
-        loop.sensitivity("kd", (0.01, 2000), value=[1.0, 2.0])
-    with pytest.raises(SpecError, match="a span to search"):
-        wavesweep.why({"controller": {"kind": "pmw"}}, "operator.damping")  # ten times 0 is no range
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize(("along", "span", "end"), [("b", (5, 1000), "high"), ("Kp", (0, 50), "low")])
-def test_where_a_frame_does_not_say_what_is_felt_there_are_no_derivatives_of_it(along, span, end):
-    """The device alternates from tick to tick at the high end; at 0 a branch is out of the loop."""
-    table = wavesweep.compile({"controller": {"kind": "pmw"}}).sensitivity(along, span)
-    rows = table[(table.side == end) & (table.quantity == "felt") & (table.value != 0)]
-    assert len(rows) > 3
-    assert (rows.doubt == "rounding").all()
-    assert rows.elasticity.isna().all()
-    assert (rows.limit_value > 300).all()
-
-
-def test_a_range_that_the_spec_does_not_give_is_named():
-    sweep_of = {"controller": {"kind": "pmw"}, "sweep": {"b": [10.0, 20.0]}}
-    notices = wavesweep.why(sweep_of, "b").attrs["facts"]["notices"]
-    assert "b has values in [sweep]: searched between their ends, from 10 to 20" in notices
-    assert not any("no span" in each for each in wavesweep.why(sweep_of, "K_VE").attrs["facts"]["notices"])
-    grid = {"controller": {"kind": "pmw"}, "sweep": {"b": {"start": 10.0, "stop": 20.0}, "K_VE": {"start": 0, "stop": 99}}}
-    table = wavesweep.stability_region(grid, "b")
-    assert "K_VE is not swept, because it has a range and no values: held at the spec's 500" in table.attrs["facts"]["notices"]
-
-
-@pytest.mark.slow
-@pytest.mark.asks("simulation")
-def test_a_mode_has_its_strongest_line_within_the_frame():
-    """The sampled damping of the waves turns the velocity over every other tick; once a frame that looks slow."""
-    waves = wavesweep.why(load(ROOT / "sweeps/examples/first-hour.toml", ["sweep.b={start=8,stop=200}"]), "b")
-    assert waves.hz.to_numpy() == pytest.approx(251.2, abs=0.1)
-    policy = wavesweep.why(load(ROOT / "sweeps/recipes/policy.toml"))  # PD in every fifth tick of 1 ms, alternating
-    assert policy.hz.iloc[-1] == pytest.approx(100, rel=1e-6)
-    assert policy.omega.iloc[-1] == 0
-    free = wavesweep.why(load(ROOT / "sweeps/recipes/wheel.toml"))
-    assert free.hz.iloc[0] == 0  # the wheel that nothing holds
-
-
-def test_a_loop_with_no_other_number_is_refused():
-    with pytest.raises(UsageError, match="expected a number besides h that the loop varies with smoothly, found none"):
-        wavesweep.why(ROOT / "sweeps" / "recipes" / "batch-reactor.toml")
 
 
 @pytest.mark.parametrize("rates", [{"ratio": 5}, {"slow_hz": 200.0}])
@@ -347,27 +223,3 @@ def test_along_a_dead_time_every_part_of_the_range_has_the_derivatives_of_its_lo
     assert rows.elasticity["rates.tick_hz"] == pytest.approx(-by_rate / by_lag, abs=1e-5)
     assert rows.elasticity.tolist() == rows.elasticity_down.tolist()
     assert 0 < rows.damping_ratio.iloc[0] < 0.1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("tables", "along", "numbers"),
-    [
-        (with_dead_times(0.04, sensor=0.16), "k", ["lag", "sensor", "rates.tick_hz"]),  # one tick together with another
-        ({"controller": {"kind": "dc"}, "device": {"dead_time": 0.001}}, "K_VE", ["device.dead_time", "rates.fast_hz"]),
-    ],
-)
-def test_both_sides_of_a_kink_are_those_of_ends_computed_again(tables, along, numbers):
-    loop = wavesweep.compile(tables)
-    rows = loop.sensitivity(along, (0, 9000))
-    rows = rows[(rows.quantity == "end") & (rows.side == "high")].set_index("number")
-    for number in numbers:
-
-        def end(value, number=number):
-            return loop.stable_intervals(along, (0, 9000), **{number: value}).high.iloc[0]
-
-        row = rows.loc[number]
-        assert row.certified
-        assert abs(row.elasticity - row.elasticity_down) > 1e-3
-        for given, sign in ((row.elasticity, 1), (row.elasticity_down, -1)):
-            assert given == pytest.approx(one_sided(end, row.value, sign), abs=1e-5)

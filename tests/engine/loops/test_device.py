@@ -7,10 +7,9 @@ from support import exact
 from support.specs import values_of
 
 import wavesweep
-from wavesweep.engine._keys.key import LARGEST, SMALLEST
+from wavesweep.engine._keys.key import SMALLEST
 from wavesweep.engine._loops.blocks import held
 from wavesweep.engine._loops.blocks import mass as mass_block
-from wavesweep.engine.errors import SpecError
 
 # mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
 # spring in the hand; stiff and overdamped; heavy and slow.
@@ -26,7 +25,7 @@ def block_of(mass, damping, stiffness, period):
     return mass_block("device", period, mass, damping, stiffness)
 
 
-@pytest.mark.parametrize(("mass", "damping", "stiffness", "period"), CALM + RINGING)
+@pytest.mark.parametrize(("mass", "damping", "stiffness", "period"), RINGING)
 def test_a_tick_is_the_exponential_of_the_plant(mass, damping, stiffness, period):
     """scipy's expm is good to a few ulp, times the norm that it squares away, of each column's largest entry."""
     block = block_of(mass, damping, stiffness, period)
@@ -50,16 +49,6 @@ def test_every_entry_keeps_its_digits(mass, damping, stiffness, period):
             assert abs(have - want) <= 1e-13 * abs(want)
 
 
-def test_devices_of_a_batch_come_out_as_one_by_one():
-    """Masses from grams to tons share the number of doublings, which must not be seen in the result."""
-    mass, damping = np.array([1e-4, 0.1, 1e3]), np.array([50.0, 0.0, 2.0])
-    together = block_of(mass, damping, 10.0, 1e-3)
-    for i in range(3):
-        alone = block_of(mass[i], damping[i], 10.0, 1e-3)
-        np.testing.assert_allclose(together.E[i], alone.E, rtol=1e-14)
-        np.testing.assert_allclose(together.B[i], alone.B, rtol=1e-14)
-
-
 @pytest.mark.parametrize(("kind", "limit"), [("dc", 3000.0), ("dc-slow", 150.0)])
 def test_the_least_mass_has_the_limit_of_a_bare_damper(kind, limit):
     """A damper alone under a held force moves by F T/d in a step of T: stable to 2 d/T of the wall's own period."""
@@ -67,17 +56,6 @@ def test_the_least_mass_has_the_limit_of_a_bare_damper(kind, limit):
     table = wavesweep.compile(tables).stable_intervals(span=(0.0, 2e4))
     assert table["low"].tolist() == [0.0]
     np.testing.assert_allclose(table["high"], limit, rtol=1e-9)
-
-
-@pytest.mark.parametrize("mass", [1e-163, 1e-200, SMALLEST / 2, 2 * LARGEST])
-def test_a_mass_whose_motion_would_leave_doubles_is_refused(mass):
-    loop = wavesweep.compile({"controller": {"kind": "dc"}})
-    for ask in (
-        lambda: loop.with_(**{"device.mass": mass}),
-        lambda: loop.stable_intervals(**{"device.mass": [1e-3, mass, 1e3]}),
-    ):
-        with pytest.raises(SpecError, match="a number from 1e-60 to 1e\\+60 in size, or 0"):
-            ask()
 
 
 def test_a_spring_that_turns_more_often_in_a_tick_than_doubles_can_count_is_not_known():

@@ -59,10 +59,3 @@ def test_ends_are_where_the_tick_by_tick_run_begins_to_grow(drawn, along, march,
     for end, outwards in zip(ends, (-1, 1), strict=True):
         assert size_after(march(end - outwards * 0.01), 10000) < 1e-6
         assert size_after(march(end + outwards * 0.01), 10000) > 1e6
-
-
-def test_the_tick_sets_the_period_of_a_loop_that_does_not_read_it():
-    alone = FOLLOWER | {"block": {"plant": PLANT}, "wire": {"plant.u": "-k*plant.y"}}
-    table = wavesweep.compile(alone).stable_intervals(along="k", span=(0, 20), **{"rates.tick_hz": [500.0, 1000.0]})
-    np.testing.assert_allclose(table.high, 6.0, rtol=1e-12)
-    np.testing.assert_allclose(table.high_hz, [250.0, 500.0], rtol=1e-12)

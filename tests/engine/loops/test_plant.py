@@ -6,9 +6,7 @@ import pytest
 import scipy.linalg
 from support.plants import WAYS, bodies
 
-import wavesweep
 from wavesweep.engine._loops.from_drawing import assembled
-from wavesweep.engine.errors import IllPosedLoopError, SpecError
 from wavesweep.program.spec import load
 
 ENTRIES = 4 * np.finfo(float).eps  # of its terms, the error of an entry (see `rounding`)
@@ -88,14 +86,3 @@ def test_direct_terms_within_a_plant_are_solved(g, q):
     np.testing.assert_allclose(block.E[0], whole[:4, :4], rtol=1e-12, atol=1e-16)
     np.testing.assert_allclose(block.B[0][:, [block.inputs.index("lag:u")]], whole[:4, 4:], rtol=1e-12)
     np.testing.assert_allclose(block_of(CHAIN, g=g, q=q)[0].E, block.E[0], rtol=1e-15)
-
-
-@pytest.mark.whole
-def test_a_loop_of_direct_terms_without_a_solution_is_refused_with_its_blocks():
-    """num 1 and 1 with a gain of 1: y = y."""
-    ring = {"a": {"type": "tf", "num": [1, 5], "den": [1, 3]}, "b": {"type": "tf", "num": [1, 1], "den": [1, 2]}}
-    tables = {"rates": {"tick_hz": 100}, "numbers": {"g": 1.0}, "block": ring, "wire": {"a.u": "g*b.y", "b.u": "a.y"}}
-    with pytest.raises(SpecError, match=r"block.a: expected loops of direct terms that have a solution, found .* through a, b"):
-        wavesweep.verdict(tables)
-    with pytest.raises(IllPosedLoopError, match=r"the direct terms through a.y, b.y of the plant a\+b make a loop"):
-        wavesweep.compile(tables | {"numbers": {"g": 0.5}}).spectral_radius(g=[0.5, 1.0])

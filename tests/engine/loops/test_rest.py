@@ -44,21 +44,8 @@ def test_expressions_are_those_of_decimals(text, exact):
     assert value(text, **NUMBERS) == exact
 
 
-@pytest.mark.parametrize("text", ["sqrt((a - c)**2) + a - c", "((a - c)**2)**0.5 - a + c"])
-def test_the_root_of_a_square_that_varies_is_neither_of_two_numbers(text):
-    known = {"a": decimal(0.1), "c": decimal(0.3)}
-    assert value_in_fractions(parse(text), known, {"a"})
-    assert not value_in_fractions(parse("sqrt((a - c)**2) + a - c"), known)
-
-
-@pytest.mark.parametrize("text", ["1/(a - a)", "a**0.3", "2**(a/3)", "sqrt(-a)", "a**1000"])
-def test_numbers_that_are_not_exact_are_refused(text):
-    with pytest.raises((ArithmeticError, ValueError)):
-        value(text, a=2.0)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(8))
 def test_no_tick_changes_what_a_shift_moves(seed):
     """Where nothing reads what moves but what moves with it."""
     spec = load(random_tables(seed))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.engine._loops.block import SPARSE_ROWS
-from wavesweep.engine._monodromy import batches
-from wavesweep.engine._monodromy.batches import CACHED, in_parts, product, sparse
+from wavesweep.engine._monodromy.batches import product, sparse
 
 
 def chain(n, kind=float):
@@ -34,14 +33,3 @@ def test_what_is_done_with_a_matrix_does_not_depend_on_its_batch():
             whole = product(one, another)
             pairs = (np.broadcast_to(part, whole.shape) for part in (one, another))
             assert all((found == product(a, b)).all() for found, a, b in zip(whole, *pairs, strict=True))
-
-
-def test_few_rows_are_multiplied_as_they_are(monkeypatch):
-    monkeypatch.setattr(batches, "_product", None)
-    assert (product(chain(SPARSE_ROWS - 1), chain(SPARSE_ROWS - 1)) == chain(SPARSE_ROWS - 1) @ chain(SPARSE_ROWS - 1)).all()
-
-
-@pytest.mark.parametrize("kind", [float, complex])
-def test_a_batch_in_parts_has_the_same_bits(kind):
-    E = np.random.default_rng(1).normal(size=(2 * CACHED // (25 * 8) + 7, 5, 5)).astype(kind) - np.eye(5)
-    assert np.array_equal(in_parts(lambda part: E[part], E.shape[:1], 5, kind), E)

@@ -1,26 +1,20 @@
 """Loops of several rates against limits that are known in closed form, the built-in loops, and products tick by tick."""
 
-import re
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.drawings import T, pmw, random_drawing
-from support.specs import nested, values_of
+from support.drawings import T, random_drawing
 
 import wavesweep
 from wavesweep.engine._loops import blocks
-from wavesweep.engine._loops.from_drawing import Ports
 from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_frame import cut_of, open_frame
-from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, products_of_rows, then
+from wavesweep.engine._monodromy.periodic import Ticks, frame_of, products_of_rows, then
 from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
 from wavesweep.engine._monodromy.rounding import both
-from wavesweep.engine._response.lifted import Lifted
-from wavesweep.engine._response.port import Port
-from wavesweep.engine._response.steady import respond
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
 from wavesweep.engine._stability.stable import stable_intervals
@@ -66,19 +60,6 @@ def test_pd_on_a_mass_with_forces_held_over_a_tick():
     assert ends == [(pytest.approx(100 * T / 2, rel=1e-9), pytest.approx(400, rel=1e-9))]
 
 
-def test_a_joint_of_a_physics_engine():
-    """Semi-implicit Euler, kp explicit, kd implicit: kp < (4 I + 2 h kd)/h^2."""
-    h, inertia, kd = 1e-3, 0.2, 3.0
-
-    def joint(p):
-        a = 1 / (1 + h * kd / inertia)
-        A = [[a, -a * h / inertia * p], [h * a, 1 - h * h / inertia * a * p]]
-        block = blocks.ss("j", h, A, [[0.0], [0.0]], [[0.0, 1.0]], [[0.0]], ("u",), ("x",), discrete=True)
-        return MultirateLoop(h, (ScheduledBlock(block),), {})
-
-    assert along_any(joint, (0, 2e6)) == ([(0, pytest.approx((4 * inertia + 2 * h * kd) / h**2, rel=1e-9))], True)
-
-
 @pytest.mark.parametrize(("ticks", "t"), [(0, 0.4), (1, 0.3), (3, 0.2), (7, 0.1)])
 def test_an_undamped_mass_with_difference_velocity_and_delay(ticks, t):
     mass, R = 0.1, 4 * np.sin(t / 2) ** 2 / np.cos(t / 2)
@@ -116,39 +97,7 @@ def test_an_integrator_behind_a_network(share, phase):
     assert exactly(lambda _: draw({"a.u": {"s.y": 1.0}, "x.f": {"w": -1.0}}), "a.y", (0, 600)) == (expected, True)
 
 
-WAVES = [{}, {"Kp": 20.0}, {"delay": 7}, {"delay": 7, "Kp": 20.0}, {"integration": "implicit"}, {"order": 3}]
-
-
-def built_in(changes):
-    changes = {"lp1_order" if name == "order" else name: value for name, value in changes.items()}
-    return wavesweep.compile(nested(values_of("pmw", **({"integration": "explicit"} | changes))))
-
-
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize("changes", WAVES)
-def test_waves_written_as_blocks_are_the_built_in_loop(changes):
-    """Its walls exactly, its radius, its response and its port."""
-    reads, B = ("av.x_spring", "av.v"), np.array([[0.0, 0.5, 1.0, 3.0]])
-    drift = MarginalModes.of(pmw(**changes), pmw(**changes, b=11.0), reads)
-    cut = cut_at(pmw(**changes), drift, reads)
-    found, own = stable_intervals(cut.at(np.newaxis), FIRST, (0, 20000), B), built_in(changes)
-    table = own.stable_intervals(B_VE=B[0])
-    assert found.high == pytest.approx(table["high"].to_numpy(), rel=1e-10)
-    closed = pmw(**changes, wall=(500.0, 1.0))
-    drift = MarginalModes.of(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)))
-    radius = np.abs(1 + np.linalg.eigvals(drift.closed_frame(closed))).max()
-    assert radius == pytest.approx(float(own.spectral_radius()), rel=1e-12)
-    ports = Ports("hand", "m.x", "f_m")
-    port = Port.of(closed, ports, MarginalModes.of(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)), ("m.x", "f_m")))
-    frequency = np.array([1e-2, 1.0, 49.9, 50.0, 123.0])
-    seen, rows = respond(Lifted.of(port), frequency), own.response(frequency)
-    assert seen.admittance == pytest.approx((rows["admittance_re"] + 1j * rows["admittance_im"]).to_numpy(), rel=1e-10)
-    assert seen.impedance == pytest.approx((rows["impedance_re"] + 1j * rows["impedance_im"]).to_numpy(), rel=1e-10)
-    assert seen.admittance_error.max() < 1e-9
-
-
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(8))
 def test_a_frame_is_the_product_of_its_ticks(seed):
     drawn = random_drawing(seed)
     ticks = Ticks.of(drawn)
@@ -156,16 +105,6 @@ def test_a_frame_is_the_product_of_its_ticks(seed):
     for kind in ticks.kind:
         whole = (np.eye(len(whole)) + ticks.maps[kind].E) @ whole
     assert np.abs(frame_of(ticks) + np.eye(len(whole)) - whole).max() < 1e-12 * max(1, np.abs(whole).max())
-
-
-@pytest.mark.parametrize("length", [1, 2, 7, 60])
-def test_maps_are_joined_in_their_order(length):
-    r = np.random.default_rng(length)
-    kinds, maps = r.integers(0, 3, length), list(0.1 * r.normal(size=(3, 4, 4)))
-    whole = np.eye(4)
-    for kind in kinds:
-        whole = (np.eye(4) + maps[kind]) @ whole
-    assert in_a_row(kinds, maps, then) + np.eye(4) == pytest.approx(whole, rel=1e-11, abs=1e-11)
 
 
 @pytest.mark.slow
@@ -197,23 +136,6 @@ def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
     assert (off <= together[1][0]).all()
 
 
-def test_tight_bounds_on_a_frame_hold_the_errors_of_its_ticks():
-    """Each tick is off by what its terms may be off by, at random; the product of those is within the bounds, and not far."""
-    r = np.random.default_rng(5)
-    kinds = np.repeat(r.integers(0, 3, 40), r.integers(1, 40, 40))
-    slow = np.diag([-0.02, -0.3, -0.001, -1.0])
-    changes = [slow + 0.02 * r.normal(size=(4, 4)) for _ in range(3)]
-    sizes = [1e6 * np.abs(change) for change in changes]
-    E, dE = product_with_tight_errors(kinds, changes, sizes)
-    farthest = np.zeros_like(E)
-    for _ in range(200):
-        off = [change + ENTRY_ROUNDING * size * r.choice([-1, 1], (4, 4)) for change, size in zip(changes, sizes, strict=True)]
-        farthest = np.maximum(farthest, np.abs(product_with_tight_errors(kinds, off, sizes)[0] - E))
-    assert (farthest <= dE).all()
-    assert (dE < 20 * farthest).all()
-    assert (dE < product_with_errors(kinds, changes, sizes)[1] / 2).all()
-
-
 def test_the_norm_of_errors_bounds_what_is_known_of_each_entry():
     """In units that differ by a thousand, of ticks that repeat and do not; the product is the same to the last bit."""
     r = np.random.default_rng(7)
@@ -240,23 +162,6 @@ def test_a_state_that_a_tick_forgets_is_forgotten_exactly():
     assert (np.eye(4) + then(first, second))[3, 2].any()
 
 
-def placed_hold(**place):
-    return MultirateLoop(
-        1e-3,
-        (ScheduledBlock(blocks.mass("arm", 1e-3, 0.1), 1), ScheduledBlock(blocks.defined("hold", "h", 5e-3), **place)),
-        {"h.u": {"arm.x": 1.0}, "arm.f": {"h.y": -20.0}},
-    )
-
-
-@pytest.mark.parametrize(
-    "place",
-    [{"every": 5, "phase": 5}, {"every": 5, "phase": -1}, {"every": 5, "phase": 2.5}, {"every": 0}, {"every": 5, "phase": ()}],
-)
-def test_a_block_that_would_never_run_is_refused(place):
-    with pytest.raises(UsageError, match="block h: expected every >= 1"):
-        placed_hold(**place)
-
-
 @pytest.mark.parametrize(
     ("sums", "found"),
     [
@@ -274,27 +179,3 @@ def test_junctions_of_unknown_names_and_rings_of_them_are_refused(sums, found):
         wavesweep.compile(MultirateLoop(1e-3, (arm, arm), {}))
     with pytest.raises(UsageError, match="period > 0"):
         wavesweep.compile(MultirateLoop(None, (arm, hold), {}))
-
-
-@pytest.mark.parametrize("frequency", [[-1.0], [600.0], [float("nan")], "x", []])
-def test_a_response_is_between_0_and_half_the_ticks_rate(frequency):
-    arm = ScheduledBlock(blocks.mass("arm", 1e-3, 0.1, damping=1.0))
-    loop = wavesweep.compile(MultirateLoop(1e-3, (arm,), {"arm.f": {"hand": 1.0}}, ("hand",)))
-    assert len(loop.response([1.0, 500.0], "hand", "arm.x")) == 2
-    with pytest.raises(UsageError, match="frequency_hz: expected numbers from 0 to 500 Hz"):
-        loop.response(frequency, "hand", "arm.x")
-
-
-@pytest.mark.parametrize(
-    ("mass", "gain", "said"),
-    [
-        (0.2, np.nan, "wire m.f: expected a finite gain of m.x, found nan"),
-        (0.2, np.inf, "wire m.f: expected a finite gain of m.x, found inf"),
-        (0.2, "-3", "wire m.f: expected a finite gain of m.x, found '-3'"),
-        (np.nan, -3.0, "block m: expected finite numbers, found an entry that is not finite"),
-    ],
-)
-def test_numbers_that_are_none_are_refused(mass, gain, said):
-    drawn = MultirateLoop(T, (ScheduledBlock(blocks.mass("m", T, mass)),), {"m.f": {"m.x": gain, "w": 1.0}}, ("w",))
-    with pytest.raises(UsageError, match=re.escape(said)):
-        wavesweep.compile(drawn)

@@ -7,10 +7,8 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import butter, tf2ss
 
-import wavesweep
 from wavesweep.engine._loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.engine._monodromy.open_ticks import OpenTicks
-from wavesweep.engine.errors import SpecError
 from wavesweep.haptics.controllers import CONTROLLERS, WALL
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -87,44 +85,6 @@ def test_rates_that_do_not_divide_give_the_loop_of_a_run_in_time(kind, slow_hz, 
     found = np.abs(np.linalg.eigvals(whole)) ** 0.5
     largest = found[np.abs(found - 1) > 1e-9].max()  # of direct coupling the avatar's state is not read
     assert radius(spec) == pytest.approx(largest, rel=1e-9)
-
-
-def test_rates_that_divide_and_others_in_one_sweep():
-    loop = wavesweep.compile(spec_of("pmw", environment={"integration": "explicit"}))
-    table = loop.stable_intervals(**{"rates.slow_hz": [50.0, 60.0]})
-    alone = [
-        wavesweep.compile(spec_of("pmw", rates={"slow_hz": rate}, environment={"integration": "explicit"})).stable_intervals()
-        for rate in (50.0, 60.0)
-    ]
-    assert table.certified.all()
-    for number, other in enumerate(alone):
-        np.testing.assert_allclose(table.high[table["rates.slow_hz"] == [50.0, 60.0][number]], other.high, rtol=1e-9)
-
-
-def test_what_rates_that_do_not_divide_cannot_have_is_refused():
-    for tables in ({"rates": {"slow_hz": 700}}, {"rates": {"slow_hz": 47.1234567}}):
-        with pytest.raises(
-            SpecError, match="by a fraction of at least 2 after which both are in step again within 100000 ticks"
-        ):
-            spec_of("pmw", **tables)
-    with pytest.raises(SpecError, match=r"a whole number <= 17 \(the longest frame, or \"frame\"\), found 18"):
-        spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 18})
-
-
-@pytest.mark.whole
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("kind", CONTROLLERS)
-def test_a_simulation_shows_the_response_of_the_loop(kind):
-    tables = {"rates": {"slow_hz": 60}, "environment": {"integration": "explicit", "K_VE": 60.0, "B_VE": 2.0}}
-    spec = spec_of(kind, **tables, device={"damping": 2.0}, operator={"damping": 3.0, "stiffness": 200.0})
-    spec = load(spec.tables() | {"simulate": {"input": "stepped-sine", "frequency_hz": [3.0, 7.3], "settle_s": 4.0}})
-    seen = wavesweep.simulate(spec)
-    response = seen[1] if isinstance(seen, (list, tuple)) else seen
-    assert (response["doubt"] == "").all()
-    for name in ("admittance", "impedance"):
-        linear = response[f"linear_{name}_re"] + 1j * response[f"linear_{name}_im"]
-        found = response[f"{name}_re"] + 1j * response[f"{name}_im"]
-        np.testing.assert_allclose(found, linear, rtol=1e-5)
 
 
 @pytest.mark.sample(7)

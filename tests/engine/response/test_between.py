@@ -6,7 +6,7 @@ import control
 import mpmath as mp
 import numpy as np
 import pytest
-from support.drawn import DRIVE, WALL, drive
+from support.drawn import DRIVE, drive
 
 import wavesweep
 from wavesweep.program.analyses.poles import poles
@@ -21,25 +21,6 @@ def loop(**changes):
 
 def value(table):
     return table.response_re.to_numpy() + 1j * table.response_im.to_numpy()
-
-
-def marched(frequency, source, ticks=6000):
-    """Components at the frequency of a sine in the last frame, when all has settled but for the angle that drifts."""
-    tick = np.exp(2j * np.pi * frequency * 0.001 * np.arange(ticks))
-    inputs = [tick if source == name else 0 * tick for name in ("ref", "load")]
-    rows = drive(inputs) / tick
-    return rows[:, -5:].mean(1)
-
-
-@pytest.mark.parametrize("source", ["ref", "load"])
-def test_a_loop_of_two_rates_answers_as_its_march_does(source):
-    found = loop().response(FREQUENCIES, from_=source)
-    assert (found.doubt == "").all()
-    for frequency, rows in found.groupby("frequency_hz"):
-        wanted = marched(frequency, source)
-        for name, each in zip(OUTPUTS, wanted, strict=True):
-            if name != "angle":
-                assert value(rows[rows.to_output == name])[0] == pytest.approx(each, rel=1e-9)
 
 
 def test_an_output_that_drifts_has_its_response():
@@ -74,25 +55,6 @@ def test_the_static_limit_is_exact_and_what_an_integrator_removes_is_0():
     assert found.response_abs["load", "speed"] == 0
     assert np.isnan(found.response_abs["ref", "angle"])  # it goes on without end
     assert found.doubt.eq("").all()
-
-
-def test_a_path_that_is_held_over_the_frame_has_no_component_at_multiples_of_its_rate():
-    found = loop().response([200.0, 400.0], from_="ref", to="torque")
-    assert found.response_abs.tolist() == [0, 0]
-    assert found.doubt.eq("").all()
-
-
-def test_from_the_hand_to_its_position_it_is_the_admittance():
-    tables = tomllib.loads(WALL.replace("[ports]", '[ports]\ninputs = { push = "hand" }\noutputs = { place = "m.x" }'))
-    own = wavesweep.compile(tables)
-    between, at_hand = own.response([1.0, 30.0], from_="push"), own.response([1.0, 30.0])
-    np.testing.assert_allclose(between.response_abs, at_hand.admittance_abs, rtol=1e-10)
-    np.testing.assert_allclose(between.response_deg, at_hand.admittance_deg, rtol=1e-10)
-
-
-def test_the_response_of_an_unstable_loop_is_in_doubt():
-    found = loop().response([1.0], from_="ref", to="speed", kp=[50.0])
-    assert found.doubt.tolist() == ["unstable"]
 
 
 def test_to_control_is_the_loop_at_the_starts_of_frames_under_inputs_held_over_them():

@@ -6,7 +6,6 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.engine._response.circle import Circle
 from wavesweep.engine._response.gain import gain_of
 
 
@@ -49,27 +48,3 @@ def test_long_frames_have_the_dense_gain(kind, ratio):
 def test_a_loop_that_may_drift_has_no_worst_case_at_multiples_of_the_slow_rate(kind, stiffness):
     found = gain(values_of(kind, stiffness=stiffness), [49.0, 50.0, 100.0, 101.0])
     assert np.isnan(found).tolist() == [False, True, True, False]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("ratio", [20, 50])
-def test_a_held_loop_has_a_finite_worst_case_at_multiples_of_the_slow_rate(kind, ratio):
-    """The gain is even about them: the mean of both sides 1e-4 Hz away is right to 1e-7."""
-    values, rate = values_of(kind, Kp=20.0, ratio=ratio, K_VE=100.0), 1000 / ratio
-    around = dense(values, [rate - 1e-4, rate + 1e-4, 2 * rate - 1e-4, 2 * rate + 1e-4])
-    np.testing.assert_allclose(gain(values, [rate, 2 * rate]), around.reshape(2, 2).mean(-1), rtol=1e-6)
-
-
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])
-def test_without_a_wall_nothing_holds_the_hand(kind):
-    """A constant force, or one that is aliased to a constant, moves a free hand for ever."""
-    found = gain(values_of(kind, K_VE=0.0), [49.0, 50.0, 101.0])
-    assert np.isnan(found).tolist() == [False, True, False]
-
-
-def test_the_ticks_of_a_circle_do_not_depend_on_what_was_asked_before():
-    frequency = np.geomspace(0.1, 400, 50)
-    fresh, asked = (Circle(frequency, 1000.0, 20) for _ in range(2))
-    for count in (3, 7, 20):
-        asked.ladder(count)
-    assert (asked.ladder(50) == fresh.ladder(50)).all()

@@ -4,28 +4,15 @@ import numpy as np
 import pytest
 from support import exact
 from support.responses import loop_of
-from support.specs import KINDS, nested, random_values, values_of
+from support.specs import random_values, values_of
 
 import wavesweep
-from wavesweep.engine._response import steady
-from wavesweep.engine._response.static import relative_response
 from wavesweep.engine._response.steady import static_response
 
 
 def static(values):
     """Static admittance and impedance of the loop."""
     return tuple(part.real for part in static_response(loop_of(values))[:2])
-
-
-@pytest.mark.sample(3)
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"stiffness": 120.0}, {"Kp": 20.0, "stiffness": 120.0, "delay": 7}])
-def test_the_limit_is_that_of_50_digits(kind, changes):
-    """At a nanohertz the real parts are the limit's to 18 digits."""
-    values = values_of(kind, **changes)
-    wanted = [float(part.real) for part in exact.response(values, 1e-9)]
-    assert static(values) == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.sample(3)
@@ -52,37 +39,6 @@ def test_waves_are_felt_as_a_spring_in_series():
     delay = -(exact.mp.log(exact.filter_response(8, 10.0, exact.mp.mpf("0.001"), False, exact.mp.expj("1e-20"))).imag) / 1e-17
     tau = float(delay) + 19 / 2 * 1e-3 + 3e-3
     assert static(values)[1] == pytest.approx(1 / (1 / 321.0 + tau / 14.0), rel=1e-7)
-
-
-@pytest.mark.parametrize(("ratio", "delay"), [(1, 1), (2, 0), (7, 3), (20, 20)])
-def test_the_mean_of_a_frame_is_felt_as_a_frame_less_a_tick_and_the_delay(ratio, delay):
-    values = values_of("pmw-mean", b=7.0, K_VE=321.0, ratio=ratio, delay=delay)
-    assert static(values)[1] == pytest.approx(1 / (1 / 321.0 + (ratio - 1 + delay) * 1e-3 / 14.0), rel=1e-12)
-
-
-def test_a_device_that_nothing_holds_has_no_admittance_and_feels_nothing():
-    for values in (values_of("dc-slow", K_VE=0.0), values_of("pmw-lm", hp_order=0)):
-        admittance, impedance = static(values)
-        assert np.isnan(admittance)
-        assert impedance == 0
-
-
-@pytest.mark.parametrize("kind", ["dc", "dc-slow"])
-def test_a_device_that_nothing_holds_has_no_admittance_beside_one_that_a_wall_holds(kind):
-    admittance, _ = static(values_of(kind, K_VE=np.array([0.0, 50.0])))
-    assert np.isnan(admittance[0])
-    assert admittance[1] == pytest.approx(1 / 50, rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_response_at_0_hz_is_the_limit_with_an_error(kind):
-    values = values_of(kind, Kp=20.0)
-    rows = wavesweep.compile(nested(values)).response([1.0, 0.0])
-    assert rows["impedance_re"][1] == static(values)[1]
-    assert rows["impedance_error"][1] < 1e-6
-    assert rows["worst_gain"][1] > rows["admittance_abs"][1] * (1 - 1e-9)
-    alone = wavesweep.compile(nested(values)).response([0.0])
-    assert alone["impedance_re"][0] == rows["impedance_re"][1]
 
 
 HEAVY = {  # a soft wave line before a heavy device: a row of the frame at rest loses eight digits
@@ -153,33 +109,6 @@ def test_a_small_share_of_the_force_is_bounded_or_missing(spec, wanted):
     missing = np.isnan(row.impedance_re) and np.isnan(row.impedance_error)
     assert missing or abs(row.impedance_re / wanted - 1) <= row.impedance_error
     assert row.doubt == "rounding" or row.impedance_error < 1e-6
-
-
-def test_only_loops_whose_limit_has_few_digits_are_asked_at_low_frequencies(monkeypatch):
-    """Two of four, by their wave impedance; all are as they are alone."""
-    soft = [1e-6, 10.0, 2e-6, 5.0]
-    values = values_of("pmw", mass=10.0, ratio=2, fast_hz=1e4, K_VE=500.0)
-    alone = [static_response(loop_of(values | {"controller.b": b})) for b in soft]
-    looked_at, extrapolated = [], steady._from_low_frequencies
-
-    def watched(loop, limits):
-        looked_at.append(loop.port.batch)
-        return extrapolated(loop, limits)
-
-    monkeypatch.setattr(steady, "_from_low_frequencies", watched)
-    together = static_response(loop_of(values | {"controller.b": np.array(soft)}))
-    assert looked_at == [(2,)]
-    np.testing.assert_allclose(together.impedance, [each.impedance for each in alone], rtol=1e-12)
-    np.testing.assert_allclose(together.impedance_error, [each.impedance_error for each in alone], rtol=0.1)
-
-
-@pytest.mark.parametrize(("error", "missing"), [(0.099, False), (0.101, True)])
-def test_a_number_without_a_correct_digit_is_missing(error, missing):
-    """Position and force of 2 m and 3 N: an error of a tenth leaves no digit of the admittance, and none of the impedance."""
-    found, off = np.array([[2.0 + 0j], [3.0 + 0j]]), np.array([[2 * error], [0.0]])
-    with np.errstate(invalid="ignore"):
-        admittance, impedance, *_ = relative_response(found, off)
-    assert np.isnan([admittance[0], impedance[0]]).tolist() == [missing] * 2
 
 
 def test_a_force_that_vanishes_up_to_rounding_is_zero_and_a_small_one_is_not():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support import exact
 from support.responses import loop_of
-from support.specs import INTEGRATIONS, KINDS, random_values, values_of
+from support.specs import KINDS, random_values, values_of
 
 from wavesweep.engine._response.steady import respond
 
@@ -70,58 +70,6 @@ def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
     multiples = slow_multiples(values)
     assert worst_error(values, [1e-3, 0.7, 33.3, 333.0], exact.response) < 1e-10
     assert worst_error(values, multiples, exact.limit) < 1e-10
-
-
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
-@pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"Kp": 20.0, "stiffness": 120.0}])
-def test_a_millihertz_keeps_nine_digits(kind, changes):
-    """Through the drift pole as a state, digits are lost like eps/w^2: none would be left."""
-    assert worst_error(values_of(kind, **changes), [1e-3], exact.response) < 1e-9
-
-
-# (kind, changes): long and slow filters, many ticks.
-HARD = [
-    ("pmw", {"lp1_order": 12, "lp1_cutoff_hz": 10.0}), ("pmw", {"lp1_order": 10, "lp1_cutoff_hz": 1.0, "delay": 20}),
-    ("pmw-lm", {"lp1_order": 6, "lp1_cutoff_hz": 3.0, "hp_order": 6, "lp2_order": 6, "Kp": 20.0}),
-    ("pmw-lm", {"ratio": 200, "delay": 100, "Kp": 20.0}),
-]  # fmt: skip
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "changes"), HARD)
-def test_long_filters_and_frames_keep_their_digits(kind, changes):
-    """10th order at 1 Hz: direct-form sections would answer with a relative error of 12."""
-    assert worst_error(values_of(kind, **changes), [0.1, 1.0, 23.0], exact.response) < 1e-9
-
-
-@pytest.mark.parametrize("integration", INTEGRATIONS)
-@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
-@pytest.mark.parametrize("delay", [0, 20])
-def test_with_position_feedback_the_wall_is_transmitted_exactly(kind, integration, delay):
-    """Kp makes x_s = x_m at rest, so stiffness at DC is K_VE; a mHz is off by its lag only, of order 1e-3 rad."""
-    values = values_of(kind, Kp=20.0, integration=integration, delay=delay)
-    admittance, impedance = response(values, 1e-3)
-    assert admittance[0].real == pytest.approx(1 / 500, rel=1e-4)
-    assert impedance[0].real == pytest.approx(500.0, rel=1e-4)
-    assert abs(admittance[0].imag) < 1e-3 / 500
-
-
-@pytest.mark.parametrize(("order", "aliased"), [(2, 1e-2), (4, 3e-4), (8, 1e-6)])
-@pytest.mark.parametrize("delay", [0, 5, 20])
-def test_without_feedback_delay_feels_like_compliance(order, aliased, delay):
-    """`1/K_VE + tau/(2b)`: LP1's group delay, half a frame's hold and the delay, up to what LP1 lets alias.
-
-    At the slow rate LP1 lets through 3e-2, 9e-4 and 7e-7, of which a third or less reaches the answer.
-    """
-    T, warped = 1e-3, np.tan(np.pi * 8.57e-3)
-    angles = np.pi * (2 * np.arange(1, order + 1) + order - 1) / (2 * order)
-    group_delay = (-1 / np.exp(1j * angles)).sum().real * T / (2 * warped)  # of the analog prototype, unwarped at DC
-    tau = group_delay + 19 / 2 * T + delay * T
-    values = values_of("pmw", lp1_order=order, lp1_cutoff_hz=8.57, delay=delay)
-    assert response(values, 1e-3)[0][0].real - 1 / 500 == pytest.approx(tau / 50, rel=aliased)
 
 
 @pytest.mark.sample(2)

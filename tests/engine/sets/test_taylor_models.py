@@ -55,19 +55,6 @@ def test_functions_are_within_their_rest_and_the_rest_is_of_the_size_of_what_is_
                 assert max(off) > found.rest / 300
 
 
-@pytest.mark.parametrize("name", ["inverse", "exp", "log", "sqrt"])
-def test_a_tenth_of_the_remainder_of_a_function_is_not_enough(name, monkeypatch):
-    """The remainders are so near to what is left out that a factor of ten in them is seen."""
-    whole = TaylorModel._composed
-    monkeypatch.setattr(TaylorModel, "_composed", lambda self, terms, left_out: whole(self, terms, left_out / 10))
-    with mpmath.workdps(40):
-        model = TaylorModel.side(0, 0.7, 1.3, 1, 3)
-        found = getattr(model, name)()
-        middle, half = (mpmath.mpf(float(term)) for term in model.terms[:2])
-        off = [abs(FUNCTIONS[name](middle + half * s) - value_at(found, [s])) for s in (-1, 1)]
-        assert max(off) > found.rest
-
-
 def test_arithmetic_of_models_numbers_and_balls_encloses_that_of_their_values():
     rng = np.random.default_rng(3)
     with mpmath.workdps(40):
@@ -82,14 +69,6 @@ def test_arithmetic_of_models_numbers_and_balls_encloses_that_of_their_values():
                 power = mpmath.mpf(0.3)
                 exact = (x * y - one * x) / (y + 2) + whole * x**3 - 1 / x**2 + y**power * mpmath.mpf(2) ** x - one
                 assert abs(exact - value_at(found, s)) <= found.rest
-
-
-@pytest.mark.parametrize("name", ["inverse", "log", "sqrt", "tan"])
-def test_what_has_no_bound_in_a_cell_names_the_number_that_moves_it_most(name):
-    narrow, wide = TaylorModel.side(0, 0.0, 1e-3, 2, 4), TaylorModel.side(1, -1.0, 4.0, 2, 4)
-    with pytest.raises(UnresolvedError) as caught:
-        getattr(narrow + wide, name)()
-    assert caught.value.number == 1
 
 
 WIDE = {  # of x and y from 0 to 1, and -1 to 1: what a cell that is far too wide for a series is known to be within
@@ -113,13 +92,6 @@ def test_what_holds_for_all_arguments_bounds_a_function_in_a_cell_that_is_too_wi
         own = [arb((1 + s[0]) / 2), arb(s[1])]
         exact = float(function(*own).mid())
         assert abs(exact - float(value_at(x._like(matrix.terms[:, 0, 0], 0.0), s))) <= matrix.rest[0, 0] + 1e-12
-
-
-@pytest.mark.parametrize("name", ["exp", "log", "inverse"])
-def test_a_number_that_is_only_wide_is_not_bounded_by_the_ends_of_a_function(name):
-    """Its cell is to be divided: half of it has a series."""
-    with pytest.raises(UnresolvedError):
-        getattr(TaylorModel.side(0, -9.0, 9.0, 1, 4), name)()
 
 
 def random_matrix(rng, n=3, order=4, size=0.1):

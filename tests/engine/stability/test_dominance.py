@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import wavesweep
 from wavesweep.engine._stability import along_any, covering
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.dominance import DominanceTests
@@ -146,26 +145,6 @@ def test_crossings_that_are_looked_for_in_the_wrong_place_are_never_missed(monke
     looked, wrong = look(range(200, 203), 5)
     assert looked > 50
     assert wrong == 0
-
-
-def test_a_dead_time_of_many_frames_far_from_its_edge_is_proved_in_one_step():
-    """Of 65 and 66 states all but two or three die away in a frame or two, and these are one block."""
-    tables = {
-        "rates": {"tick_hz": 500},
-        "numbers": {"lag": {"value": 0.125, "unit": "s"}},
-        "block": {
-            "arm": {"type": "tf", "num": [1], "den": [0.02, 1, 0]},
-            "dead": {"type": "delay", "seconds": "lag"},
-            "force": {"type": "hold", "every": 5},
-            "track": {"type": "hold", "every": 2},
-        },
-        "wire": {"force.u": "arm.y", "track.u": "-4*arm.y - force.y", "dead.u": "track.y", "arm.u": "dead.y"},
-    }
-    loop = wavesweep.compile(tables)
-    (row,) = loop.stable_intervals("lag", (0.1241, 0.1279)).itertuples()
-    assert row.certified
-    assert (row.low, row.high) == (0.1241, 0.1279)
-    assert (loop.spectral_radius(lag=np.array([0.1241, 0.126, 0.1279])) < 1).all()
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._stability.along_any import BENT, stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
 from wavesweep.engine.errors import UsageError
@@ -91,44 +90,12 @@ def test_frames_that_are_not_known_next_to_the_low_end_leave_the_column_in_doubt
     assert found.low.tolist() == [0.0]  # of what is not known, where all that is stable lies
 
 
-def test_a_root_that_is_zero_in_some_loops_is_no_hindrance_to_others():
-    loop = wavesweep.compile(joint("K*arm.x + arm.v + sqrt(K*z)*arm.v"))
-    found = loop.stable_intervals("K", (0, 100), z=[0.0, 1.0, 2.0])
-    assert found["certified"].all()
-    for z, row in zip([0.0, 1.0, 2.0], found.to_dict("records"), strict=True):
-        assert row["high"] == pytest.approx(loop.stable_intervals("K", (0, 100), z=z)["high"][0], rel=1e-9)
-
-
-def test_a_loop_that_is_held_by_something_else_begins_without_an_eigenvalue_1():
-    found = wavesweep.compile(joint("sqrt(K)*arm.v", stiffness=10.0, damping=1.0)).stable_intervals("K", (0, 100))
-    assert found["certified"].all()
-    assert found["low"].tolist() == [0.0]
-    assert found["low_omega"].isna().all()
-
-
 @pytest.mark.parametrize("force", ["arm.x/sqrt(K)", "K**-0.5*arm.x", "sqrt(K - 1)*arm.x", "sqrt(1 - K)*arm.x"])
 def test_a_range_with_values_without_a_loop_is_refused(force):
     tables = joint(f"K*arm.x + {force}")
     tables["numbers"]["K"] = 1.0
     with pytest.raises(UsageError):
         wavesweep.stability_region(tables | {"sweep": {"K": {"start": 0, "stop": 100}}}, "K")
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("K", 1),
-        ("3*m", 0),
-        ("K*m + 1", 1),
-        ("K*(K - 2)/m", 2),
-        ("(K + 1)**3", 3),
-        ("m/K", np.inf),
-        ("sqrt(K)", np.inf),
-        ("m**K", np.inf),
-    ],
-)
-def test_degree(text, expected):
-    assert parse(text).degree("K") == expected
 
 
 @pytest.mark.parametrize("from_crossing", [-1, 1])

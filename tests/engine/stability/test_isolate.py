@@ -1,14 +1,12 @@
 """Real roots of a polynomial in (-1, 1): what is called proved must be so, exactly."""
 
 from itertools import pairwise
-from math import comb
 
 import numpy as np
 import pytest
 from support import sturm
 
-from wavesweep.engine._stability import bernstein
-from wavesweep.engine._stability.bernstein import change_of_basis, largest_bernstein, roots_by_sign
+from wavesweep.engine._stability.bernstein import roots_by_sign
 from wavesweep.engine._stability.real_roots import ROOT_AT_END, by_discs, isolate
 
 METHODS = [isolate, by_discs]
@@ -91,7 +89,7 @@ def test_what_is_proved_is_so(hard, method):
     assert proved >= (36 if hard in (nothing, multiple) else 8)
 
 
-@pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("gap", [1e-1, 1e-4])
 def test_a_pair_of_roots_is_found_down_to_small_gaps(gap):
     """Two roots 1e-4 apart beside six others: still told apart, and proved."""
     roots = [0.3, 0.3 + gap, -0.7, 1.4, complex(0.1, 0.4), complex(-0.5, 0.9)]
@@ -123,52 +121,6 @@ def test_signs_decide_ordinary_rows_and_find_what_discs_find():
         assert slope[row == index].tolist() == found.slope_sign[index][inside][order].tolist()
 
 
-@pytest.mark.parametrize("noise", [1e-15, 1e-10, 1e-5])
-def test_a_stretch_that_noise_alone_may_be_is_given_up_at_once(monkeypatch, noise):
-    """`x^9` is below the noise over a wide stretch: halving every piece of it 24 times would make millions."""
-    seen, halves = [], bernstein._halves
-
-    def counting(b):
-        seen.append(b.shape[-1])
-        return halves(b)
-
-    monkeypatch.setattr(bernstein, "_halves", counting)
-    c = np.array([float(a) for a in sturm.from_roots([0.0] * 9)])
-    _, complete = roots_by_sign(np.tile(c / np.abs(c).max(), (20, 1)), np.full(20, noise))
-    assert not complete.any()
-    assert sum(seen) < 20 * 24
-
-
-@pytest.mark.parametrize("n", [2, 5, 9, 16])
-def test_bernstein_coefficients_are_those_of_the_polynomial(n):
-    """Every U_k summed up in both bases; and a Chebyshev polynomial has the largest coefficients that noise may have."""
-    x = np.linspace(-0.9, 0.8, 7)
-    t, angle = (x + 1) / 2, np.arccos(x)
-    bernstein = np.array([comb(n - 1, i) * t**i * (1 - t) ** (n - 1 - i) for i in range(n)])
-    second_kind = np.array([np.sin((k + 1) * angle) / np.sin(angle) for k in range(n)])
-    np.testing.assert_allclose(change_of_basis(n).T @ bernstein, second_kind, atol=1e-10)
-    first_kind = np.zeros(n)
-    first_kind[n - 1] = 0.5
-    first_kind[max(n - 3, 0)] -= 0.5 * (n > 2)
-    assert np.abs(change_of_basis(n) @ first_kind).max() == pytest.approx(largest_bernstein(n - 1))
-
-
-@pytest.mark.parametrize("tail", [[1e-14], [1e-12, 1e-17], [-1e-10, 3e-14, 1e-20]])
-def test_tiny_leading_coefficients_send_roots_far_away_and_do_no_harm(tail):
-    """The roots are seeds for polishing: a root at 1e14 costs the others digits (here all but 4), not their proof."""
-    c = np.array([float(a) for a in sturm.from_roots([0.3, -0.2, complex(0.5, 0.5)])] + tail)
-    assert check(c, 0.0)
-    found = isolate(c[None], np.zeros(1))
-    np.testing.assert_allclose(np.sort(found.value[found.inside]), [-0.2, 0.3], atol=1e-4)
-
-
-@pytest.mark.parametrize("tail", [[0.0], [0.0, 0.0], [0.0] * 4, [1e-18], [1e-300, 0.0]])
-def test_leading_zeros_may_cost_the_proof_but_never_make_it_wrong(tail):
-    """Roots at infinity overflow what is evaluated there, without a warning."""
-    c = np.array([float(a) for a in sturm.from_roots([0.3, -0.2, complex(0.5, 0.5)])] + tail)
-    check(c, 0.0)
-
-
 @pytest.mark.parametrize("row", [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0], [0.0], []])
 def test_degenerate_rows_are_answered_without_a_warning(row):
     """Nothing, a constant, all zero: all zero is never proved, a constant has no root."""
@@ -176,20 +128,3 @@ def test_degenerate_rows_are_answered_without_a_warning(row):
     assert bool(found.proved[0]) == any(row)
     if any(row):
         assert found.inside.sum() == (2 if len(row) == 3 else 0)  # U_2 = 4 x^2 - 1
-
-
-def test_the_signs_at_the_ends_and_the_slopes_are_those_of_the_polynomial():
-    c = np.array([float(a) for a in sturm.from_roots([-0.9, -0.1, 0.4])])[None]
-    found = isolate(c, np.zeros(1))
-    order = np.argsort(found.value[0])
-    assert found.at_one[0] > 0 > found.at_minus_one[0]
-    assert found.slope_sign[0][order].tolist() == [1, -1, 1]
-
-
-def test_rows_do_not_see_their_neighbours():
-    """A hopeless row beside a good one changes nothing about the good one."""
-    good = np.array([float(a) for a in sturm.from_roots([0.3, -0.2, 1.5])])
-    alone = isolate(good[None], np.zeros(1))
-    beside = isolate(np.stack([good, np.zeros(4), 1e200 * good]), np.zeros(3))
-    assert beside.proved.tolist() == [True, False, True]
-    assert np.array_equal(beside.value[0], alone.value[0])

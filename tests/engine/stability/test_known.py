@@ -9,7 +9,6 @@ from support.specs import KINDS, values_of
 
 import wavesweep
 from wavesweep.engine._monodromy.cut import FIRST, SECOND
-from wavesweep.engine._stability.crossings import poles_at_one
 from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.haptics.controller_page import wall_cut
 
@@ -40,13 +39,6 @@ def test_ends_are_those_of_40_digits(kind, changes, B_VE, wanted):
     np.testing.assert_allclose(pairs(found), wanted, rtol=1e-12)
     assert found.certified.all()
     assert found.residual.max() < 1e-12
-
-
-def test_many_columns_are_the_columns_one_by_one():
-    values, B_VE = values_of("pmw", **EXPLICIT), np.linspace(0, 15, 31)
-    together = intervals_of(values, fixed=B_VE)
-    for column, B in enumerate(B_VE):
-        np.testing.assert_allclose(pairs(together, column), pairs(intervals_of(values, fixed=B)), rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -170,14 +162,6 @@ def test_beside_z_1_the_eigenvalues_go_where_they_go(share):
         assert (loop.spectral_radius(p=p) < 1) == stable
 
 
-def test_poles_at_1_are_counted_by_structure():
-    E = np.array([[-0.1, 0, 0, 0], [0.1, 0, 0, 0], [0, 0.1, 0, 0.3], [0, 0, 0, 1e-300]])
-    assert poles_at_one(E) == 2
-    assert poles_at_one(np.stack([E, E + np.diag([0, 0, 1.0, 0])])) == 1
-    E[0, 2] = 1.0  # a loop of the first three
-    assert poles_at_one(E) == 0
-
-
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("every", [1, 2, 5])
 @pytest.mark.parametrize("method", ["trapezoidal", "explicit"])
@@ -254,12 +238,6 @@ def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_b
         grid = np.geomspace(1e-3, 20000, 300)
         inside = ((alone.low.to_numpy()[:, None] < grid) & (grid < alone.high.to_numpy()[:, None])).any(0)
         assert ((loop.spectral_radius(K_VE=grid, B_VE=0.0) < 1) == inside).all()
-
-
-def test_a_braked_mass_has_no_pole_at_one_beside_its_drift():
-    tables = {"controller": {"kind": "pmw"}, "device": {"damping": 0.1}}
-    for held in ({}, {"operator": {"stiffness": 100.0}}):
-        assert wall_cut(wavesweep.compile(tables | held).spec.values).poles_at_one == 0
 
 
 @pytest.mark.asks("prove")

@@ -6,12 +6,7 @@ import pytest
 import wavesweep
 from wavesweep.engine._drawing import delays_in_series
 from wavesweep.engine._drawing.delays_in_series import without_whole_frames
-from wavesweep.engine._monodromy.cut import FIRST
-from wavesweep.engine._monodromy.radius import cut_within
-from wavesweep.engine._monodromy.resolvent import Inverse
-from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._search import open_loops
-from wavesweep.engine._stability import boundary
 from wavesweep.program.sweep.grid import own_loop
 
 
@@ -118,20 +113,6 @@ def test_two_numbers_of_a_wire_are_late_together(monkeypatch, plant, wires, alon
     assert_same(*both_ways(monkeypatch, tables, along, span, **axes))
 
 
-def test_a_frame_that_shows_a_hand_has_the_delay_as_states():
-    """With both numbers out of it: what the hand feels at the end is K itself."""
-    tables = drawn({"mass": SPRUNG, "d": delay(40)}, {**BEFORE_BOTH, "mass.f": "-d.y + F"})
-    tables["numbers"] |= {"B": 1.5}
-    ends = wavesweep.compile(tables | {"wire": {**BEFORE_BOTH}}).stable_intervals("K", (0, 200))
-    hand = {"force": "F", "displacement": "mass.x", "reaction": "d.y"}
-    table = wavesweep.compile(tables | {"ports": {"hand": hand, "wall": {"stiffness": "K", "damping": "B"}}}).stable_intervals(
-        "K", (0, 200)
-    )
-    assert table.certified.all()
-    np.testing.assert_allclose(table.high, ends.high, rtol=1e-12)
-    np.testing.assert_allclose(table.felt_high, ends.high, rtol=1e-12)
-
-
 def frames_taken(tables, number="K"):
     loops = own_loop(wavesweep.compile(tables).spec, f"numbers.{number}")
     return without_whole_frames(loops.drawing, loops.values, number)[2]
@@ -150,44 +131,3 @@ def test_whole_frames_are_taken_where_every_way_passes_the_delay_once():
     outside = drawn(late, {"d.u": "mass.x", "mass.f": "-K*mass.x"})
     assert [frames_taken(tables) for tables in (past, back, short, outside)] == [0, 0, 0, 0]
     assert frames_taken(beside) == 89  # 3 goes past the delay of K, and is no way from K to it
-
-
-def test_a_late_cut_is_the_loop_with_states_for_what_is_late():
-    """All eigenvalues of the closed loop, on the unit circle and on a smaller one."""
-    loops = own_loop(wavesweep.compile(IN_SERIES["before a hold"]).spec, "numbers.K")
-    late = open_loops.open_loops(loops, "K", shortened=True).cut
-    whole = open_loops.open_loops(loops, "K").cut
-    assert late.late == 32
-    radius = np.full(late.batch, 0.99)
-    for short, long in ((late, whole), (cut_within(late, radius), cut_within(whole, radius))):
-        assert short.E.shape[-1] < 5
-        assert long.E.shape[-1] > 30
-        assert short.order == long.order
-        for K in (-30.0, 7.0, 200.0):
-            found, wanted = (np.linalg.eigvals(cut.closed(K, 0.0)).ravel() + 1 for cut in (short, long))
-            largest = wanted[np.abs(wanted) > 0.7]
-            assert largest.size > 20
-            assert np.abs(found[:, None] - largest).min(0).max() < 1e-9
-
-
-def test_the_slope_of_a_late_boundary_is_its_derivative():
-    """By central differences, with a fixed number that is late as well; and errors of ends count the turns of what is late."""
-    blocks = {"mass": SPRUNG, "d": delay(200)}
-    tables = drawn(blocks, BEFORE_BOTH)
-    tables["numbers"] |= {"B": 0.5}
-    loops = own_loop(wavesweep.compile(tables).spec, "numbers.K")
-    cut = open_loops.open_loops(loops, "K", "B", shortened=True).cut.at((None,))
-
-    def curve(theta):
-        w = on_circle(np.array([theta]))
-        return boundary._value_and_slope(cut, FIRST, 0.5, w, Inverse(np.linalg.inv(boundary._shifted(cut, w))))[0]
-
-    for theta in (0.01, 0.3, 2.0):
-        step = 1e-7
-        difference = (curve(theta + step)[0] - curve(theta - step)[0]) / (2 * step)
-        np.testing.assert_allclose(curve(theta)[1], difference, rtol=1e-5)
-    value = curve(0.3)[0]
-    w = on_circle(np.array([0.3]))
-    residual, moved, _ = boundary.end_errors(cut, FIRST, 0.5, value, w, np.zeros(1, bool))
-    assert residual < 1e-12
-    assert moved > 199 * np.finfo(float).eps * np.abs(value)

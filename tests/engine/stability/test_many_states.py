@@ -6,14 +6,9 @@ import pytest
 
 import wavesweep
 from wavesweep.engine._monodromy import resolvent
-from wavesweep.engine._monodromy.cut import FIRST, CutColumns
-from wavesweep.engine._monodromy.product import blocks_of
-from wavesweep.engine._monodromy.resolvent import DelayLines, ManyStates, TriangularForm
-from wavesweep.engine._monodromy.unit_circle import on_circle
+from wavesweep.engine._monodromy.resolvent import DelayLines, TriangularForm
 from wavesweep.engine._search.open_loops import open_loops
 from wavesweep.engine._stability import arcs, regions
-from wavesweep.engine._stability.arcs import arc_crossings
-from wavesweep.engine._stability.boundary import polish, polish_of_many_states
 from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.loop import Loops
 from wavesweep.program.sweep.grid import own_loop
@@ -54,14 +49,6 @@ def test_loops_of_20_states_and_more_are_certified_in_doubles(masses, damping, d
     ends = table.high[0] * np.array([1 - 1e-7, 1 + 1e-7])
     radii = np.abs(1 + np.linalg.eigvals(cut.at((0, None)).closed(ends, np.zeros(2)))).max(-1)
     assert radii[0] < 1 < radii[1]
-
-
-def test_a_filter_that_forgets_all_within_a_frame_takes_no_digits():
-    """Its state is read and set, and acts on no other one, so its units follow from nothing else."""
-    tables = drawn_chain(30)
-    tables["block"]["filter"] = {"type": "tf", "num": [1.0], "den": [0.002, 1.0]}
-    tables["wire"] |= {"filter.u": "m0.x", "h.u": "filter.y"}
-    assert arc_crossings(CutColumns(cut_of(tables), np.arange(1), FIRST, np.zeros(1)), (0.0, 1000.0)).complete.all()
 
 
 def random_system(seed, n, rows=1):
@@ -122,42 +109,6 @@ def assert_within_errors(opened, form, system, theta, frames, fixed):
             assert abs(beyond - float(found.beyond[0, at])) <= eps * found.beyond_off[0, at]
 
 
-@pytest.mark.parametrize("delay", [0, 60])
-def test_the_resolvent_of_many_states_is_the_inverse(delay):
-    """In eigenvectors, and along delay lines."""
-    cut = cut_of(drawn_chain(2 if delay else 20, 0.2, delay)).at(0)
-    E = cut.E
-    many, random = ManyStates.of(E, cut.B, cut.C), np.random.default_rng(1)
-    assert isinstance(many.form, TriangularForm) == (not delay)
-    w = on_circle(np.array([0.1, 0.5, 2.0]))
-    exact = np.linalg.inv(w[:, None, None] * np.eye(len(E)) - E)
-    columns, rows = random.normal(size=(3, len(E), 1)) + 0j, random.normal(size=(3, len(E))) + 0j
-    reached, read = many.at(w).reached(columns), many.at(w).row(rows)
-    np.testing.assert_allclose(reached, exact @ columns, atol=1e-8 * np.abs(exact @ columns).max())
-    np.testing.assert_allclose(read, (rows[:, None] @ exact)[:, 0], atol=1e-8 * np.abs(rows[:, None] @ exact).max())
-
-
-@pytest.mark.parametrize("delay", [0, 60])
-def test_crossings_of_many_states_are_polished_as_those_of_few(monkeypatch, delay):
-    cut = cut_of(drawn_chain(2 if delay else 12, 0.2, delay))
-    theta = np.array([0.3, 1.1, 2.0, 2.9])
-    many = ManyStates.of(cut.E[0], cut.B[0], cut.C[0])
-    few, _ = polish(cut.at(np.zeros(4, int)), FIRST, np.zeros(4), theta, 1e3)
-    found = polish_of_many_states(cut.at(0), many, FIRST, 0.0, theta, 1e3)
-    np.testing.assert_array_equal(few.converged, found.converged)
-    known = few.converged
-    assert known.any()
-    np.testing.assert_allclose(found.theta[known], few.theta[known], rtol=1e-9)
-    np.testing.assert_allclose(found.value[known], few.value[known], rtol=1e-9)
-    whole = arc_crossings(CutColumns(cut, np.arange(1), FIRST, np.zeros(1)), (0.0, 1000.0))
-    monkeypatch.setattr(arcs, "MANY_STATES", 10)
-    alone = arc_crossings(CutColumns(cut, np.arange(1), FIRST, np.zeros(1)), (0.0, 1000.0))
-    assert whole.many is None or delay
-    assert alone.many is not None
-    np.testing.assert_allclose(alone.value, whole.value, rtol=1e-9)
-    np.testing.assert_array_equal(alone.jump, whole.jump)
-
-
 def late_lag(ticks, pole, sign):
     """A lag 1/(s - pole), or an integrator, that K times its own late value acts on."""
     return {
@@ -189,18 +140,3 @@ def test_counts_from_0_through_a_long_delay_are_those_of_all_eigenvalues(monkeyp
         frame[0, 110] = -K * gain if sign else K * gain
         stable = np.abs(np.linalg.eigvals(frame)).max() < 1
         assert stable == ((table.low < K) & (table.high > K)).any(), K
-
-
-def test_blocks_of_patterns_are_those_of_their_powers():
-    """What acts comes before what is acted on, and parts of several states are those that reach one another."""
-    random = np.random.default_rng(7)
-    for _ in range(60):
-        n = int(random.integers(1, 30))
-        acts = random.random((n, n)) < random.choice([0.5, 1.0, 1.5, 3.0]) / n
-        reach = np.linalg.matrix_power(acts.astype(float) + np.eye(n), n) > 0
-        before = set()
-        for block in blocks_of(acts):
-            assert set(block.tolist()) == set(np.flatnonzero(reach[block[0]] & reach[:, block[0]]).tolist())
-            before |= {*block.tolist()}
-            assert set(np.flatnonzero(acts[block].any(0)).tolist()) <= before
-        assert len(before) == n

@@ -28,27 +28,6 @@ def line(every, **numbers):
     }
 
 
-def least_mass(b, d, tick=1e-3):
-    """The mass whose damper, sampled and held, turns the velocity over in every tick: `a - (1 - a) b/d = -1`."""
-    return -d * tick / np.log((b - d) / (b + d))
-
-
-@pytest.mark.slow
-@pytest.mark.whole
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("every", [2, 10, 24])
-@pytest.mark.parametrize("K", [13.0, 150.0, 1300.0])
-def test_the_least_mass_behind_a_sampled_damper_is_certified(every, K):
-    impedances = np.array([21.0, 100.2, 493.2])
-    table = wavesweep.compile(line(every, K=K)).stable_intervals("m", (0.003, 10.0), b=impedances)
-    assert table["certified"].all()
-    np.testing.assert_allclose(table["low"], least_mass(impedances, 1.5), rtol=1e-9)
-    assert (table["low_omega"] == 0).all()
-    assert (table["residual"] < 1e-9).all()
-    alone = wavesweep.compile(line(every, K=K, b=100.2)).stable_intervals("m", (0.003, 10.0))
-    assert alone["low"].tolist() == table["low"][1:2].tolist()
-
-
 @pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.whole

@@ -13,7 +13,6 @@ from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubts import Doubt
 from wavesweep.program import plots, results
 from wavesweep.program.cli.entry import main
-from wavesweep.program.number_words import rounded_up
 
 
 def regions(*parts):
@@ -149,36 +148,6 @@ def test_summary_json_and_table_say_where_nothing_is_known(blind, tmp_path, caps
     assert len(rows) == 2
     assert rows[0].endswith("open_places,open_low,open_high")
     assert rows[1].endswith(",1,2.0,2.5")
-
-
-def test_the_largest_value_next_to_an_open_place_is_not_said_to_be_where_the_range_ends(blind, tmp_path, capsys):
-    assert blind(3.0, 4.0, "stability-region", "--out", str(tmp_path / "out"), "--no-plot") == 0
-    assert "largest stable tau: 3 (stable from" in (said := "".join(capsys.readouterr()))
-    assert "beyond which stability is not known" in said
-    assert "range ends" not in said
-
-
-@pytest.mark.whole
-def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
-    low = rounded_up(end())
-    assert blind(2.0, 2.5, "check") == 0
-    said = " ".join(capsys.readouterr().out.split())
-    known = f"tau = 1: known to be stable from {low} up to at least 2; not known from 2 to 2.5"
-    assert f"{known}, and stable again to at least 10 (crowded)" in said
-    assert blind(0.7, 0.8, "check") == 0
-    said = " ".join(capsys.readouterr().out.split())
-    known = "known to be stable at least from 0.8 to at least 10; not known from 0.7 to 0.8"
-    assert f"{known}, and stable again from {low}" in said
-    assert blind(0.9, 1.1, "check") == 0
-    assert "known to be stable in places from" in " ".join(capsys.readouterr().out.split())
-    assert "k = 3: stable from 0.3 (where the search starts)" in said
-
-
-@pytest.mark.slow
-@pytest.mark.whole
-def test_the_row_of_a_report_names_the_open_place_beside_its_doubt(blind, tmp_path):
-    assert blind(2.0, 2.5, "report", "--out", str(tmp_path / "report.html")) == 0
-    assert "not certified: crowded, not known from 2 to 2.5" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.parametrize(("low", "high", "ended"), [(2.0, 2.5, True), (3.0, 4.0, False)])

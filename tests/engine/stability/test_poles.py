@@ -1,7 +1,6 @@
 """Loops of direct terms that have no solution at some value of a number, or next to it: nothing is certified over them."""
 
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +9,7 @@ import wavesweep
 from wavesweep.engine._stability.entries import RIM
 from wavesweep.engine._stability.sampled_frames import level, pole_inside
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loop import Loops
-from wavesweep.program.spec.loading import naming
 from wavesweep.program.sweep.grid import own_loop
-
-RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 
 
 def pair_of_poles(beside):
@@ -125,46 +120,11 @@ def test_poles_of_expressions_beside_the_range_are_not_certified_over(gain):
     assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
 
 
-def test_a_search_next_to_a_pole_ends_without_an_error():
-    """A gain in a loop of direct terms, about the value at which that has no solution, and a spring that is read late."""
-    spec = {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"c": 0.1},
-        "block": {
-            "m": {"type": "mass", "mass": 0.1, "damping": 1.5},
-            "g": {"type": "gain", "k": 1.0},
-            "h": {"type": "hold", "every": 2},
-        },
-        "wire": {"g.u": "c*g.y + 1e-4*m.v", "m.f": "-200*h.y - g.y", "h.u": "m.x"},
-    }
-    rows = wavesweep.compile(spec).stable_intervals("c", (0, 3))
-    assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
-
-
-def test_a_mass_that_vanishes_beside_the_axis_is_not_certified_over():
-    spec = {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"c": 0.1},
-        "block": {"m": {"type": "mass", "mass": "0.1-1e-11/((c-1)**2+1.001e-10)", "damping": 0.05}},
-        "wire": {"m.f": "-2*m.x - 3*m.v"},
-    }
-    loop = wavesweep.compile(spec)
-    rows = loop.stable_intervals("c", (0, 3))
-    assert loop.spectral_radius(c=[1.0])[0] > 1
-    assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("drawn", [False, True])
-def test_a_filter_goes_on_to_a_cutoff_of_0(drawn):
+def test_a_filter_goes_on_to_a_cutoff_of_0():
     """A frame has no pole there: the lower end of the range leaves no digits for it."""
-    if drawn:
-        loop, name = wavesweep.compile(RECIPES / "controllers" / "pmw-lm.toml"), "block.lp1.cutoff_hz"
-        spec = naming(loop.spec, [name])
-        assert Loops(spec.drawing, spec.values).domain(name, (2.0, 60.0))[0] < 0.2
-    else:
-        loop, name = wavesweep.compile({"controller": {"kind": "pmw-lm", "b": 25.0, "Kp": 20.0}}), "filters.lp1.cutoff_hz"
-        assert own_loop(loop.spec, name).domain(name, (2.0, 60.0))[0] < 0.2
+    loop, name = wavesweep.compile({"controller": {"kind": "pmw-lm", "b": 25.0, "Kp": 20.0}}), "filters.lp1.cutoff_hz"
+    assert own_loop(loop.spec, name).domain(name, (2.0, 60.0))[0] < 0.2
     found = [loop.stable_intervals(name, (low, 60.0), b=[30.0, 50.0]) for low in (2.0, 1e-3)]
     assert all(table.certified.all() for table in found)
     assert [table.low.tolist() for table in found] == [[2.0, 2.0], [1e-3, 1e-3]]
@@ -211,14 +171,3 @@ def test_zeros_inside_a_rim_are_seen():
         1,
     ]
     assert pole_inside(np.full((1, RIM.size, 1), np.nan), np.zeros((1, 1))).tolist() == [True]
-
-
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [1, 2, 7, 8, 15, 16, 17, 31, 32, 33, 64])
-def test_as_many_zeros_as_points_are_seen(count):
-    """The phase of 16 zeros inside turns by a whole turn from each of 16 points to the next."""
-    random = np.random.default_rng(count)
-    for _ in range(200):
-        assert judged(random.uniform(-1.2, 1.2, count))
-        assert judged(np.repeat(random.uniform(-1, 1, 1), count))

@@ -67,19 +67,6 @@ def test_regions_are_those_of_the_eigenvalues_at_all_values(seed):
     assert ((found < 0) | (found == (outside < 0)) | (np.abs(outside) < 1e-11)).all()
 
 
-@pytest.mark.parametrize(("gain", "ends"), [(0.5, []), (1.5, []), (0.995, [0.5])])
-def test_what_is_clear_is_proved_without_eigenvectors(gain, ends, monkeypatch):
-    """`z^(n + 1) = gain + p/100`, whose roots are all of one size, and cross at once."""
-    monkeypatch.setattr(along_any, "tiles_of", lambda *_, **__: pytest.fail("the frames' eigenvectors were asked for"))
-    parts = np.zeros((3, STATES + 1, STATES + 1))
-    parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
-    parts[0, 0, -1], parts[1, 0, -1] = gain, 0.01
-    regions = regions_of(parts)
-    assert (regions.doubt == Doubt.NONE).all()
-    assert regions.low[1:] == pytest.approx(ends, rel=1e-9)
-    assert labels(regions, np.array([-0.9, 0.9])).tolist() == [gain < 1, gain < 0.99]
-
-
 def test_a_crossing_that_newtons_method_does_not_find_is_left_open(monkeypatch):
     """The rest of the range is proved box by box, so a crossing that is missed cannot be passed over."""
     nothing = np.zeros(0)

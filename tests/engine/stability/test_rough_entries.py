@@ -42,7 +42,7 @@ def terms(matrices, integrates, theta):
 
 @pytest.mark.parametrize("integrates", [False, True])
 @pytest.mark.parametrize("along", [FIRST, SECOND])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_polynomial_of_every_loop_within_the_errors_is_within_the_noise(seed, along, integrates):
     """Coefficients from samples in 40 digits, in the scale of the loop in the middle."""
     cut, other = random_cut(seed, integrates=integrates)
@@ -86,7 +86,7 @@ def test_the_polynomial_of_every_loop_within_the_errors_is_within_the_noise(seed
         assert noise[kind] <= 1e4 * np.abs(moved - exact).max()
 
 
-@pytest.mark.parametrize("ticks", [600, 1000, 2000])
+@pytest.mark.parametrize("ticks", [600, 2000])
 def test_frames_of_many_ticks_are_certified_in_doubles(ticks):
     tables = chain(2, ticks)
     table = wavesweep.compile(tables).stable_intervals("K", (0, 1000), m=np.linspace(0.1, 0.3, 5))

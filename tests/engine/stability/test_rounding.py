@@ -50,29 +50,6 @@ def test_the_bound_is_that_of_perturbed_entries(kind, along):
     assert 0.05 * bound < np.abs(np.array(found) - value).max() <= bound * (1 + 1e-6)  # it is of first order in 1e-7
 
 
-def test_what_a_nearly_ill_posed_loop_lost_is_known():
-    """A local model that reflects all but 1e-11 of its wave, in the same tick."""
-    values = values_of(
-        "pmw-lm",
-        fast_hz=500.0,
-        ratio=1,
-        mass=0.0837664233223922,
-        damping=1.8787924781318130,
-        velocity="difference",
-        integration="trapezoidal",
-        b=38.346350933126516,
-        lp1_order=0,
-        hp_order=0,
-        lp2_order=0,
-        K_LM=0.0,
-        B_LM=6304065970905.491,
-        local_model__integration="explicit",
-        local_model__delay=0,
-    )
-    found = intervals_of(values, "B_VE", span=(0, 1e4), fixed=0.0)
-    assert found.high[0] == pytest.approx(9.13373879055516, rel=1e-9) or not found.certified.any()
-
-
 def test_states_of_very_different_size_cost_no_digits():
     """A heavy device, a feeble wave line and a short frame: states span ten decades. The truth is from ball arithmetic."""
     values = values_of(

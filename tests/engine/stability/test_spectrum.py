@@ -1,7 +1,5 @@
 """Units in which a matrix is balanced, and verdicts on the circle."""
 
-import tracemalloc
-
 import mpmath
 import numpy as np
 import pytest
@@ -10,10 +8,8 @@ from support import certified
 
 import wavesweep
 from wavesweep.engine._monodromy.rounding import balance
-from wavesweep.engine._stability import modes, spectrum
-from wavesweep.engine._stability.modes import modes_of
+from wavesweep.engine._stability import spectrum
 from wavesweep.engine._stability.spectrum import count_outside, eigenvalues, is_stable, radius_of
-from wavesweep.program.analyses.own_design import own_lines
 
 
 def test_balancing_changes_the_units_of_states_and_no_eigenvalue():
@@ -53,47 +49,12 @@ def test_an_undamped_mode_is_not_stable_at_any_stiffness():
         assert not wavesweep.passivity(hand)["stable"].any()
 
 
-def test_the_rate_that_direct_coupling_does_not_run_at_counts_for_its_frame_and_not_for_its_gain():
-    spec = {"rates": {"fast_hz": 1000.0, "ratio": 2}, "controller": {"kind": "dc"}, "bode": {"frequency_hz": [60.0]}}
-    alone = [spec | {"rates": {"fast_hz": 1000.0, "ratio": ratio}} for ratio in (2, 3, 6)]
-    radii = wavesweep.compile(spec).spectral_radius(**{"rates.ratio": [2, 3, 6]})
-    assert radii.tolist() == [wavesweep.compile(each).spectral_radius() for each in alone]
-    swept = wavesweep.bode(spec | {"bode": {"frequency_hz": [60.0], "rates.ratio": [2, 3, 6]}})
-    assert swept["omega_Ts"].tolist() == [wavesweep.bode(each)["omega_Ts"][0] for each in alone]
-    assert swept["worst_gain"].tolist() == swept["admittance_abs"].tolist() == swept["admittance_abs"].tolist()[:1] * 3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("gain", "doubt"), [(1e-12, "rounding"), (1e-6, "")])
-def test_a_radius_that_is_1_but_for_rounding_is_not_called_unstable(gain, doubt):
-    """It is `1 - 2.83e-3 Kp`."""
-    loop = wavesweep.compile({"controller": {"kind": "pmw-lm", "Kp": gain}})
-    assert loop.response([5.0])["doubt"].tolist() == [doubt]
-    assert wavesweep.verdict(loop.spec)["stable"] is (doubt == "")
-    said = "\n".join(own_lines(loop.spec, wavesweep.verdict(loop.spec)))
-    assert ("not known whether it is stable (spectral radius 1 per frame of 20 ms, but for rounding)" in said) == bool(doubt)
-
-
 def with_delays(poles, steps):
     """A frame less identity: a Jordan block of that many poles at 0.995, read through a delay by a state of its own."""
     n = poles + steps
     A = np.diag(np.r_[np.full(poles, 0.995), np.zeros(steps)]) + np.diag(np.ones(n - 1), -1)
     A[-1, -1], A[0, -1] = 0.3, 1e-3 if poles == 1 else 0.0
     return A - np.eye(n)
-
-
-@pytest.mark.parametrize(("size", "clear"), [(0.95, True), (1.0, False)])
-def test_a_ring_of_delays_beside_the_circle_takes_little_memory(size, clear):
-    """It has an eigenvalue at each of many places there, at which no inverse is needed."""
-    E = np.roll(np.eye(160), 1, 0) - np.eye(160)
-    E[0, -1] = size
-    tracemalloc.start()
-    outside, sure = count_outside(E[None])
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert bool(sure[0]) is clear
-    assert outside[0] == 0 or not clear
-    assert peak < 2e7  # bytes; 160 complex matrices of it have 6.5e7
 
 
 @pytest.mark.parametrize(("poles", "known"), [(1, True), (2, True), (8, False)])
@@ -138,11 +99,6 @@ def test_a_bound_by_eigenvectors_is_below_the_smallest_singular_value(apart):
     assert known >= 7 * (apart > 1e-6)
 
 
-def test_a_bound_by_eigenvectors_that_a_matrix_does_not_have_is_none():
-    E = np.diag(np.full(50, -0.5)) + np.diag(np.ones(49), -1)
-    assert not spectrum._by_eigenvectors(E, np.array([0.1, 0.1j])).any()
-
-
 def in_a_row(radii, coupling=1.0):
     """Less identity, rotations by a radian with these radii, each of which acts on the next one, and their states shuffled."""
     turn, n = np.array([[np.cos(1), -np.sin(1)], [np.sin(1), np.cos(1)]]), 2 * len(radii)
@@ -163,25 +119,6 @@ def test_equal_loops_in_a_row_keep_the_digits_of_one():
     assert float(radius_of(E)) == pytest.approx(0.99, rel=1e-14)
     assert np.abs(1 + eigenvalues(E)[0]) == pytest.approx(np.full(16, 0.99), rel=1e-14)
     assert np.array(count_outside(E[None])).tolist() == [[0], [True]]
-
-
-@pytest.mark.parametrize("states", [24, 210, 240])
-def test_blocks_are_those_of_states_that_act_on_one_another(states):
-    """Three rings, of which each acts on the next, and states that only hand on another one; shuffled."""
-    r, size = np.random.default_rng(states), states // 4
-    E = np.zeros((states, states))
-    for k in range(3):
-        at = np.arange(k * size, (k + 1) * size)
-        E[at, np.roll(at, 1)] = 1.0
-        E[at[0], max(0, at[0] - 1)] = 1.0
-    rest = np.arange(3 * size, states)
-    E[rest, rest - 1] = 1.0
-    order = r.permutation(states)
-    ((some, blocks, alone),) = spectrum.diagonal_blocks(E[order][:, order])
-    assert some.tolist() == [0]
-    assert [block.shape[-1] for block in blocks] == [size] * 3
-    assert alone.shape == (1, states - 3 * size, states - 3 * size)
-    assert spectrum.diagonal_blocks(E[: size + 1, : size + 1]) == []
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (3, 0, 0), (0, 2, 2), (1, 1)])
@@ -222,11 +159,6 @@ def test_eigenvalues_are_counted_in_units_that_are_far_apart():
     assert not count_outside(on * units / units[:, None])[1].any()
 
 
-def test_a_bound_whose_inverse_underflows_is_none():
-    E = with_delays(3, 60)
-    assert spectrum._at_least(E, np.ones(63), np.array([1e200])) == 0
-
-
 def test_a_bound_on_the_smallest_singular_value_of_many_states_is_none_too_large(monkeypatch):
     r = np.random.default_rng(7)
     E = r.normal(size=(2, 20, 20)) / 5
@@ -259,16 +191,3 @@ def test_eigenvalues_next_to_the_circle_are_counted_as_ball_arithmetic_counts_th
     finally:
         ctx.prec = before
     assert known > 40
-
-
-def test_participation_in_the_modes_of_many_states_is_that_of_few(monkeypatch):
-    """Of eigenvalues that nearly meet, whose eigenvectors nearly do, the shares mean little, and are still shares."""
-    plain = np.random.default_rng(5).normal(size=(20, 20)) / 10
-    nearly_one = 1 + 1e-13 * np.random.default_rng(6).normal(size=(20, 20))
-    few = [modes_of(E) for E in (plain, nearly_one)]
-    monkeypatch.setattr(modes, "BOUNDED_STATES", 20)
-    many = [modes_of(E) for E in (plain, nearly_one)]
-    for of_few, of_many in zip(few, many, strict=True):
-        np.testing.assert_array_equal(of_few.delta, of_many.delta)
-        np.testing.assert_allclose(of_many.shares.sum(1), 1, rtol=1e-12)
-    np.testing.assert_allclose(few[0].shares, many[0].shares, rtol=1e-9, atol=1e-12)

@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 from flint import arb_mat, ctx
 from support import certified
-from support.intervals import cut_of
-from support.specs import values_of
 
 import wavesweep
-from wavesweep.engine._monodromy.cut import SECOND
 from wavesweep.engine._stability.spectrum import count_outside
-from wavesweep.engine._stability.stable import stable_intervals
 
 
 @pytest.mark.slow
@@ -44,16 +40,6 @@ def test_what_overflows_is_not_known_and_the_rest_is():
     assert (loop.spectral_radius(b=np.concatenate([found.low + 1e-9, found.high * (1 - 1e-9)])) < 1).all()
 
 
-@pytest.mark.slow
-def test_a_range_that_overflows_throughout_has_no_interval_and_a_reason():
-    """Nothing is invented where nothing is known."""
-    loop = wavesweep.compile({"controller": {"kind": "pmw"}, "rates": {"ratio": 200}})
-    found = loop.stable_intervals(along="b", span=(2000.0, 5000.0))
-    assert found.intervals.tolist() == [0]
-    assert found.doubt.tolist() == ["overflow"]
-    assert found[["low", "high"]].isna().all(axis=None)
-
-
 @pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-6])
 def test_two_eigenvalues_that_nearly_meet_next_to_the_circle_are_not_counted(apart):
     """A double eigenvalue keeps half of its digits: its side of the circle is anybody's guess within the root of rounding."""
@@ -61,17 +47,6 @@ def test_two_eigenvalues_that_nearly_meet_next_to_the_circle_are_not_counted(apa
     E = np.array([[[-distance, 1.0], [0.0, -distance - apart]]])
     assert not count_outside(E)[1][0]
     assert count_outside(1e4 * distance * np.array([[[-1.0, 1e-3], [0.0, -1.5]]]))[1][0]
-
-
-def test_an_eigenvalue_that_has_lost_its_digits_is_found_behind_four_nearer_ones():
-    E = np.zeros((1, 6, 6))
-    for at, angle in ((0, 0.5), (2, 1.5)):
-        c, s = (1 - 1e-10) * np.array([np.cos(angle), np.sin(angle)])
-        E[0, at : at + 2, at : at + 2] = [[c - 1, -s], [s, c - 1]]
-    E[0, 4:, 4:] = [[-1e-8, 0.0], [0.0, -1e-8]]
-    assert count_outside(E)[1][0]
-    E[0, 4, 5] = 1.0
-    assert not count_outside(E)[1][0]
 
 
 @pytest.mark.sample(1)
@@ -95,20 +70,3 @@ def test_a_count_that_is_clear_is_that_of_ball_arithmetic(n):
     finally:
         ctx.prec = before
     assert clear >= 50
-
-
-def test_an_error_beyond_all_numbers_is_no_warning():
-    """A wave impedance of 1e-6 makes terms of 1e9 where the boundary on an arc vanishes."""
-    changes = {
-        "filters.lp1.order": 4, "filters.lp1.cutoff_hz": 224.93856305628836, "filters.hp.order": 0,
-        "filters.lp2.order": 1, "filters.lp2.cutoff_hz": 75.66982581819687, "rates.fast_hz": 5000.0, "rates.ratio": 3,
-        "device.mass": 0.31585990734240565, "device.damping": 0.0026667225876664245, "device.velocity": "difference",
-        "operator.mass": 0.0, "operator.damping": 0.0, "operator.stiffness": 0.0, "environment.integration": "explicit",
-        "environment.delay": 1, "controller.b": 1.0050269889203322e-06, "controller.Kp": 7.211047609383608,
-        "local_model.K_LM": 14.168672423379494, "local_model.B_LM": 0.0, "local_model.integration": "trapezoidal",
-        "local_model.delay": 1,
-    }  # fmt: skip
-    values = values_of("pmw-lm") | changes
-    fixed = np.array([[0.01021512761873631, 0.010214033488823483, 0.010214033488865843]])
-    found = stable_intervals(cut_of(values), SECOND, (0.0, 10000.0), fixed)
-    assert set(found.column.tolist()) == {0, 1, 2}

@@ -6,7 +6,7 @@ import references as made
 
 from bench.accuracy import ENDS, RESPONSES
 from bench.frequency_responses import problem as response_problem
-from bench.problems import COLUMNS, PROBLEMS, Intervals, bundles, checked, digest, references, score
+from bench.problems import COLUMNS, PROBLEMS, Intervals, checked, digest, references, score
 from wavesweep.engine.errors import WavesweepError
 
 NAMES = [problem.name for problem in PROBLEMS]
@@ -26,12 +26,6 @@ def test_coarser_questions_are_part_of_the_finest(problem, columns):
         return np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=-1)
 
     assert np.array_equal(combinations(few), combinations(whole)[numbers])
-
-
-@pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
-def test_every_column_is_compiled_once(problem):
-    columns = np.concatenate([part.column for part in bundles(problem.ask(100))])
-    assert sorted(columns) == list(range(100))
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)

@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 
 import bench
-from bench.costs import exponent
-from bench.measuring import forget
-from bench.problems import COLUMNS, PROBLEMS, bundles
 from bench.stiffness import COMMAND, LIBRARY
-from bench.this_tool import _compiled
 from wavesweep.program import results
 from wavesweep.program.cli import main
 from wavesweep.program.plots import drawn
@@ -92,22 +88,6 @@ def test_the_threads_are_limited_before_numpy_is_loaded():
 def test_the_questions_cannot_be_changed(capfd):
     assert main(["bench", "--quick", "--set", "b=40"]) == 2
     assert "fixed" in capfd.readouterr().err
-
-
-def test_a_first_call_compiles_its_loops_on_both_sides(quick):
-    spec = PROBLEMS[0].ask(min(COLUMNS))
-    for compiled in (bundles, _compiled):
-        known = compiled(spec)
-        assert compiled(spec) is known
-        forget()
-        assert compiled(spec) is not known
-    seen = rows(quick, part="stiffness")
-    assert np.isfinite([seen["first_seconds"], seen["first_ratio"]]).all()
-
-
-def test_a_power_law_has_its_exponent():
-    assert exponent([1, 10, 100], [2, 20 * 10, 200 * 100]) == pytest.approx(2)
-    assert np.isnan(exponent([1], [2]))
 
 
 def promises():

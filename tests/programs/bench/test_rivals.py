@@ -1,11 +1,10 @@
 """The nearest rival is as good as it can be made, and proves nothing."""
 
-import numpy as np
 import pytest
 
 from bench.accuracy import ENDS
 from bench.problems import COLUMNS, PROBLEMS, references, score
-from bench.rivals import bisected_by_feedback, bisected_together, decomposed
+from bench.rivals import decomposed
 from wavesweep.program.spec import load
 
 
@@ -29,11 +28,6 @@ def test_it_misses_what_lies_between_two_angles_without_a_word():
     spec, truth, span = two_crossings_about_to_merge()
     assert score(decomposed(spec, 180), truth, span).wrong == 1
     assert score(decomposed(spec, 100_000), truth, span).wrong == 0
-
-
-def test_bisection_by_feedback_looks_at_the_same_points_as_numpys():
-    spec = PROBLEMS[0].ask(min(COLUMNS))
-    assert np.array_equal(bisected_by_feedback(spec, 0.1).high, bisected_together(spec, 0.1).high)
 
 
 @pytest.mark.whole
