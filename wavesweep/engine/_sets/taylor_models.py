@@ -51,7 +51,7 @@ class UnresolvedError(Exception):
     contributes most, -1 if it is none.
     """
 
-    def __init__(self, cells: Any, number: Any = -1):
+    def __init__(self, cells: Any, number: Any = -1) -> None:
         super().__init__(cells, number)
         self.cells = np.asarray(cells)
         self.number = np.broadcast_to(number, self.cells.shape)
@@ -207,7 +207,7 @@ class TaylorModel:
         numbers: int,
         order: int,
         bounds: tuple[Any, Any] = (-np.inf, np.inf),
-    ):
+    ) -> None:
         self.terms = terms
         self.rest = rest
         self.numbers = numbers
