@@ -130,6 +130,13 @@ def test_nothing_is_known_of_what_may_be_divided_by_zero():
     assert (singular.solved(Bounded.exact(np.ones((2, 1)))).error == np.inf).all()
 
 
+def test_an_unknown_that_may_be_anything_leaves_those_that_do_not_depend_on_it_their_bounds():
+    A = Bounded(np.array([[2.0, 0.0], [1.0, 1e-20]]), np.array([[1e-3, 0.0], [0.0, 1e-10]]))
+    found = A.solved(Bounded.exact(np.array([[1.0], [3.0]])))
+    assert np.abs(found.value[0] - 1 / 1.999) <= found.error[0] < 1e-3
+    assert found.error[1] == np.inf
+
+
 def test_an_inverse_has_all_orders_of_the_errors():
     """That of [[0.8, -0.2], [-0.2, 0.8]], within 0.2 of the identity, is off by 1/3, of which 0.2 is of first order."""
     error = Bounded(np.eye(2), np.full((2, 2), 0.2)).inverse().error

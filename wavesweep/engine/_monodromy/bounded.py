@@ -224,15 +224,23 @@ def _neumann(off, terms, size):
     it is not known.
 
     In units u, the sums of the rows of `size`, `off u <= alpha u`, and `off terms <= c u` in each
-    column: from the second on, all are together at most `alpha/(1 - alpha) c u`. Nothing is said
-    from alpha = 1/2 on.
+    column: from the second on, all are together at most `alpha/(1 - alpha) c u`. Nothing is said of
+    rows in which alpha is 1/2 or more, and of those that these reach by D; to the others they do not
+    matter.
     """
     u = size.sum(-1, keepdims=True)
-    alpha = (off @ u / u).max(-2, keepdims=True, initial=0.0)
+    alpha = off @ u / u
+    unknown = ~(alpha < 0.5)
+    reached = unknown
+    while reached.any():
+        reached = ((off > 0) @ unknown > 0) & ~unknown
+        unknown = unknown | reached
     first = off @ terms
-    later = 2 * alpha * (first / u).max(-2, keepdims=True, initial=0.0) * u
+    largest = np.max(alpha, -2, keepdims=True, initial=0.0, where=~unknown)
+    c = np.max(first / u, -2, keepdims=True, initial=0.0, where=~unknown)
+    later = 2 * largest * c * u
     error = (first + later) * (1 + (2 * off.shape[-1] + 16) * EPS)
-    return np.where(alpha < 0.5, error, np.inf)
+    return np.where(unknown, np.inf, error)
 
 
 def _filled(rows):
