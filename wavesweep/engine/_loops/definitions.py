@@ -198,7 +198,7 @@ def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows
     if not equations.states:
         return with_delays(equations, later)[1:]
     b = over(num, den)
-    direct = b[0] if len(equations.states) == 1 and not den[-1] else 0
+    direct = b[0] * (den[-1] == 0) if len(equations.states) == 1 else 0  # of each loop of several
     return with_delays(equations._replace(C=[b[1:]], D=[[direct]]), later)[1:]
 
 
