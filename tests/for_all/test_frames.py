@@ -5,11 +5,11 @@ from itertools import chain, product
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.signal import butter
 from support.frames import frames_of_controller, frames_of_drawing
 from support.specs import INTEGRATIONS, values_of
 
 import wavesweep
+from tests.for_all.marches import growth_of, pmw
 from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._stability.stable import stable_intervals
@@ -74,43 +74,6 @@ def test_a_result_comes_with_the_next_frame_of_a_ratio_that_is_not_known(kind):
     assert found.high == pytest.approx(min(alone), rel=1e-9)
 
 
-def marched(values, K, pattern, repeats, nominal=None):
-    """The growth of the loop of Figure 4 over a pattern of (ticks, delay), by its difference equations, tick by tick.
-
-    nominal: ticks of the wall's step; by default the time since the last frame.
-    """
-    T, b, m, d, B = 1e-3, values["controller.b"], values["device.mass"], values["device.damping"], values["environment.B_VE"]
-    root = np.sqrt(2 * b)
-    step = expm(T * np.array([[-d / m, 0, 1 / m], [1, 0, 0], [0, 0, 0]]))
-    (b0, b1), (_, a1) = butter(1, values["filters.lp1.cutoff_hz"], fs=1 / T)
-    v, x, before, u, y, x_s, out, shown = 0.0, 1.0, 1.3, 0.0, 0.0, 0.5, 0.2, 0.1
-    elapsed, late, logs = pattern[-1][0], False, []
-    for _ in range(repeats):
-        for ticks, delay in pattern:
-            for k in range(ticks):
-                if k == 0 and late:
-                    shown = out
-                if k == delay and k > 0:
-                    shown = out
-                v_hat = (x - before) / T
-                wave = root * v_hat - shown
-                u, y = wave, b0 * wave + b1 * u - a1 * y
-                force = b * v_hat - root * shown
-                if k == 0:
-                    speed = (root * y - K * x_s) / (b + B)
-                    wall = K * x_s + B * speed
-                    x_s += (nominal or elapsed) * T * speed
-                    out = y - np.sqrt(2 / b) * wall
-                before = x
-                v, x = step[:2, :2] @ (v, x) + step[:2, 2] * -force
-            elapsed, late = ticks, delay == FRAME
-        size = max(np.abs([v, (x - before) / T, u, y, 10 * x_s, out, shown]))
-        logs.append(np.log(size))
-        v, x, before, u, y, x_s, out, shown = (each / size for each in (v, x, before, u, y, x_s, out, shown))
-        before, x = before - x, 0.0  # the device's own position is read by nothing
-    return np.exp(np.mean(logs[repeats // 2 :]))
-
-
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("elapsed", [True, False])
@@ -121,8 +84,9 @@ def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
     for K in (150.0, 400.0, 900.0):
         pattern = [(int(rng.choice(LENGTHS)), frames.delays[rng.integers(3)]) for _ in range(3)]
         word = tuple(family.symbols.index(Symbol(*each)) for each in pattern)
-        expected = marched(fig4(), K, pattern, 400, None if elapsed else 20)
-        assert growth(family.at(K), word) == pytest.approx(expected, rel=0.03)
+        in_time = [(ticks, ticks if delay == FRAME else delay) for ticks, delay in pattern]
+        expected = growth_of(pmw(K), in_time, None if elapsed else 20)
+        assert growth(family.at(K), word) == pytest.approx(expected, rel=1e-9)
 
 
 def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
@@ -130,8 +94,8 @@ def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
     kinds = [(each.delay, each.lost) for each in family.symbols]
     assert kinds == [(1, 0), (LOST, 1), (LOST, 2)]
     np.testing.assert_array_equal(family.follows, [[True, True, False], [True, False, True], [True, False, False]])
-    one_lost = [(20, 1), (20, LOST)]
-    assert growth(family.at(300.0), (0, 1)) == pytest.approx(marched(fig4(), 300.0, one_lost, 400), rel=0.03)
+    one_lost = [(20, 1), (20, None)]
+    assert growth(family.at(300.0), (0, 1)) == pytest.approx(growth_of(pmw(300.0), one_lost), rel=1e-9)
 
 
 def test_words_that_may_not_be_repeated_refute_nothing():

@@ -9,10 +9,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
-from scipy.signal import butter
 
 import wavesweep
+from tests.for_all.marches import T, dc_slow, matrix_of, pmw, ticked
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.for_all.mean_square import brackets_on_average, decays, grows_everywhere
 from wavesweep.for_all.patterns import growth
@@ -21,7 +20,6 @@ from wavesweep.for_all.varying import Rules
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 
-T = 1e-3
 LENGTHS, SHARES = [16, 20, 25, 33], [254, 588, 109, 49]
 CHAIN = [[70, 24, 4, 2], [12, 80, 6, 2], [5, 35, 45, 15], [5, 45, 30, 20]]
 
@@ -68,60 +66,6 @@ def radius(frame, lengths, shares, results=((1, 1.0),)):
             A = frame(length, before, delay)
             whole[j, :, i] += rows[i, j] * np.resize(chance, len(lengths))[j] * np.kron(A, A)
     return np.abs(np.linalg.eigvals(whole.reshape(len(lengths) * n, -1))).max()
-
-
-def matrix_of(march, states, *frame):
-    return np.array([march(column, *frame) for column in np.eye(states)]).T
-
-
-def ticked(m=0.1, d=1.5):
-    """What a held force does to velocity and position of the device in a tick."""
-    whole = expm(T * np.array([[-d / m, 0, 1 / m], [1, 0, 0], [0, 0, 0]]))
-    return whole[:2, 0], whole[:2, 2]
-
-
-def dc_slow(K, B=1.0, **device):
-    """Velocity, position, the one before, and the force that is held."""
-    free, forced = ticked(**device)
-
-    def march(state, length, _, delay):
-        (v, x, last, held), result = state, 0.0
-        for tick in range(length):
-            if tick == 0:
-                result = K * x + B * (x - last) / T
-            held = result if tick == delay else held
-            v, last, x = free[0] * v - forced[0] * held, x, x + free[1] * v - forced[1] * held
-        return v, x, last, result if delay == length else held
-
-    return lambda length, before, delay=1: matrix_of(march, 4, length, before, delay)
-
-
-def pmw(K, B=1.0, b=10.0, cutoff=8.57, **device):
-    """Velocity, what the position moved by, the filter's last input and output, the avatar, and the wave that is held."""
-    (free, forced), ((b0, b1), (_, a1)) = ticked(**device), butter(1, cutoff, fs=1 / T)
-
-    def wall(y, avatar):
-        speed = (np.sqrt(2 * b) * y - K * avatar) / (b + B)
-        return speed, y - np.sqrt(2 / b) * (K * avatar + B * speed)
-
-    def march(state, length, before, delay):
-        (v, moved, u, y, avatar, wave), result = state, 0.0
-        for tick in range(length):
-            if tick == delay == 0:  # round within the tick: what the wave is with a wave of 0, and what one of 1 adds
-                none, one = (wall(b0 * (np.sqrt(2 * b) * moved / T - each) + b1 * u - a1 * y, avatar)[1] for each in (0, 1))
-                wave = none / (1 - (one - none))
-            elif tick == delay:
-                wave = result
-            now = np.sqrt(2 * b) * moved / T - wave
-            y, u = b0 * now + b1 * u - a1 * y, now
-            if tick == 0:
-                speed, result = wall(y, avatar)
-                avatar += before * T * speed
-            push = -(b * moved / T - np.sqrt(2 * b) * wave)
-            v, moved = free[0] * v + forced[0] * push, free[1] * v + forced[1] * push
-        return v, moved, u, y, avatar, result if delay == length else wave
-
-    return lambda length, before, delay=1: matrix_of(march, 6, length, before, delay)
 
 
 def found_of(spec, along, high=2000.0):

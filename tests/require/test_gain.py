@@ -238,48 +238,6 @@ def test_a_gain_that_nearly_is_the_level_at_rest_is_not_taken_as_it_in_a_band_wi
     assert row.high == pytest.approx(1, rel=1e-8)
 
 
-def string_gain(h, theta, kp=0.5, step=0.05, ticks=4):
-    """From the speed ahead to the own speed: held messages, an engine of 0.3 s, and commands `ticks` late."""
-    A = np.array([[-1 / 0.3, 0, 0, 1 / 0.3], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]])
-    M, z = expm(step * A), np.exp(1j * theta)
-    _, speed, place = np.linalg.solve(
-        z * np.eye(3) - M[:3, :3], M[:3, 3]
-    )  # of the car; the one ahead is where its messages say
-    return speed * (1 + kp * step / (z - 1)) / (h * z**ticks + (1 + kp * h) * speed + kp * place)
-
-
-@pytest.mark.slow
-def test_a_string_of_cars_damps_where_its_gain_is_at_most_that_at_rest():
-    """|G| = 1 at rest for every headway; a ring of N such cars has modes G^N = 1, and tends to the string."""
-    (row,) = wavesweep.stability_region(wavesweep.load(STRING)).itertuples()
-    angles = np.geomspace(1e-3, np.pi, 300)
-
-    def swells(h):
-        gains = [abs(string_gain(h, angle)) for angle in angles]
-        near = angles[max(np.argmax((np.array(gains) - 1) / angles**2) - 1, 0) :][:3]
-        return -minimize_scalar(lambda t: (1 - abs(string_gain(h, t))) / t**2, bounds=(near[0], near[-1]), method="bounded").fun
-
-    assert (row.certified, row.low_set_by, row.high, row.high_set_by) == (True, "gain", 3.0, "")
-    assert row.low == pytest.approx(brentq(swells, 1.1, 1.2, xtol=1e-9), rel=1e-7)
-
-
-def ring(cars, kp=0.5, step=0.05, ticks=4):
-    """The least headway of cars on a ring, from the modes in which each car does what the one ahead does, turned by w."""
-    A = np.array([[-1 / 0.3, 0, 0], [1, 0, 0], [0, -1, 0]])
-    M = expm(step * np.block([[A, np.array([[1 / 0.3, 0], [0, 0], [0, 1]])], [np.zeros((2, 5))]]))
-
-    def radius(h):
-        E, b = np.zeros((3 + ticks,) * 2), np.zeros((3 + ticks, 1))
-        E[:3, :3], E[:3, -1], b[:3, 0] = M[:3, :3], M[:3, 3], M[:3, 4]
-        E[3, 1:3], b[3] = [-(1 + kp * h) / h, kp / h], 1 / h
-        E[range(4, 3 + ticks), range(3, 2 + ticks)] = 1
-        reads = np.eye(3 + ticks)[1:2]
-        found = [np.linalg.eigvals(E + np.exp(2j * np.pi * k / cars) * b @ reads) for k in range(cars)]
-        return max(np.abs(z[np.abs(z - 1) > 1e-7]).max() for z in found)
-
-    return brentq(lambda h: radius(h) - 1, 1.0, 1.3, xtol=1e-9)
-
-
 def draw(seed):
     """A mass under PD control at several rates, from a generator of random numbers: numbers, the axis, its span, the ports."""
     r = np.random.default_rng(seed)
@@ -404,17 +362,18 @@ def beyond_rest(parts, theta, *, itself):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("measure", ["lifted", "base-band"])
-def test_a_gain_that_is_the_level_at_rest_is_decided_beside_it_at_several_rates(measure):
+@pytest.mark.parametrize(("commands", "measure"), [(1, "lifted"), (2, "lifted"), (2, "base-band")])
+def test_a_gain_that_is_the_level_at_rest_is_decided_beside_it(commands, measure):
+    """Of a string of cars, whose gain at rest is 1 for every headway."""
     tables = wavesweep.load(STRING).tables()
-    tables["block"]["radio"]["every"] = 2
+    tables["block"]["radio"]["every"] = commands
     tables["sweep"]["require"]["gain"]["measure"] = measure
     (row,) = wavesweep.stability_region(wavesweep.load(tables)).itertuples()
     assert (row.certified, row.low_set_by, row.high) == (True, "gain", 3.0)
     assert f"h > {row.low:.5f} s" in STRING.read_text(encoding="utf-8")
     angles = np.concatenate([np.geomspace(1e-4, 0.02, 50), row.low_omega * 0.05 + np.linspace(-0.02, 0.02, 2001)])
     for h, swells in ((row.low * (1 - 1e-6), True), (row.low * (1 + 1e-6), False)):
-        assert (beyond_rest(card(h, 2), angles, itself=measure == "base-band").max() > 0) == swells
+        assert (beyond_rest(card(h, commands), angles, itself=measure == "base-band").max() > 0) == swells
 
 
 def resonance(half, level):

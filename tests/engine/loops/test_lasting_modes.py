@@ -39,8 +39,7 @@ def rows_of(blocks=(), wires=(), force=""):
 @pytest.mark.parametrize(
     ("blocks", "wires", "force"),
     [
-        ({}, {}, ""),  # pulses that are over when they are read
-        ({"often": {"type": "hold"}}, {"often.u": "pulse.y"}, " - 4*often.y"),  # and some that are not
+        ({"often": {"type": "hold"}}, {"often.u": "pulse.y"}, " - 4*often.y"),  # pulses that are not over when they are read
         (
             {"sum": {"type": "integrator"}, "change": {"type": "difference", "every": 4}},
             {"sum.u": "arm.x", "change.u": "sum.y"},

@@ -63,6 +63,16 @@ def test_a_sum_of_products_is_within_its_bound_in_any_order(terms, of_complex):
         assert shares(found._replace(value=value), truth).max() <= 1
 
 
+@pytest.mark.parametrize("terms", TERMS)
+def test_a_sum_of_terms_within_bounds_is_within_one_that_is_little_more_than_theirs(terms):
+    value = np.random.default_rng(terms).normal(size=terms)
+    own = 1e-12 * np.abs(value)
+    found = Bounded(value, own).sum(0)
+    off = abs(Fraction(float(found.value)) - sum(map(Fraction, (value + own).tolist())))
+    assert off <= Fraction(float(found.error))
+    assert found.error <= 1.01 * own.sum() + 1.1 * terms * EPS * np.abs(value).sum()
+
+
 @pytest.mark.parametrize("terms", TERMS[2:])
 def test_the_worst_sum_of_equal_products_is_within_its_bound_and_needs_one_rounding_for_each_sixth_term(terms):
     """Equal terms round to the same side for long; of a few numbers the worst."""
@@ -71,6 +81,7 @@ def test_the_worst_sum_of_equal_products_is_within_its_bound_and_needs_one_round
         found = Bounded.exact(np.full((1, terms), a)) @ np.full((terms, 1), b)
         one_by_one = float(np.add.accumulate(np.full(terms, a * b))[-1])
         truth = terms * Fraction(a) * Fraction(b)
+        assert found.error[0, 0] <= 1.1 * (terms + 4) * EPS * float(truth)
         for value in (found.value[0, 0], one_by_one):
             off = abs(Fraction(value) - truth)
             assert off <= Fraction(found.error[0, 0])

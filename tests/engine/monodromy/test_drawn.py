@@ -13,7 +13,7 @@ from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_frame import cut_of, open_frame
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, products_of_rows, then
-from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
+from wavesweep.engine._monodromy.product import product_with_errors, product_with_tight_errors
 from wavesweep.engine._monodromy.rounding import both
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
@@ -134,19 +134,6 @@ def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
         assert (together[1][at] >= dE / 3).all()
     off = np.array([[float(abs(Fraction(together[0][0, i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
     assert (off <= together[1][0]).all()
-
-
-def test_the_norm_of_errors_bounds_what_is_known_of_each_entry():
-    """In units that differ by a thousand, of ticks that repeat and do not; the product is the same to the last bit."""
-    r = np.random.default_rng(7)
-    kinds, units = r.integers(0, 3, 70), np.exp2(r.integers(-5, 5, 6).astype(float))
-    changes = [(0.1 * r.normal(size=(6, 6)) - 0.05 * np.eye(6)) * units[:, None] / units for _ in range(3)]
-    sizes = [np.abs(change) for change in changes]
-    E, dE = product_with_errors(kinds, changes, sizes)
-    same, norm = product_with_norm_of_errors(kinds, changes, sizes, units)
-    sums = (dE * units / units[:, None]).sum(-1)
-    assert same.tobytes() == E.tobytes()
-    assert sums.max() <= norm <= 50 * sums.max()
 
 
 def test_a_state_that_a_tick_forgets_is_forgotten_exactly():

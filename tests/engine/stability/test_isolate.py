@@ -119,12 +119,3 @@ def test_signs_decide_ordinary_rows_and_find_what_discs_find():
         order = np.argsort(found.value[index][inside])
         np.testing.assert_allclose(value[row == index], found.value[index][inside][order], atol=1e-9)
         assert slope[row == index].tolist() == found.slope_sign[index][inside][order].tolist()
-
-
-@pytest.mark.parametrize("row", [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0], [0.0], []])
-def test_degenerate_rows_are_answered_without_a_warning(row):
-    """Nothing, a constant, all zero: all zero is never proved, a constant has no root."""
-    found = isolate(np.array([row]).reshape(1, -1), np.zeros(1))
-    assert bool(found.proved[0]) == any(row)
-    if any(row):
-        assert found.inside.sum() == (2 if len(row) == 3 else 0)  # U_2 = 4 x^2 - 1

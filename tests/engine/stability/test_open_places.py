@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import wavesweep
 from wavesweep.engine._stability import along_any
 from wavesweep.engine._stability.intervals import common, in_rows, intervals_of, joined, without_seams
 from wavesweep.engine._stability.regions import Regions
@@ -115,20 +114,6 @@ def blind(monkeypatch, tmp_path):
         return main([words[0], str(path), *words[1:]])
 
     return run
-
-
-def end():
-    """Where the loop becomes stable: above it to the end of the range."""
-    (row,) = wavesweep.compile(SPEC_TABLES).stable_intervals(along="tau", span=(0.2, 4.0)).itertuples()
-    return row.low
-
-
-SPEC_TABLES = {
-    "rates": {"tick_hz": 10},
-    "numbers": {"tau": 1.0, "k": 3.0},
-    "block": {"lag": {"type": "tf", "num": [1], "den": ["tau", 1]}, "late": {"type": "delay", "steps": 3}},
-    "wire": {"late.u": "lag.y", "lag.u": "-k*late.y"},
-}
 
 
 @pytest.mark.slow
