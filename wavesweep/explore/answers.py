@@ -39,15 +39,10 @@ from wavesweep.program.sweep.running import in_memory
 
 COLUMNS = 61  # of a plane, before a figure computes more
 FEWEST_COLUMNS = 9  # of a plane whose columns take long
-SECONDS_OF_ANSWER = 0.4  # that these may take
 FREQUENCIES = 90  # frequencies of a response
-FALSE_POSITIONS = 6  # of false position for the intervals through the design
-EDGE_OF_PLANE = 0.05  # of a plane that is left beyond the design
 ROOM_OF_PLANE = 1.25  # times the highest limit, in two digits: up to where a plane goes
-WIDER_RANGE = 8.0  # times the range in which no limit is found
 PIXELS = (800, 400)  # of the plane
 PREVIEW_PIXELS = 2  # pixels to which a preview is right
-PARTS_OF_CELLS = 8  # parts of the cells of a preview in which lines are not right
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +134,7 @@ def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
         along = WALL.index(path)
         other_value = spec.values[WALL[1 - along]]
         other = np.array([other_value])
-        (column,) = quick_columns(cut, curve, along, other, span, FALSE_POSITIONS)
+        (column,) = quick_columns(cut, curve, along, other, span, 6)  # steps of false position
         intervals = [{"low": low, "high": high} for low, high in column]
         ranges.append({"path": path, "span": span, "intervals": intervals})
     shape = _preview(plane, lambda x: quick_columns(cut, curve, solved, np.array(x), plane.y_span))
@@ -172,7 +167,8 @@ def _preview(plane, columns_at) -> dict:
     finer = []  # the cells in which lines are not right yet, divided
     for left, right in pairwise(places):
         if (left, right) not in gaps:
-            finer.append([left, *view.between(left, right, PARTS_OF_CELLS), right])
+            # Parts of the cells of a preview in which lines are not right.
+            finer.append([left, *view.between(left, right, 8), right])
     compute([x for cell in finer for x in cell[1:-1]])
     for cell in finer:
         gaps |= known_gaps({x: intervals_at[x] for x in cell}, view, rough)
@@ -214,7 +210,8 @@ def certified_plane(spec: Spec, plane: Plane) -> dict:
     seconds, way = cost_of(spec, along)
     count = FEWEST_COLUMNS
     if way is Way.CUT:
-        count = int(np.clip(SECONDS_OF_ANSWER / seconds, FEWEST_COLUMNS, COLUMNS))
+        # Seconds that columns which take long may take.
+        count = int(np.clip(0.4 / seconds, FEWEST_COLUMNS, COLUMNS))
     across = _axis(spec, plane.x, np.linspace(*plane.x_span, count))
     sweep = {
         "along": along.name,
@@ -377,14 +374,14 @@ def fitted(
             return Plane(x, y, x_span, (low, min(top, end)))
         if not all(columns):
             return whole_plane
-        factor *= WIDER_RANGE
+        factor *= 8.0  # times the range in which no limit is found
     return whole_plane
 
 
 def _with(spec, slider, low, high):
     """A range with the slider's value in it, and space beyond this, as far as the spec takes it."""
     value = slider.value
-    beyond = value + EDGE_OF_PLANE * (max(high, value) - low)
+    beyond = value + 0.05 * (max(high, value) - low)  # of a plane that is left beyond the design
     first = taken(spec, slider.path, value, min(low, value))
     last = taken(spec, slider.path, value, max(high, beyond))
     return first, last

@@ -39,16 +39,9 @@ from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Spec
 
 FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
-PREVIEW_S = 0.02  # that a preview by cells may take
-ANSWER_S = 2.0  # that an answer may take, before it is cut
-# times the range of a number that is searched for a limit, if the axes are to show one
-WIDEST_SEARCH = 64.0
 SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
 MOST_OF_PLANE = 100  # the same if numbers of the axes of its plane have sliders too
-LEAST_STOPS = 2  # of such a number, beside its own value; with fewer it has no slider
-PAGE_ROUNDING = 1e-9  # of a root that is a whole number
-MOST_PAGE_ROWS = 5000  # of its table
 NOTHING = MappingProxyType(
     {"measured": {}, "cuts": [], "routes": []}
 )  # that capabilities show in addition
@@ -57,7 +50,7 @@ NOTHING = MappingProxyType(
 class Page:
     """The page of a spec, which answers the questions of its script."""
 
-    def __init__(self, spec: Spec, answer_s: float = ANSWER_S) -> None:
+    def __init__(self, spec: Spec, answer_s: float = 2.0) -> None:  # s
         self.spec, self.answer_s = spec, answer_s
         self.sliders = sliders_of(spec)
         self.plane = first_plane(spec, self.sliders)
@@ -165,7 +158,8 @@ class Page:
         started = time.perf_counter()
         cells = preview(spec, plane, self._cells if wanted else 0, search, self._by_gain[plane.y])
         if cells.get("plane", {}).get("how") == "cells":
-            factor = (PREVIEW_S / (time.perf_counter() - started)) ** 0.5
+            # Seconds that a preview by cells may take.
+            factor = (0.02 / (time.perf_counter() - started)) ** 0.5
             self._cells = int(np.clip(self._cells * factor, LEAST_CELLS, MOST_CELLS))
         return cells
 
@@ -187,7 +181,8 @@ class Page:
         sliders = {slider.path: slider for slider in sliders_of(spec)}
         return {
             "plane": asdict(
-                fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST_SEARCH)
+                # The range that is searched for a limit, if the axes are to show one.
+                fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), 64.0)
             )
         }
 
@@ -299,8 +294,9 @@ def _stops(page):
         return {}, count
     swept = [slider for slider in page.sliders if slider.path in plane and slider.path in axes]
     # and the own value
-    each = int((MOST_OF_PLANE / count) ** (1 / max(1, len(swept))) + PAGE_ROUNDING) - 1
-    if each < LEAST_STOPS:
+    # Room for a root that is a whole number, but for rounding.
+    each = int((MOST_OF_PLANE / count) ** (1 / max(1, len(swept))) + 1e-9) - 1
+    if each < 2:  # beside its own value; with fewer it has no slider
         return stops, 0
     for slider in swept:
         values = slider.values or _places_between(slider, axes[slider.path], each)
@@ -363,7 +359,7 @@ def _table(title, table):
         "title": title,
         "kind": table.kind,
         "units": [field.unit for field in fields],
-        "csv": "\n".join(lines[: MOST_PAGE_ROWS + 1]),
+        "csv": "\n".join(lines[:5001]),  # with a heading
         "rows": len(lines) - 1,
         "facts": {
             name: fact for name, fact in table.facts.items() if name != "timings"

@@ -59,7 +59,6 @@ class WallCurve(NamedTuple):
 
 
 CURVE_ANGLES = 160  # angles of a curve at the start
-CURVE_HALVINGS = 4  # of steps longer than a hundredth of a window
 
 
 def refined_curve(cut: LinearFractional, window) -> WallCurve:
@@ -72,7 +71,7 @@ def refined_curve(cut: LinearFractional, window) -> WallCurve:
     fast = np.linspace(0.1, np.pi - 1e-6, CURVE_ANGLES // 2 + 1)
     theta = np.concatenate([slow, fast[1:]])
     walls = plane_curve(cut, theta)
-    for _ in range(CURVE_HALVINGS):
+    for _ in range(4):  # halvings of steps longer than a hundredth of a window
         with np.errstate(all="ignore"):
             place = (walls - low) / (high - low)
             near = (np.abs(place - 0.5) < 1).all(0)

@@ -18,10 +18,8 @@ from threading import Lock
 
 LOOPBACK = "127.0.0.1"
 LARGEST_QUESTION = 64 * 1024  # bytes of a question
-BEAT = 1.0  # s between two signs of life on the connection that a page keeps open
 # s without any page after which the server ends; a page that is loaded again takes less
 GRACE = 3.0
-LOOK_AT_PAGES = 0.25  # s between two looks at the pages
 HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
@@ -44,7 +42,7 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
     block_on_close = False
-    timeout = LOOK_AT_PAGES
+    timeout = 0.25  # s between two looks at the pages
 
     def __init__(
         self, page: Callable[[], str], answers: Mapping[str, Answer], port: int = 0
@@ -175,7 +173,8 @@ class Handler(BaseHTTPRequestHandler):
             while True:
                 self.wfile.write(b": here\n\n")
                 self.wfile.flush()
-                time.sleep(BEAT)
+                # Seconds between two signs of life on the connection that a page keeps open.
+                time.sleep(1.0)
         except OSError:
             self.close_connection = True
         finally:

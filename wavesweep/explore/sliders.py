@@ -18,8 +18,6 @@ from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.sweep.grid import is_plain
 
 FACTOR = 4.0  # times a gain's value: the end of its slider
-SLIDER_HALVINGS = 12  # steps towards an end that the spec accepts
-END_DIGITS = 3  # of that end
 HAND = {
     "operator.mass": 0.5,
     "operator.damping": 5.0,
@@ -200,7 +198,7 @@ def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) 
         return end
     start = value
     rounding = ROUND_CEILING if end < value else ROUND_FLOOR
-    for _ in range(SLIDER_HALVINGS):
+    for _ in range(12):  # steps towards an end that the spec accepts
         middle = (value * end) ** 0.5 if value * end > 0 else (value + end) / 2
         if whole:
             middle = round(middle)
@@ -208,7 +206,7 @@ def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) 
             value = middle
         else:
             end = middle
-    short = float(Context(prec=END_DIGITS, rounding=rounding).create_decimal(value))
+    short = float(Context(prec=3, rounding=rounding).create_decimal(value))  # digits of that end
     fits = (
         not whole
         and min(start, value) <= short <= max(start, value)

@@ -24,9 +24,6 @@ __all__ = [
     "varying",
 ]
 
-OPERATIONS_OF_BOX = 1e11  # operations that the proof for a box may take
-MOST_ORDER = 6  # of polynomials at most: with a complex factor there are twice as many states
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stable:
@@ -60,7 +57,12 @@ def proved_stable(
     ]
     whole = np.column_stack([ends, as_sides(box, all_sides[len(sides) :])])
     found = cover(
-        constant_frames(loop, all_sides, whole, MOST_ORDER), whole, ALWAYS, OPERATIONS_OF_BOX, up
+        # Of order 6 at most: with a complex factor there are twice as many states.
+        constant_frames(loop, all_sides, whole, 6),
+        whole,
+        ALWAYS,
+        1e11,  # operations
+        up,
     )
     if not found.open:
         return Stable(found.end, True, None)

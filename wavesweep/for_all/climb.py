@@ -21,10 +21,7 @@ from wavesweep.for_all.patterns import short_words
 
 SCATTERED, LEAST_SCATTERED = 256, 32  # members that are tried first, beside those that are given
 BEST, OTHERS = 4, 4  # of those, from which the climb goes on: the worst, and some of the next
-CANDIDATES = 64
 MOVES = 8  # of each in a step, half of them along some numbers alone
-CLIMB_STEPS = 80
-FIRST_STEP = 0.4  # step of each, in halves of a range
 LONGER, SHORTER = 2.0, 0.7  # the next step of one that has moved, and of one that has not
 DECADE = 10.0  # ratio of the ends of a range above which steps are factors
 OPERATIONS_OF_CLIMB = 3e8  # of a climb
@@ -76,14 +73,14 @@ def climb(
     scattered = _scattered(box, int(np.clip(most / 4, LEAST_SCATTERED, SCATTERED)), rng)
     points = np.unique(np.concatenate([np.clip(starts, *box), scattered]), axis=0)
     found = _ranked(points, growth.of(points))
-    others = np.linspace(BEST, min(len(points), CANDIDATES) - 1, OTHERS).astype(int)
+    others = np.linspace(BEST, min(len(points), 64) - 1, OTHERS).astype(int)
     chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
     points = found.points[chosen]
     values = found.growth[chosen]
-    step = np.full((len(points), 1), FIRST_STEP)
+    step = np.full((len(points), 1), 0.4)  # in halves of a range
     left = most - len(found.points)
     last = np.zeros((len(points), wide.size))
-    for _ in range(CLIMB_STEPS):
+    for _ in range(80):  # steps of the climb
         if left < 0:
             break
         moves = step * rng.normal(size=(MOVES, len(points), wide.size))

@@ -21,8 +21,6 @@ from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norms import Centre, find_norms, hessian_of, packed, unpacked
 
 OPTIMUM_DISTANCE = 1e-7  # of the damping: distance from the optimum at which the program ends
-CENTRED = 0.5  # Newton decrement below which a point counts as the centre
-FASTER = 8.0  # factor of the weight of the damping from one centre to the next
 NEWTON_STEPS_OF_ENERGY = 400  # of Newton's method
 RIDGE = 1e-11  # of the diagonal of the Hessian, against rounding
 SHORTEST_STEP = 1e-9  # part of a step below which rounding leaves no room
@@ -132,9 +130,10 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
     while steps < NEWTON_STEPS_OF_ENERGY and len(M) * (n + 1) > OPTIMUM_DISTANCE * weight * max(
         abs(d), OPTIMUM_DISTANCE
     ):
-        weight = weight * FASTER
+        weight = weight * 8.0  # times the weight of the damping from one centre to the next
         decrement = np.inf
-        while decrement > CENTRED and steps < NEWTON_STEPS_OF_ENERGY:
+        # A point of a smaller Newton decrement counts as the centre.
+        while decrement > 0.5 and steps < NEWTON_STEPS_OF_ENERGY:
             steps = steps + 1
             length = 1.0
             before = barrier(P, d)

@@ -37,10 +37,7 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
 FREE = dict.fromkeys(HAND, 0.0)
-# of the range, where a passive value is looked for
-STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)
 END_DISTANCE = 1e-5  # of an end, or of the range, how near the last value on its other side is
-LARGE_DAMPING = 1e9  # N*s/m: more than anything is short of
 # rad per tick, below which the motion is the same in each repetition of a pattern
 STANDING_ANGLE = 1e-3
 REFUSED = "hand passive while frames vary ([for_all]): expected {}, found {}"
@@ -242,7 +239,8 @@ def _row(margin: _Margin, case: Case, span) -> Row | None:
     low, high = span
     proved = _missing(margin, "proved")
     refuted = _missing(margin, "refuted")
-    tried = (low + share * (high - low) for share in STARTS)
+    # Of the range, where a passive value is looked for.
+    tried = (low + share * (high - low) for share in (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002))
     start = next((p for p in tried if proved(p) <= 0), None)
     if start is None:
         return None
@@ -288,7 +286,7 @@ def _edge(
 
     def looked(p):
         seen[p] = missing(p)
-        return min(seen[p], LARGE_DAMPING)
+        return min(seen[p], 1e9)  # N*s/m: more than anything is short of
 
     least = END_DISTANCE * abs(limit - inside)
     end = brentq(looked, inside, limit, xtol=END_DISTANCE * least, rtol=END_DISTANCE / 4)

@@ -43,10 +43,6 @@ from wavesweep.haptics.held_loop import device_of
 PROOF_BITS = 192
 MOST_UNKNOWNS = 1500  # unknown numbers of the stored energies, which take some seconds
 X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
-LONGEST = 3  # frames of a pattern
-PATTERNS_TRIED = 96  # patterns of two and of three frames that are looked at
-# share of LEAST and what is proved, within which no longer patterns are looked at
-NEAR_ENOUGH = 1e-4
 LEAST = 0.01  # N*s/m
 ROOM_OF_DAMPING = 1e-12  # of the damping, for the rounding of a product
 
@@ -195,16 +191,18 @@ class EveryHand:
         shortest = [self._needed_by(word, maps) for word in shortest_through(self.follows)]
         best = max(shortest, key=lambda each: each[0])
         beam = [()]
-        for _ in range(LONGEST):
+        for _ in range(3):  # frames of a pattern
             longer = [(*first, last) for first in beam for last in range(len(self.words))]
             longer = [word for word in longer if self.follows[word[:-1], word[1:]].all()]
             needs = sorted(
                 (self._needed_by(word, maps) for word in longer), key=lambda each: -each[0]
             )
             best = max(best, needs[0], key=lambda each: each[0])
-            if best[0] >= proved - NEAR_ENOUGH * (LEAST + abs(proved)) or not np.isfinite(proved):
+            # No longer patterns are looked at if proof and pattern are this near.
+            if best[0] >= proved - 1e-4 * (LEAST + abs(proved)) or not np.isfinite(proved):
                 break
-            beam = [word for _, word, _ in needs[: max(1, PATTERNS_TRIED // len(self.words))]]
+            # 96 patterns of two and of three frames are looked at.
+            beam = [word for _, word, _ in needs[: max(1, 96 // len(self.words))]]
         return best
 
     def _needed_by(self, word, maps):

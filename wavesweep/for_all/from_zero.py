@@ -35,7 +35,6 @@ from wavesweep.for_all.norm_check import (
     in_its_units,
 )
 
-SIZING_ROUNDS = 4  # in which sizes of states are found
 SHARES = 10.0 ** np.arange(-4, 13)  # of the squares of all other states beside that of the shift
 
 
@@ -148,7 +147,7 @@ class _OnGraph:
         own = self.beta[:, :, None] * self.beta[:, None]
         brought = self.summed(cross + cross.mT + own).reshape(-1)
         sizes = np.ones(m)
-        for _ in range(SIZING_ROUNDS):
+        for _ in range(4):  # rounds in which sizes of states are found
             forms = self._solved(of_forms, np.diag(sizes**-2.0))
             moments = self._solved(of_forms.T, np.diag(sizes**2.0))
             with np.errstate(all="ignore"):

@@ -31,29 +31,15 @@ from wavesweep.for_all.patterns import (
 from wavesweep.for_all.remembered import Remembered
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
-# distance of a first proof from the refuted number, relative to the tolerance
-FIRST_PROOF_AT = 0.93
 # an end counts as at least this part of its distance from the start, where relative sizes are
 # formed
 NEAR_START = 0.01
-NEARBY = 0.1  # of the way to the limits, numbers at which is seen what frames forget
-NUMBERS_SCANNED = 48  # numbers between the start and the limit at which short words are tried
 LONG_WORDS_EVERY = 12  # long words are searched at one of so many of these
-WORDS_TRIED = 8  # words whose crossings are computed
-# of a refuted number, how far back words are searched that may decay again next to it
-BACK = (0.3, 0.1, 0.03)
-# of the search for words that refute a number closer to the start, from each of these
-WORD_ROUNDS = 8
 MORE = 3  # times as many words are searched where no proof is found
-SPENT = 0.9  # part of the work after which no more norms are searched
-# into which the work that is left is divided: one for norms that do not exist ends soon
-WORD_SEARCHES = 4
 # the next number for which norms are searched leaves this part of the way to the refuted one
 STRIDE = 0.35
 # factor and last value of finer tolerances that follow if cheap, and the work for them
 FINER, FINEST, FINE = 3.0, 3e-4, 1e9
-FRUITLESS = 3  # finer graphs without a longer stretch, after which rounding leaves no room
-NORMS_A_SIDE = 300  # norms for one side of the start
 # The shortest stretch of a proof that goes on from the start, of one that goes back to what is
 # proved, and of several together without a finer graph; relative to the rest of the way or to the
 # number itself.
@@ -148,7 +134,8 @@ def bracket(
     The proof holds for every number from `low` to `high`, not only for those that were computed,
     see `shrink_along`. A refuted number says nothing about numbers beyond it.
     """
-    nearby = [start + NEARBY * (limit - start) for limit in limits]
+    # Of the way to the limits, where it is seen what frames forget.
+    nearby = [start + 0.1 * (limit - start) for limit in limits]
     family = Remembered.of(family, (start, *nearby))
     unknown = Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
     A = family.at(start)
@@ -209,7 +196,8 @@ class _Way:
 
     def short_of(self, end: float) -> float:
         """The number short of an end up to which a proof is tried."""
-        return self.inside(end, FIRST_PROOF_AT * self.tolerance)
+        # Distance of a first proof from the refuted number, relative to the tolerance.
+        return self.inside(end, 0.93 * self.tolerance)
 
     def farther(self, one: float, other: float) -> float:
         """The one of two numbers that is farther from the start."""
@@ -274,7 +262,8 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
     centre = first
     ceiling = None  # a number for which no norms were found
     before = way.start  # where the proof was when a ceiling was given up
-    while reached != goal and spent < SPENT * work:
+    # After 90 % of the work no more norms are searched.
+    while reached != goal and spent < 0.9 * work:
         if not word and abs(way.limit - reached) <= way.near:
             break
         if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * way.size(reached):
@@ -285,7 +274,7 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
         nearer = way.grown(aim, centre, word)
         if nearer is None or way.farther(nearer[0], reached) == reached:
             A = family.at(aim)
-            most = (work - spent) / WORD_SEARCHES
+            most = (work - spent) / 4  # a quarter: a search for norms that do not exist ends soon
             centre, factor = find_norms(A, family.follows, work=most)
             further, used = _back(family, centre, factor, aim, reached, work - spent)
             spent += used
@@ -365,7 +354,8 @@ def _back(family, centre, factor, aim, reached, work):
     stretches = ()
     at = aim
     fruitless = 0
-    while factor == 1 and used < work and fruitless < FRUITLESS:
+    # Finer graphs without a longer stretch, after which rounding leaves no room.
+    while factor == 1 and used < work and fruitless < 3:
         begun = replace(centre, work=0.0)
         further, far, last = _covered(family, begun, at, reached, LEAST_BACK, work - used)
         stretches += further
@@ -399,8 +389,10 @@ def nearest_refuted(
     fails, word = _first_refuted(way, known)
     if not word:
         return fails, word
-    for share in (*BACK, tolerance / 4):
-        for _ in range(WORD_ROUNDS):
+    # Of a refuted number, how far back words are searched that may decay again next to it.
+    for share in (0.3, 0.1, 0.03, tolerance / 4):
+        # Rounds of the search for words that refute a number closer to the start.
+        for _ in range(8):
             x = way.inside(fails, share)
             centre, _ = first_centre(family.at(x), family.follows)
             nearer = way.grown(x, centre, word)
@@ -416,7 +408,8 @@ def _first_refuted(way: _Way, known: Sequence[Word]) -> tuple[float, Word]:
     family = way.family
     before = way.start
     follows = family.follows
-    scanned = way.start + (way.limit - way.start) * np.geomspace(1e-4, 1.0, NUMBERS_SCANNED)
+    # Numbers between the start and the limit at which short words are tried.
+    scanned = way.start + (way.limit - way.start) * np.geomspace(1e-4, 1.0, 48)
     for x in scanned if known else ():
         grows = growing_of(family.at(x), known)
         if grows:
@@ -440,7 +433,7 @@ def _first(family, words, stable, unstable, limit):
     """The refuted number closest to `stable` of words that grow at `unstable`, and its word; NaN
     and () if none is proved."""
     best = np.nan, ()
-    for word in words[:WORDS_TRIED]:
+    for word in words[:8]:  # words whose crossings are computed
         if best[1] and growth(family.at(best[0]), word) < 1:
             continue
         end = best[0] if best[1] else unstable
@@ -476,7 +469,8 @@ def _covered(family, centre, start, goal, least, work):
     """
     stretches = []
     end = start
-    while end != goal and len(stretches) < NORMS_A_SIDE and centre.work < work:
+    # Norms for one side of the start.
+    while end != goal and len(stretches) < 300 and centre.work < work:
         rest = abs(goal - end)
         whole = abs(goal - start)
         share = least * min(rest, max(abs(end), SHORTEST_LEFT * whole))

@@ -37,7 +37,6 @@ from wavesweep.for_all.plan import LOST as LOST_RESULT
 
 MOST_MOMENTS = 800  # second moments, whose operator is formed
 MOMENT_BISECTIONS = 60
-PLACES_SCANNED = 24  # numbers at which the nearest one is looked for where moments grow
 # Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its
 # largest last coefficient, and the least size at all of its points but two, relative to the
 # largest.
@@ -47,7 +46,6 @@ BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)
 # of the whole way and of the number, how near to the refuted one the proof goes
 PROOF_DISTANCE = 1e-5
 LEAST_AWAY = 0.01  # of half of an interval, how near at least
-STRETCHES = 200
 TRIES = 1000  # stretches that are tried where moments grow
 WORK = 10**9  # entries of all of these, times their rows
 SIZING = 6  # rounds in which sizes of states are found
@@ -662,7 +660,10 @@ def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
 
 
 def nearest_growing(
-    loop: Chances, start: float, limit: float, scanned: int = PLACES_SCANNED
+    loop: Chances,
+    start: float,
+    limit: float,
+    scanned: int = 24,  # numbers at which the nearest one is looked for where moments grow
 ) -> tuple[float, tuple[int, ...]]:
     """Return the refuted number closest to the start, towards a limit, that a scan finds, and
     (0,); NaN and () without one."""
@@ -779,7 +780,7 @@ def _side(loop, start, end, limit):
     at = start
     step = goal - start
     failed = False
-    while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):
+    while at != goal and len(stretches) < 200 and abs(step) > 1e-9 * abs(goal - start):  # stretches
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
         if loop.proves(P, min(at, to), max(at, to)):

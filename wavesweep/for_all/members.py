@@ -21,7 +21,6 @@ from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.mode_in_the_way import mode_in_the_way, outside
 from wavesweep.program.number_words import in_all_digits, lasting, span_in_words
 
-MOST_VALUES = 6  # values of each number that varies, its ends among them, beside the spec's own
 NO_CONTRADICTION = 1e-6  # of an end, or of a radius: no contradiction
 
 
@@ -58,7 +57,9 @@ def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
     for axis in varied:
         tried = values_of_range(axis)
         spread = {
-            tried[i] for i in np.linspace(0, len(tried) - 1, MOST_VALUES).astype(int).tolist()
+            # Six values of each number that varies, its ends among them, beside the spec's own.
+            tried[i]
+            for i in np.linspace(0, len(tried) - 1, 6).astype(int).tolist()
         }
         choices.append(sorted(spread | ({values[axis.path]} & {*tried})))
     for combination in product(*choices):

@@ -23,16 +23,9 @@ import numpy as np
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norm_check import Norms
 
-FIRST_STEPS = 8  # of Newton, to the centre from the forms that a search begins with
 STEP_SHARE = 0.8  # part of the way to where the prediction fails that is taken
 CENTRED_DECREMENT = 0.6  # Newton decrement below which a point counts as the centre
-SPLIT_SCORE = 0.5  # nodes are split whose score is at least this part of the largest one
-# Nodes are split if a step gains less than this, absolutely and relative to the rest.
-STALLED = 2e-3
-OF_REST = 0.2
-SHRINK_MARGIN = 1e-3  # the matrices are made to shrink by this much more than necessary
 LEAST_SCALE = 0.1  # known forms are of no use if the matrices must be scaled below this
-SMALLEST_STEP = 1e-7  # relative to the rest; below it the prediction has failed
 NARROW = 3  # nodes times more than are next to each other in a ring whose Hessian has a narrow band
 CALLS = 3e6  # operations that take as long as the overhead of a Newton step
 OPERATIONS_OF_SEARCH = 2e11  # operations in Newton steps after which a search ends: about 20 s
@@ -118,13 +111,15 @@ def find_norms(
 def _grown(A, follows, centre, factor, work, enough):
     """The forms and the factor that a search ends with, and whether it ended at a step that is
     singular to rounding."""
-    centre = recentred(centre, factor * A, FIRST_STEPS)
+    # Newton's steps from the forms that a search begins with.
+    centre = recentred(centre, factor * A, 8)
     try:
         while factor < 1 and centre.work < work:
             before = factor
             centre, factor = advanced(centre, lambda t: t * A, factor, 1.0)
             centre = centre.rounded()
-            stalled = factor - before < min(STALLED, OF_REST * (1 - factor))
+            # Nodes are split if a step gains less than this, absolutely and relative to the rest.
+            stalled = factor - before < min(2e-3, 0.2 * (1 - factor))
             if factor < 1 and stalled:
                 if factor >= enough:
                     break
@@ -133,7 +128,8 @@ def _grown(A, follows, centre, factor, work, enough):
                     break
                 centre = split
         if factor == 1:
-            beyond, _ = advanced(centre, lambda t: t * A, 1.0, 1 + SHRINK_MARGIN)
+            # The matrices are made to shrink by 1e-3 more than necessary.
+            beyond, _ = advanced(centre, lambda t: t * A, 1.0, 1 + 1e-3)
             beyond = beyond.rounded()
             if beyond.shrinks(A):
                 centre = beyond
@@ -206,7 +202,7 @@ def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
     if holds(step):
         reached = target
     else:
-        shortest = SMALLEST_STEP * abs(step)
+        shortest = 1e-7 * abs(step)  # relative to the rest; below it the prediction has failed
         while not holds(step):
             step /= 4
             if abs(step) < shortest:
@@ -284,7 +280,8 @@ def finer(centre, A, follows):
         return None
     chosen = {}
     for (node, late_edges), score in zip(parts, scores, strict=True):
-        if score >= SPLIT_SCORE * max(scores):
+        # Nodes whose score is at least half of the largest are split.
+        if score >= 0.5 * max(scores):
             chosen[node] = late_edges
     graph, origin = graph.split(chosen, follows)
     return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)

@@ -11,8 +11,6 @@ from wavesweep.for_all.graph import Family, Graph
 from wavesweep.for_all.norm_check import Norms
 
 WORDS_KEPT = 60  # words of each length that are extended
-WORDS_LOOKED_AT = 120  # words of each length whose eigenvalues are computed
-LONGEST_WORD = 14  # matrices in a word
 RUN_OF_WORD = 12  # matrices of each of the two runs of a word
 SQUARINGS = 10  # of the product of a word, by whose size its growth is bounded
 # words whose eigenvalues are computed together, those of the largest bounds
@@ -21,14 +19,7 @@ LEADING = 8  # words of each length, and of each pair of runs, whose growth coun
 WALKS = 8  # of a state
 WALKED = 240  # matrices of a walk
 LONGEST_RETURN = 160  # matrices of a word that is the end of a walk
-WORDS_OF_WALKS = 40  # words of walks whose growth counts: most are the same one several times
 GONE_STATE = 1e-290  # a state that is gone
-IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
-LONGEST_IMPROVED = 64  # matrices
-WORD_BISECTIONS = 40
-# of a number where a word begins to grow, how far beyond it that is proved
-BEYOND = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)
-LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
 ALL_WORDS_LENGTH = 4  # matrices of the words that are all tried
 MOST_RANKING_WORDS = 400  # how many these are at most
 
@@ -76,9 +67,9 @@ def growing(
     basis: np.ndarray,
     known: Sequence[Word] = (),
     more: int = 1,
-    longest: int = LONGEST_WORD,
+    longest: int = 14,  # matrices in a word
     norms: Norms | None = None,
-    changed: int = IMPROVED,
+    changed: int = 3,  # of all words that grow most, those that are changed matrix by matrix
 ) -> list[Word]:
     """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or
     more, fastest growth per matrix first.
@@ -97,7 +88,7 @@ def growing(
     for length in range(1, more * longest + 1):
         order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
         may_repeat = follows[words[order, -1], words[order, 0]]
-        closing = order[may_repeat][:WORDS_LOOKED_AT]
+        closing = order[may_repeat][:120]  # words of each length whose eigenvalues are computed
         places, found = _fastest(products[closing], np.full(closing.size, length), LEADING)
         for i, rate in zip(closing[places], found, strict=True):
             rates[_least(tuple(words[i].tolist()))] = rate
@@ -187,7 +178,8 @@ def _of_walks(A, follows, norms):
         parts.append(products[closing])
     lengths = np.array([length for _, length in closed])
     rates = {}
-    for place, rate in zip(*_fastest(np.concatenate(parts), lengths, WORDS_OF_WALKS), strict=True):
+    # Of the words of walks 40 count: most are the same one several times.
+    for place, rate in zip(*_fastest(np.concatenate(parts), lengths, 40), strict=True):
         i, length = closed[place]
         rates[_least(tuple(ends[i, -length:].tolist()))] = scale * rate
     return rates
@@ -235,7 +227,7 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
     """
     rate = _rate(A, word)
     in_any_order = follows.all()
-    while len(word) < LONGEST_IMPROVED:
+    while len(word) < 64:  # matrices
         words, products = _neighbours(A, word)
         allowed = range(len(words))
         if not in_any_order:
@@ -371,7 +363,8 @@ def nearest(family: Family, word: Word, start: float, x: float) -> float:
     """Return the refuted number closest to the start at which a word grows, one that is refuted
     at x."""
     inside = start
-    on_the_way = start + (x - start) * np.linspace(0, 1, LOOKED_BACK + 1)[1:]
+    # Numbers on the way to a refuted one at which its word may grow already.
+    on_the_way = start + (x - start) * np.linspace(0, 1, 33)[1:]
     for outside in on_the_way:
         if growth(family.at(outside), word) >= 1:
             begins = crossing(family, word, inside, outside)
@@ -386,7 +379,7 @@ def crossing(family: Family, word: Word, stable: float, unstable: float) -> floa
     does."""
     low = stable
     high = unstable
-    for _ in range(WORD_BISECTIONS):
+    for _ in range(40):
         middle = (low + high) / 2
         if growth(family.at(middle), word) >= 1:
             high = middle
@@ -399,7 +392,8 @@ def refuted_beyond(family: Family, word: Word, x: float, limit: float) -> float 
     """Return a number just beyond x, towards the limit, at which the word is proved to grow;
     None if none is found."""
     away = np.sign(limit - x) * max(abs(x), 1e-6 * abs(limit - x))
-    for step in BEYOND:
+    # Of a number where a word begins to grow, how far beyond it that is proved.
+    for step in (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3):
         at = x + step * away
         if abs(at - x) <= abs(limit - x) and is_refuted(family, word, at):
             return float(at)

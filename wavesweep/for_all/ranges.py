@@ -30,13 +30,10 @@ from wavesweep.for_all.patterns import Word, growing, growth
 # the second share, and used up to the first one.
 MARGIN, SHARES = 1e-3, (0.5, 0.1)
 BACK = 0.5  # of the margin that norms have, with which they are centred
-ROOM_TRIED = 0.8  # of a margin that known norms do not have, the next one that is tried
 # operations that one search for norms in the middle of a box may take, or those of NEWTON_OF_GRAPH
 # steps, if they are more
 OPERATIONS_OF_CENTRE = 4e9
 NEWTON_OF_GRAPH = 200  # steps of Newton's method on the smallest graph
-# of Newton's method for the middle of a box, from the norms of the box that it is a half of
-NEWTON_STEPS_OF_HALF = 3
 # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 SHARED = 0.05
 SLACK_OF_ERRORS = 0.1  # of the slack: errors from which on they count for which side is halved
@@ -44,18 +41,9 @@ SLACK_OF_ERRORS = 0.1  # of the slack: errors from which on they count for which
 # along its side have at most OF_SIDE of them
 HOPELESS_ERRORS = 10.0
 OF_SIDE = 0.5
-# times the number of sides: parts of parts without norms, after which a proof ends
-HOPELESS_PARTS = 4
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
-# after a part that is proved the next ones along the first side are tried as wide as it, or twice
-# as wide after so many in a row
-PROVED_BEFORE = 3
-WIDER = 1 + 1e-6  # for rounding
 NARROWEST_SIDE = 1e-6  # of a side, below which a box is not divided along it
-# of what the entries of frames change along the side that moves them most: norms hardly change along
-# one that moves them less
-UNITS_KEPT = 1e-2
 # parts that are enclosed together: fewer take longer each, and of more the arrays do not fit the
 # cache
 CELLS_AT_ONCE = 16
@@ -272,7 +260,7 @@ class _Trials:
         """The outcome of the first part of a queue, which is tried if it was not."""
         first = queue.waiting[0]
         low, high = _stretch(first.part)
-        if (low, high) in self.divided or high - low > WIDER * self.width:
+        if (low, high) in self.divided or high - low > (1 + 1e-6) * self.width:  # but for rounding
             halves = [replace(first.part, box=half) for half in _halves(first.part.box, 0)[::-1]]
             self.outcomes[first.number] = _Outcome(halves, 0.0)
         elif first.number not in self.outcomes:
@@ -312,7 +300,7 @@ class _Trials:
         low, high = _stretch(part)
         if tried.parts:
             self.in_a_row = 0
-        elif self.in_a_row >= PROVED_BEFORE:
+        elif self.in_a_row >= 3:  # after three parts in a row the next ones are tried twice as wide
             self.width = 2 * (high - low)
         else:
             self.width = high - low
@@ -443,7 +431,8 @@ def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
     finite = np.isfinite(A.terms).all()  # no pole was met on a rim
     if finite and (words := growing(A.terms[0], follows, basis)):
         return _Outcome(None, used, words[0])
-    if part.barren > HOPELESS_PARTS * wide.size:
+    # Parts of parts without norms for each side, after which a proof ends.
+    if part.barren > 4 * wide.size:
         return _Outcome(None, used)
     moves = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3))
     if part.barren % 2 == 0 and wide.size and wide[0] == 0:
@@ -532,7 +521,8 @@ def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.nd
     ends = list(zip(A[::2], A[1::2], strict=True))
     moves = [np.abs(high.terms[0] - low.terms[0]).max() for low, high in ends]
     for side, move, (low, high) in zip(wide, moves, ends, strict=True):
-        if move < UNITS_KEPT * max(moves):
+        # Norms hardly change along a side that moves the entries of frames a hundred times less.
+        if move < 1e-2 * max(moves):
             continue
         before, after = (_log_of_forms(end, follows) for end in (low, high))
         if before is not None and after is not None:
@@ -582,7 +572,8 @@ def _forms(A, follows, start, work, words=()):
         if factor < enough:
             return None, centre.work
         room = factor * (1 + most_room) - 1
-    centre = recentred(centre, (1 + BACK * room) * at_middle, NEWTON_STEPS_OF_HALF)
+    # Three steps of Newton's method, from the norms of the box that this is a half of.
+    centre = recentred(centre, (1 + BACK * room) * at_middle, 3)
     spent = centre.work
     centre, slopes = sloped(centre.rounded(), (1 + BACK * room) * A.terms[: 1 + A.numbers])
     return (centre, slopes), spent + centre.work
@@ -595,7 +586,7 @@ def _room_of(start, A, least, most):
     while room >= least:
         if start.shrinks((1 + BACK * room) * A):
             return room
-        room *= ROOM_TRIED
+        room *= 0.8  # the margin that is tried next if known norms do not have this one
     return 0.0
 
 

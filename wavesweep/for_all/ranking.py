@@ -23,13 +23,7 @@ from wavesweep.for_all.patterns import (
     short_words,
 )
 
-# matrices of the words that are looked for to rank numbers, before the best are improved
-RANKING_LENGTH = 2
-RANKED = 1e-2  # of the limit, from where on numbers are tried
-NUMBERS_TRIED = 24  # numbers at which known words are tried
-WORDS_FOLLOWED = 60  # short words that are known from the beginning
 CLOSE = 1e-3  # of a number where a word begins to grow, up to which it is found
-STEPS = 20  # of the way there
 MIDDLE_EVERY = 3  # steps, of which one halves what is left
 LEAST_STEP = 0.05  # of what is left
 SEARCHES = 6  # for words that grow below all that are known
@@ -89,7 +83,8 @@ def searched_words(family: Family, x: float) -> list[Word]:
     if not np.isfinite(A).all():
         return []
     basis = np.eye(A.shape[-1])
-    found = growing(A, family.follows, basis, longest=RANKING_LENGTH, changed=1)
+    # Pairs rank numbers, before the best are improved.
+    found = growing(A, family.follows, basis, longest=2, changed=1)
     return found[:1]
 
 
@@ -129,7 +124,8 @@ def least_refuted(
         follows = ranked.family.follows
         rule = follows.tobytes()
         if rule not in shortest:
-            shortest[rule] = short_words(follows)[:WORDS_FOLLOWED]
+            # Short words that are known from the beginning.
+            shortest[rule] = short_words(follows)[:60]
         ranked.known += ranked.follow([*dict.fromkeys([*shortest[rule], *ranked.known])])
     while True:
         ends = limits.copy()
@@ -161,7 +157,8 @@ def first_growing(family: Family, words: Sequence[Word], limit: float) -> tuple[
     """
     if not limit > 0:
         return limit, ()
-    tried = np.geomspace(RANKED * limit, limit, NUMBERS_TRIED)
+    # 24 numbers from a hundredth of the limit on.
+    tried = np.geomspace(1e-2 * limit, limit, 24)
     rates = rates_of(np.array([family.at(x) for x in tried]), words, 1.0)
     growing_at = np.flatnonzero((rates >= 1).any(1))
     if not growing_at.size:
@@ -173,7 +170,7 @@ def first_growing(family: Family, words: Sequence[Word], limit: float) -> tuple[
     below = _logarithms(family, words, low)
     above = _logarithms(family, words, high)
     grew = False
-    for step in range(STEPS):
+    for step in range(20):  # steps to where a word begins to grow
         if high - low <= CLOSE * high:
             break
         wide = high - low

@@ -35,15 +35,11 @@ from wavesweep.program.reading.axes import Axis
 # what a proof has reached, which a command shows
 PROOF_LOGGER = logging.getLogger("wavesweep.proof")
 SO_FAR = "%s proved from %.4g to %.4g so far (%.0f %% of the box)"
-WORSE_CLIMBS = 8  # of the search for worse numbers within what the others leave
-ON_AN_EDGE = 40  # members on each edge of a box that are looked at once a climb finds nothing
 MEMBERS_MET = 8  # unstable members that a climb has found, whose exact intervals are computed
 SAME_END = 1e-9  # relative: ends that are as near are found again
 OPERATIONS_OF_CASE = 3e11  # operations that the proofs of a case may take
-PROOF_START = 0.4  # of an interval, where a proof begins
 INWARD = 1e-12  # of an end, by which it stays within what is proved
 ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
-SEARCH_ROUNDS = 4  # of a search after a proof that has not ended
 # of the high end, from which on is proved what begins at 0, where a mode may stand still: parts of a
 # box pile up there, 70 % of them below 1e-3
 PROVED_FROM_ZERO = 1e-3
@@ -133,7 +129,8 @@ def proofs(
     away from it. narrow: search in any case, if the parts next to the ends, which are not proved,
     are to have no worse numbers that a search finds.
     """
-    left = [(interval, SEARCH_ROUNDS, {}) for interval in searched(cases, span, narrow)]
+    # Four rounds of a search after a proof that has not ended.
+    left = [(interval, 4, {}) for interval in searched(cases, span, narrow)]
     while left:
         part, rounds, known = left.pop(0)
         if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
@@ -203,7 +200,8 @@ class Case:
         """What is left of the parts after climbs, over all numbers and along the parts, to
         members that are unstable there."""
         growth = self._growth
-        for _ in range(WORSE_CLIMBS if self.ranges else 0):
+        # Climbs for worse numbers within what the others leave.
+        for _ in range(8 if self.ranges else 0):
             before = parts
             for part in before:
                 low, high = part.within(0.0)
@@ -226,7 +224,8 @@ class Case:
         A light hand is unstable in a few per cent of its range, where it swings at half the rate:
         no climb that begins elsewhere gets there.
         """
-        on_edges = on_edges_of(self.box, ON_AN_EDGE)
+        # Members on each edge of a box, once a climb finds nothing.
+        on_edges = on_edges_of(self.box, 40)
         for part in list(parts):
             box = np.column_stack([part.within(0.0), self.box])
             members = np.concatenate([np.insert(on_edges, 0, end, axis=1) for end in box[:, 0]])
@@ -324,7 +323,7 @@ class Case:
         frames = constant_frames(self.loop, sides, whole)
         if not self.along:
             return self._covered(frames, sides, whole, self.left, lambda share: share, up=True)
-        begun = np.full(2, low + PROOF_START * (high - low))
+        begun = np.full(2, low + 0.4 * (high - low))  # where a proof begins
         if known is not None and max(low, known.low) < min(high, known.high):
             begun = np.clip([known.low, known.high], low, high)
         lower = whole.copy()

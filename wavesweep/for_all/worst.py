@@ -29,20 +29,15 @@ from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, left_open
 # distance of proof and refutation that is aimed at, relative to the refuted number
 BRACKET_TOLERANCE = 0.01
 TOLERANCE_SHARE = 0.8  # of the tolerance, how far from the refuted number the proof ends
-CLOSER_CLIMBS = 6  # to points at which numbers closer to the start are refuted
 POINTS_LOOKED_AT = 3  # points of a climb at which all words are searched
-LEAST_GAIN = 1e-4  # relative: a gain of the search below this ends it
 # relative: frames, or growths, that differ by less have the same words that grow first
 SAME_FRAMES = 1e-3
 OPERATIONS_OF_PROOFS = 7e11  # operations of the proofs: about a minute
-SOON = 4e9  # operations of a proof that is tried before members are searched, half a second
 UPWARD = 0.6  # part of the work for the way to the upper end
-FIRST_PROOF_PART = 0.4  # of the way to the refuted number, at which a proof is begun
 INWARD = 1e-12  # of a side, by which the ends of a proof stay within it
 # ratio of the ends of the number between which units of the states are found
 UNITS = 64.0
 STRETCH = np.log(2)  # of the logarithm of the number: that of those with which a proof begins
-REFUTING_ROUNDS = 3  # of the search for refutations, after the proof has met one
 
 Report = Callable[[float, float, float], None]
 
@@ -130,11 +125,12 @@ def bracket_over(
         below = _worst(loops, start, limits[0])
     follows = loops.follows
     first = loops.sides[0]
-    rounds = REFUTING_ROUNDS
+    rounds = 3  # rounds of the search for refutations, after the proof has met one
     spent = 0.0
     open_ = None
     if above.word:
-        start = max(start, first.zero + FIRST_PROOF_PART * (above.x - first.zero))
+        # Of the way to the refuted number, at which a proof is begun.
+        start = max(start, first.zero + 0.4 * (above.x - first.zero))
     high = low = start
     units = None
     if not first.zero:
@@ -211,7 +207,7 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     best = Refuted()
     tried = np.concatenate([loops.starts, loops.extremes()])
     searched = []
-    for _ in range(CLOSER_CLIMBS):
+    for _ in range(6):  # climbs to points at which numbers closer to the start are refuted
         end, starts = (best.x, [*tried, best.point]) if best.word else (limit, tried)
         box = np.column_stack([sorted((start, end)), loops.box])
         begun = np.insert(starts, 0, end, axis=1)
@@ -227,7 +223,8 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
                 best = _refuted_at(loops, point, start, limit, best)
                 searched.append(point)
         if best is before or (
-            before.word and abs(best.x - before.x) <= LEAST_GAIN * abs(before.x - start)
+            # A smaller gain of the search ends it.
+            before.word and abs(best.x - before.x) <= 1e-4 * abs(before.x - start)
         ):
             break
     if best.word and not loops.on_average:
@@ -310,7 +307,7 @@ def decide_over(
     """
     sides = as_sides(loops.box, loops.sides)
     if (loops.growth.of(loops.starts) < 1).all():
-        soon = cover(loops.frames, sides, loops.follows, min(work, SOON))
+        soon = cover(loops.frames, sides, loops.follows, min(work, 4e9))  # half a second
         if not soon.open and not contradicted(loops.growth, loops.box):
             return (), (), True
     for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find

@@ -28,12 +28,9 @@ from wavesweep.identification.prediction import (
     theta_of,
 )
 
-# of the smoother: the second with the curve, the third with what the curve does within a tick
-PASSES = 3
 STEPS_WITH_CURVE = 12  # of the search with a curve
 # of a curve over the mass, per tick; friction that turns round is steeper, and no line in a tick
 STEEPEST = 0.5
-STIFF = 30.0  # usual speeds over that at which friction turns round
 
 
 class Motion(NamedTuple):
@@ -49,7 +46,7 @@ Curve = Callable[[Motion], Sequence[np.ndarray]]
 
 
 def _side(motion):
-    return np.tanh(STIFF * motion.speed)
+    return np.tanh(30.0 * motion.speed)  # 30 usual speeds over that at which friction turns round
 
 
 CURVES: dict[str, Curve] = {
@@ -86,7 +83,8 @@ def with_curve(name: str, place: Place) -> Beside:
     """The fit of a log with a curve, from that without."""
     fit = place
     numbers = []
-    for _ in range(PASSES):
+    # Passes of the smoother: the second with the curve, the third with what it does within a tick.
+    for _ in range(3):
         log = replace(fit.log, beside=tuple(_held(CURVES[name], fit)))
         fit = fit._replace(log=log)
         fit = fit._replace(point=least_of(*fit, STEPS_WITH_CURVE))

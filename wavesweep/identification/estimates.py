@@ -33,10 +33,7 @@ MOST_NEWTON_STEPS = 30  # steps of Newton's method at most
 # steps by which a reading may miss its rounding, because of the digits of the file
 READING_SLACK = 1e-3
 SEARCHED = 20_000  # rows at most from which the noise is estimated
-AUTOREGRESSION_ORDER = 30  # of the autoregression, at most
-ROWS_PER_ORDER = 15  # rows for each order, at least
 DRAWS = 159  # logs drawn
-SHORT = 5000  # rows up to which logs are drawn
 WARM = 1000  # rows before each
 CONSTRAINTS_ADDED = 40  # constraints of a linear program that are added at a time
 
@@ -213,7 +210,7 @@ def _autoregression(series):
     BIC is taken.
     """
     count, rows = series.shape
-    most = min(AUTOREGRESSION_ORDER, rows // ROWS_PER_ORDER)
+    most = min(30, rows // 15)  # order, at most, and 15 rows for each order, at least
     past = np.eye(1, most + 1).repeat(count, axis=0)
     power = np.mean(series**2, axis=1)
     ahead = series[:, 1:]
@@ -255,7 +252,7 @@ def _coloured(inverse, curved, basis, weight, score):
         return np.sqrt(spectrum @ spectra), spectrum[:, 0]
 
     deviation, slow = deviations(past, power)
-    if rows > SHORT:
+    if rows > 5000:  # rows up to which logs are drawn
         many = max(rows * min(1.0, float(np.mean(score**2) / slow[0])) - numbers, 1.0)
         return deviation[0] * np.sqrt(1 + numbers / many) * stdtrit(many, 0.975)
     drawn = lfilter(

@@ -30,18 +30,13 @@ from wavesweep.identification.prediction import (
 )
 
 ENCODER_OFFSETS = 12  # offsets of the encoder's steps over which rounding errors are averaged
-BANDS = 24  # of the spectrum, equally wide in octaves
 EXACT_RESIDUAL = 1e-10  # residual, relative to the motion, that double precision alone explains
 RARE_POWER = 1e-8  # probability of the power of a band below which white noise does not explain it
 SIGMAS = 5.0  # significance at which an effect that the model lacks is seen
-TONES_TRIED = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
 SWINGING = 0.25  # share of the mass that takes part in it
 # expected significance at which an effect is seen in spite of errors of three sigmas
 SURE_SIGNIFICANCE = 8.0
-NEARLY = 0.95  # share of a force that a curve has to explain to be fitted beside the numbers
-# share of the force of the log, beyond which a force that nothing explains leaves no interval
-MUCH = 0.5
 # share of the force of the log, below which a force that the model lacks, whatever it depends on, is
 # less than amplifiers and sensors know of it: it widens the intervals by what it changes
 LEAST_LACKING = 1e-5
@@ -179,14 +174,16 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     # As much force as the log has itself may be that of a motion that no model here has. A log that
     # leaves the mass open has its own refusal.
     open_mass = float((fit.half + fit.extra)[0]) > np.log(3) / 2
-    much = not open_mass and force > MUCH * pushed
+    # A force that nothing explains leaves no interval beyond half of the force of the log.
+    much = not open_mass and force > 0.5 * pushed
     if withheld:
         name = best.name
         tone_hz = best.tone_hz
     # Where a drift moves the device a curve of its position explains a little of the drift.
     for effect in () if withheld else effects:
         fit = replace(fit, extra=np.maximum(fit.extra, np.abs(effect.moved)))
-    if name in CURVES and share > NEARLY:
+    # A curve is fitted beside the numbers if it explains 95 % of the force.
+    if name in CURVES and share > 0.95:
         curved = with_curve(name, found.place)
         if curved.rms < np.inf:
             fit = _beside(fit, found, curved)
@@ -278,7 +275,8 @@ def judged(fit: Fit) -> Verdict:
     left = left - basis @ (basis.T @ left)
     # The first lines of the bands of a spectrum, and the end of the last one; powers of white noise
     # are Gamma distributed.
-    edges = np.unique(np.round(np.geomspace(1, len(left) // 2 + 1, BANDS + 1)).astype(int))
+    # 24 bands of the spectrum, equally wide in octaves.
+    edges = np.unique(np.round(np.geomspace(1, len(left) // 2 + 1, 25)).astype(int))
     powers = np.add.reduceat(np.abs(np.fft.rfft(left))[: edges[-1]] ** 2, edges[:-1])
     odds = gammaincc(np.diff(edges), powers / np.sum(left**2))
     is_resonance = False
@@ -436,7 +434,7 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     lowest = 3 / (len(force) * period)
     highest = 0.4 / period
     pushing = pushing - pushing[0]
-    for tone in np.geomspace(lowest, highest, TONES_TRIED):
+    for tone in np.geomspace(lowest, highest, 48):  # frequencies of a resonance that are tried
         # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 -
         # q)/m/(s^2 + 2 z w s + w^2).
         mode = (

@@ -21,8 +21,6 @@ from wavesweep.program.plots.style import (
     warn_above,
 )
 
-SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
-
 
 def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw an `identify` table: force, measured and fitted position, the residual with half a
@@ -153,7 +151,8 @@ def _spectrum(columns, facts):
     period = facts["period_s"]
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left))[1:] ** 2 * 2 * period / len(left)
-    edges = np.unique(np.round(np.geomspace(1, len(power) + 1, SEGMENTS + 1)).astype(int)) - 1
+    # 64 bands of the spectrum, equally wide in octaves.
+    edges = np.unique(np.round(np.geomspace(1, len(power) + 1, 65)).astype(int)) - 1
     sizes = np.diff(edges)
     density = np.sqrt(np.add.reduceat(power, edges[:-1]) / sizes)
     hertz = (edges[:-1] + edges[1:] + 1) / 2 / (len(left) * period)

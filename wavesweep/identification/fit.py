@@ -26,25 +26,17 @@ from wavesweep.identification.model import (
 )
 from wavesweep.identification.prediction import ONE_WAY, Prediction, StaticFriction, predicted
 
-RESTING = 10  # equal readings at the start of a log show a device held by friction
 FIRST_ROWS = 5  # rows from which the initial velocity is guessed
-PART_OF_ROWS = 5000  # rows that show whether errors grow
 # times the noise of the readings or their step, above which an error is not that of an encoder
 GROWN_ERROR = 5.0
 LAST_DIGITS = 1e-7  # of the motion: smaller errors are those of the last digits
-# rows at most that are marched with friction, tick by tick; in more of them the predictions know
-# enough
-MARCHED = 10_000
 SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
 FITTING_ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
 # standard deviations from the median beyond which a reading is an outlier, if it is also two steps
 # off
 OUTLIER = 6.0
 OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
-HUBER = 1.5  # standard deviations beyond which readings count less while outliers are searched
 SLOW_TURN = 0.005  # of the usual velocity, at which friction turns round to see what this changes
-SHARES_OF_SLOW_TURN = (0.1, 10.0)  # of this speed, with which the turn is marched
-SETTLED_HALF_WIDTHS = 0.05  # half-widths; smaller changes end the rounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,11 +166,13 @@ def fitted(
         estimates = estimated(J, left, resolution)
         half = estimates.half[:count]
         theta = theta + estimates.step[:count]
-        share = float(np.clip(estimates.step[count:].sum(), *SHARES_OF_SLOW_TURN))
+        # Of the slow speed, with which the turn is marched.
+        share = float(np.clip(estimates.step[count:].sum(), 0.1, 10.0))
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
             return None
         steps = np.minimum(half, widest) if model.friction else steps
-        if (np.abs(estimates.step[:count]) < SETTLED_HALF_WIDTHS * half).all():
+        # Changes below 0.05 half-widths end the rounds.
+        if (np.abs(estimates.step[:count]) < 0.05 * half).all():
             break
     theta = np.where(
         np.array(model.names) == "friction", np.abs(theta), theta
@@ -247,9 +241,11 @@ def _at_first(model, rows):
 def _encoder_alone(model, theta, rows, noise):
     """Whether the first rows of a log lie about the model, with numbers near these, as closely
     as its readings are known."""
-    if model.friction and len(rows.force) > MARCHED:
+    # At most so many rows are marched with friction, tick by tick; in more of them the predictions
+    # know enough.
+    if model.friction and len(rows.force) > 10_000:
         return False
-    end = rows.skip + PART_OF_ROWS
+    end = rows.skip + 5000  # rows that show whether errors grow
     rows = replace(rows, force=rows.force[:end], reading=rows.reading[:end])
     # where a device stops, it is not linear
     for _ in range(FITTING_ROUNDS if model.friction else 1):
@@ -297,7 +293,8 @@ def _hidden(model, reading, way):
 
     way: the readings as velocities.
     """
-    at_rest = model.friction and np.ptp(reading[:RESTING]) == 0
+    # Equal readings at the start of a log show a device held by friction.
+    at_rest = model.friction and np.ptp(reading[:10]) == 0
     one_way = model.friction and not model.spring and abs(way.sum()) > ONE_WAY * np.abs(way).sum()
     return ("velocity",) * int(at_rest) + ("offset",) * int(one_way)
 
@@ -363,7 +360,8 @@ def _inliers(model, theta, rows):
     off = left - np.median(left)
     for _ in range(4 * FITTING_ROUNDS):
         deviation = np.median(np.abs(off)) / 0.6745 + NEXT_TO_ZERO
-        root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), NEXT_TO_ZERO)))[
+        # Readings beyond 1.5 standard deviations count less while outliers are searched.
+        root = np.sqrt(np.minimum(1.0, 1.5 * deviation / np.maximum(np.abs(off), NEXT_TO_ZERO)))[
             :, None
         ]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]

@@ -14,12 +14,8 @@ from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import LEAST, MOST, Csv, option, read_csv, seconds
 from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
-MOST_LOG_BYTES = 1_000_000_000
-LEAST_LOG_ROWS = 50
 JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
-UNEVEN_STEP = 0.5  # of a period: deviation of a time above which the steps are not equal
-SHORTEST_WORD = 3  # letters of a word by which a column is found that is likely meant
 MISSING_ROW = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
@@ -122,7 +118,8 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
         others = (*kind, *kind.values()) if name in kind else (*kind.values(), *kind)
         for other, column in product(others, file.names):
             words = re.split(r"[\W_]+", column.lower())
-            named = [word for word in NAMES[other] if len(word) > SHORTEST_WORD and word in words]
+            # Shorter words are no hint to a column that is likely meant.
+            named = [word for word in NAMES[other] if len(word) > 3 and word in words]
             if named and len(words) > 1 and alike is None:
                 alike = (other, column)
     hint = f"; --column {name}=NAME gives its name"
@@ -166,7 +163,7 @@ def read_log(
     s, N, m and so on. constant: N/A or N*m/A, of the motor with this current. Errors: UsageError
     that names the file, the line or the column, what was expected and what was found.
     """
-    file = read_csv(path, MOST_LOG_BYTES)
+    file = read_csv(path, 1_000_000_000)  # bytes
     if not any(file.names):
         raise UsageError(
             f"{path}: expected a header and rows of numbers below it, found an empty file"
@@ -183,7 +180,7 @@ def read_log(
         if name not in places:
             _refuse_missing(path, name, columns.get(name, name), file)
     _refuse_motor_constant(path, push, constant, turns)
-    rows = file.numbers([places[name][0] for name in used], LEAST_LOG_ROWS)
+    rows = file.numbers([places[name][0] for name in used], 50)  # rows, at least
     readings = {}
     taken = []
     for at, name in enumerate(used):
@@ -250,7 +247,7 @@ def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, floa
         )
     late = times - times[0] - period * np.arange(len(times))
     off = np.abs(late - np.median(late)) / period
-    if off.max() > UNEVEN_STEP:
+    if off.max() > 0.5:  # of a period: deviation of a time above which the steps are not equal
         row = int(off.argmax())
         problem = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
         raise UsageError(

@@ -24,7 +24,6 @@ FARTHEST_LIMIT = 10.0
 EXPLAINED_RMS = 0.1
 REPEATED = 5  # repetitions, below which scatter is hardly known, and an F test lets everything pass
 F_LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
-COHERENT = 0.5  # coherence, below which a point of a response is left out
 WORST = 3  # walls on the wrong side that are named one by one
 
 Points = tuple[MeasuredWalls | None, FrequencyResponse | None]
@@ -225,7 +224,8 @@ def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str
     Frequencies above half the rate of the ticks, and points of low coherence, are not compared.
     """
     counts = {"count": len(measured.frequency_hz), "stable": stable}
-    chosen = (measured.frequency_hz <= spec.tick_hz / 2) & (measured.coherence >= COHERENT)
+    # Points below this coherence are left out.
+    chosen = (measured.frequency_hz <= spec.tick_hz / 2) & (measured.coherence >= 0.5)
     nothing = {
         "compared": 0,
         "softer": 0,

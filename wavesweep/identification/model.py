@@ -40,8 +40,6 @@ UNSEEN = {
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}  # of the derivative that is measured
 LARGEST_LOG_MASS = 100.0  # logarithm of the largest mass that is tried
 TICKS_AT_ONCE = 1024  # ticks that are marched at a time
-NEAR_TURN = 6.0  # speeds of a turn beyond which friction is constant to 1e-5
-MOST_STEPS = 256  # in which a part of a tick is marched through a turn
 SMALL = 1e-4  # powers of e whose series is used
 DIFFERENCE_STEP = 1e-4  # of finite differences, relative to the scale of a number
 
@@ -304,7 +302,7 @@ def _turning(found, parts, row):
         found[name] / found["mass"] for name in ("friction", "damping", "stiffness")
     )
     turning = found["turning"]
-    near = NEAR_TURN * turning
+    near = 6.0 * turning  # speeds of a turn, beyond which friction is constant to 1e-5
     sided = found["offset"] / found["mass"] if found.get("sided") else 0.0
     v = found["velocity"]
     x = found["start"]
@@ -318,7 +316,8 @@ def _turning(found, parts, row):
                 net = push / found["mass"] - friction * side - damping * v - sided * (1 - abs(side))
                 pulled = abs(net - stiffness * x) + NEXT_TO_ZERO
                 most = (abs(v) - near if abs(v) > near else turning / 4) / pulled
-                h = min(left, max(most, seconds / MOST_STEPS))
+                # Steps in which a part of a tick is marched through a turn.
+                h = min(left, max(most, seconds / 256))
                 a = net - stiffness * (x + v * h / 2)
                 rubbed = friction - copysign(sided, v)
                 z = (rubbed * (1 - side * side) / turning + damping) * h

@@ -27,7 +27,6 @@ SUFFIXES = (("abs", "deg"), ("re", "im"))  # of the two columns of a response
 # units of a wall, of a hand that slides and of one that turns
 WALL = {"B_VE": ("N*s/m", "N*m*s/rad"), "K_VE": ("N/m", "N*m/rad")}
 STABLE = "stable"
-LEAST_RESPONSE_ROWS = 8  # of a response that is fitted
 MOST_POINTS_BYTES = 100_000_000
 MOST_POINTS, MOST_BYTES_OF_POINTS = 10_000, 10_000_000  # of a file that a spec names
 FLAGS = {"1": True, "true": True, "0": False, "false": False}
@@ -78,7 +77,7 @@ def _response(suffixes, first, second):
 
 def read_response(
     path: str | Path,
-    least: int = LEAST_RESPONSE_ROWS,
+    least: int = 8,  # rows of a response that is fitted
     most: int = MOST_POINTS_BYTES,
     scales: Mapping[str, float] | None = None,
     columns: Mapping[str, str] | None = None,

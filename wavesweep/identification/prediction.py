@@ -38,55 +38,31 @@ from wavesweep.identification.predictor import Predictor, tick_of
 # what a fit is at, which a command shows
 FIT_LOGGER = logging.getLogger("wavesweep.proof.fit")
 PART = 6000  # rows with the largest forces, from which a long log's numbers are found first
-PART_OF_TWO = 3000  # the same of two masses
 WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
 ONE_WAY = 0.98  # share of the motion one way above which friction is a constant force
 CLEAR_OF_NOISE = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
-SLOWEST = 5e-3  # of the usual velocity, at which friction turns round first
 FEWEST, MOST = -2.0, 20.0  # ticks of delay
 ROUGH, DELAYS = (-1.0, 1.0, 3.0, 7.0), np.arange(FEWEST, MOST + 0.5, 0.5)  # tried first, and then
 RATES = (1.0, 20.0)  # damping over mass (1/s), tried first
-TONES = (0.3, 1.0, 3.0, 10.0, 30.0)  # frequencies of a spring (Hz), tried first
-# decades of the variances that are tried first
-WHITE_DECADES = (-8.0, -4.0, 0.0, 4.0)
-DRIFT_DECADES = (-14.0, -10.0, -7.0, -4.0, -1.0)
 HIGHEST_DECADE = 8.0  # decade of a variance
-TETHER = 1e-2  # standard deviations by which a size of a number costs errors as it moves
 SPARE_ROWS = 4  # rows that are left out beyond the delay
-BEHIND_KINK = (-0.5, -0.25, -0.1, 0.1, 0.25, 0.5)  # ticks of delay from a minimum, tried as well
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
-LEAST_PASSES = 2  # of the smoother
-SHORTEST_MOTION = 0.05  # of a tick, below which a device rests in all of it
 SMOOTHER_PASSES = 6  # at most
-TURNS_TRIED = 12  # of the moment in a tick at which a device turns round
 # speeds at which friction turns round, over the slowest
 SHARPEST, TURNING_TRIED = 1e-4, (1e-3, 0.01, 0.1, 0.3, 1.0, 3.0)
-FADING = (0.1, 0.3, 1.0)  # speeds at which static friction fades, over the usual one, tried first
-FALLS = 0.1  # share of the friction by which it has to fall with speed
-# times the slowest speed at which friction turns round: the least speed at which it fades
-LEAST_FADING = 10.0
 BLOCKS = (10, 20)
 LARGE_INNOVATION = 3.0  # standard deviations beyond which an innovation is large
-WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
-# decades by which the variances are changed
-OTHER_VARIANCES = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))
 CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
 NORMAL = 1.96
-VALUES_KEPT = 8  # values that a log remembers
 # numbers on which the filter depends
 FILTERING = ("rate", "square", "share", "load_rate", "coupling_rate", "white", "drift")
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
-COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
 # variances, white and of the walk, of the filters through which they are looked for
 FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))
-RESONANCES_TRIED = 2  # resonances from which two masses are searched
-RESONANCES_APART = 0.3  # logarithm of the ratio of these, at least
 # logarithm of the odds by which two masses have to explain the innovations better than one, and
 # another round of the smoother better than the one before
 LIKELIER = 15.0
 LARGEST = 1e150  # innovations that are squared
-# standard deviations of a second difference, beyond which a single reading is an outlier
-SPIKE = 20.0
 OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
 
 NO_MASS = (
@@ -136,7 +112,7 @@ class ScaledLog:
     def remembered(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """What `make` gives for a key."""
         if key not in self._kept:
-            if len(self._kept) == VALUES_KEPT:
+            if len(self._kept) == 8:  # values that a log remembers
                 del self._kept[next(iter(self._kept))]
             self._kept[key] = make()
         return self._kept[key]
@@ -333,7 +309,8 @@ def scaled(
         log,
         speeds=speeds,
         moving=moving,
-        slowest=max(noise, SLOWEST * float(speeds.std())),
+        # Of the usual velocity, at which friction turns round first.
+        slowest=max(noise, 5e-3 * float(speeds.std())),
         one_way=bool(one_way),
     )
 
@@ -439,7 +416,8 @@ class Search:
                 entries["fading"] = (
                     np.log(begun["fading"]),
                     0.7,
-                    np.log(LEAST_FADING * log.slowest),
+                    # Times the slowest turn: the least speed at which friction fades.
+                    np.log(10.0 * log.slowest),
                     np.log(3 * usual),
                 )
         self.names = tuple(entries)
@@ -480,7 +458,7 @@ def predicted(
     between = np.interp(np.arange(len(reading)), np.flatnonzero(~wild), reading[~wild])
     whole = scaled(model, force, between, period, resolution)
     log = whole
-    rows = PART_OF_TWO if model.load else PART
+    rows = 3000 if model.load else PART  # half as many of two masses
     if len(force) > rows:
         sizes = whole.force[: len(force) // rows * rows].reshape(-1, rows).std(axis=1)
         first = rows * int(np.argmax(sizes))
@@ -547,7 +525,7 @@ def _smoothing(rounds, search, skip):
         previous = square
         square = float(np.mean(left**2))
         likelier = len(left) / 2 * np.log(previous / square)
-        if number > LEAST_PASSES and likelier < LIKELIER:
+        if number > 2 and likelier < LIKELIER:  # passes of the smoother, at least
             if square > previous:
                 log, point = passed
             break
@@ -583,14 +561,15 @@ def _with_curve(log, search, point, skip):
         return None
     begun = search.found(point)
     tried = []
-    for share in FADING:
+    # Speeds at which static friction fades, over the usual one, tried first.
+    for share in (0.1, 0.3, 1.0):
         curved = Search(log, begun | {"fading": share * float(log.speeds.std())})
         tried.append((_square(log, curved, curved.begun, skip), curved))
     _, curved = min(tried, key=itemgetter(0))
     point = least_of(log, curved, curved.begun, skip, 8)
     _, errors, effects = errors_of(log, curved.found(point), skip)
     _, sliding, fades = projected(errors, effects)[0]
-    falls = sliding > 0 and fades > FALLS * sliding
+    falls = sliding > 0 and fades > 0.1 * sliding  # it has to fall with speed by a tenth
     enough = _square(log, curved, point, skip) < without * np.exp(-2 * LIKELIER / len(log.reading))
     if falls and enough:
         return (curved, point)
@@ -611,7 +590,8 @@ def _spikes(reading, resolution):
     height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
     around = np.abs(np.pad(change, 1))
     alone = np.maximum(np.abs(before - after), np.maximum(around[:-3], around[3:])) < 0.5 * height
-    spikes = np.pad(alone & (height > max(SPIKE * usual, 3 * resolution)), 1)
+    # Standard deviations of a second difference, beyond which a single reading is an outlier.
+    spikes = np.pad(alone & (height > max(20.0 * usual, 3 * resolution)), 1)
     if spikes.mean() < OUTLIER_SHARE:
         return spikes
     return np.zeros(len(reading), bool)
@@ -714,7 +694,7 @@ def _resonances(log, found, skip):
     modes = [
         resonance(pushing, tone, RINGING, period, 0.0, model.measured) / unit for tone in tones
     ]
-    delays = COUPLED_DELAYS if model.delay is None else (model.delay,)
+    delays = (0.0, 2.0, 5.0) if model.delay is None else (model.delay,)  # ticks, tried with them
     # The rate of one mass is not that of two where a resonance is damped, and is nearly where it rings.
     places = [found]
     for delay in delays:
@@ -733,8 +713,10 @@ def _resonances(log, found, skip):
                 pairs.append((share, tone, gains[1] / gains[0], filtered))
     starts = []
     for _, tone, share, filtered in sorted(pairs, key=itemgetter(0)):
-        if len(starts) < RESONANCES_TRIED and all(
-            abs(np.log(tone / near)) > RESONANCES_APART for near, _ in starts
+        if len(starts) < 2 and all(  # resonances from which two masses are searched
+            # Logarithm of their ratio, at least.
+            abs(np.log(tone / near)) > 0.3
+            for near, _ in starts
         ):
             numbers = of_modes(1.0 + share, filtered["rate"], tone, RINGING, share)
             shape = {
@@ -796,7 +778,7 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0, walk=0.0
     from_other = np.where(once, around, -2 * rubbed(then))
     before = after = np.full(len(speeds), part)
     change_before = change_after = np.zeros(len(speeds))
-    for _ in range(TURNS_TRIED):
+    for _ in range(12):  # for the moment in a tick at which a device turns round
         turning = change_before * moved(1 - before) + change_after * moved(1 - after)
         first = (begun - turning) / moved(1.0)
         at_jump = speeds + moved(part) * first
@@ -861,7 +843,8 @@ def _stop(path, part, forces, friction):
     with np.errstate(all="ignore"):
         second = np.where(stops_early, 0.0, np.abs(there) / slowing_after)
     # A device that rests all of a tick is left out as a whole, see `ScaledLog`.
-    moves = np.where(stops_early, first, part + second) > SHORTEST_MOTION
+    # Of a tick: below this a device rests in all of it.
+    moves = np.where(stops_early, first, part + second) > 0.05
     rests = (stops_early | stops_after) & (moves | ~stops_after)
     stops_early &= rests
     stops_after &= rests
@@ -892,9 +875,15 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     rough, delays = (ROUGH, DELAYS) if model.delay is None else ((model.delay,), (model.delay,))
     squares = [0.0]
     if model.spring:
-        squares = [(2 * np.pi * tone) ** 2 for tone in TONES if tone * log.period < 0.2]
-    whites = [10 ** max(decade, least[0]) for decade in WHITE_DECADES]
-    drifts = [10 ** max(decade, least[1]) for decade in DRIFT_DECADES]
+        # Frequencies of a spring (Hz), tried first.
+        squares = [
+            (2 * np.pi * tone) ** 2
+            for tone in (0.3, 1.0, 3.0, 10.0, 30.0)
+            if tone * log.period < 0.2
+        ]
+    # Decades of the variances that are tried first.
+    whites = [10 ** max(decade, least[0]) for decade in (-8.0, -4.0, 0.0, 4.0)]
+    drifts = [10 ** max(decade, least[1]) for decade in (-14.0, -10.0, -7.0, -4.0, -1.0)]
     if model.measured == "acceleration":
         whites = drifts = [0.0]
     look = _FirstLook(log, SPARE_ROWS + int(max(0.0, *delays)))
@@ -991,7 +980,8 @@ def least_of(log, search, point, skip, most):
         # A number without any effect, as the variance of a walk that is not there, would take a step
         # to its bound, and cut those of all others.
         def tethered(scaled):
-            return np.append(residual(scaled), TETHER * (scaled - start))
+            # Standard deviations by which a size of a number costs errors as it moves.
+            return np.append(residual(scaled), 1e-2 * (scaled - start))
 
         found = least_squares(
             tethered, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits
@@ -1003,7 +993,8 @@ def least_of(log, search, point, skip, most):
     if "delay" in search.names:
         at = search.names.index("delay")
         tried = [best]
-        for ticks in BEHIND_KINK:
+        # Ticks of delay from a minimum, tried as well.
+        for ticks in (-0.5, -0.25, -0.1, 0.1, 0.25, 0.5):
             other = best.copy()
             other[at] = np.clip(best[at] + ticks / search.size[at], low[at] + 1e-6, high[at] - 1e-6)
             tried.append(other)
@@ -1059,7 +1050,10 @@ def estimated_at(log, search, point, skip, before, moved):
     ]
     step = _step(few, search, point, skip, free)
     extra = np.zeros(len(theta))
-    for decades in OTHER_VARIANCES if "white" in search.names else ():
+    # Decades by which the variances are changed.
+    for decades in (
+        ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3)) if "white" in search.names else ()
+    ):
         other = point.copy()
         other[search.names.index("white")] += decades[0]
         other[search.names.index("drift")] += decades[1]
@@ -1158,7 +1152,8 @@ def _half_widths(left, slopes, to_theta):
     size = np.maximum(np.linalg.norm(slopes, axis=0), NEXT_TO_ZERO)
     unit = slopes / size
     inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
-    most = WILD * np.median(np.abs(left)) / 0.6745
+    # Standard deviations at which an innovation is clipped in the scores.
+    most = 5.0 * np.median(np.abs(left)) / 0.6745
     clipped = np.clip(left, -most, most)
     onto = to_theta / size
     squares = [NORMAL**2 * np.var(clipped) * np.diag(onto @ inverse @ onto.T)]

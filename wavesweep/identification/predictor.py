@@ -20,7 +20,6 @@ from scipy.signal import lfilter
 
 from wavesweep.identification.model import Model
 
-DOUBLINGS = 60  # of the time over which the Riccati equation is solved
 SETTLED_DOUBLING = 1e-12  # relative change of its solution that ends the doublings
 FORGOTTEN = 1e-9  # effect of the initial state below which it no longer matters
 
@@ -208,7 +207,7 @@ def _steady(A, C, noise):
     seen = np.outer(C, C)
     covariance = noise
     identity = np.eye(len(A))
-    for _ in range(DOUBLINGS):
+    for _ in range(60):  # doublings of the time over which the Riccati equation is solved
         shared = np.linalg.solve(identity + seen @ covariance, np.hstack([forward, seen]))
         forward_shared = shared[:, : len(A)]
         seen_shared = shared[:, len(A) :]

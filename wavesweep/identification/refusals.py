@@ -16,13 +16,8 @@ from wavesweep.identification.prediction import (
 )
 from wavesweep.program.csv_files import seconds
 
-PIECES_OF_LOG = (2, 4, 8)  # into how many equal pieces a log is cut
 ROWS_SHIFTED = 3000  # rows with which a column is shifted
 SHORTEST_PIECE = 200  # rows of a piece at least
-KNOWN_DELAY = 1.0  # half the width of the interval of its delay (ticks)
-HELPING_RATIO = 1.2  # the highest over the lowest mass of a piece that helps
-# times the range of delays, to which a column is shifted against the other, either way
-FURTHEST = 4
 
 
 def help_for(model: Model, log: Log, resolution: float) -> str:
@@ -40,7 +35,8 @@ def _other_rows(model, log, resolution):
         return ""
     reach = int(MOST - FEWEST)
     log = replace(log, force=log.force[:ROWS_SHIFTED], reading=log.reading[:ROWS_SHIFTED])
-    shifts = range(reach // 2, FURTHEST * reach, reach // 2)
+    # A column is shifted to four times the range of delays, either way.
+    shifts = range(reach // 2, 4 * reach, reach // 2)
     for shift in (*shifts, *(-rows for rows in shifts)):
         force = log.force
         reading = log.reading
@@ -63,7 +59,7 @@ def _other_rows(model, log, resolution):
 def _piece(model, log, resolution):
     """The piece of the log that tells the mass best, the longest first."""
     rows = len(log.force)
-    for count in PIECES_OF_LOG:
+    for count in (2, 4, 8):  # equal pieces of a log
         length = rows // count
         if length < SHORTEST_PIECE:
             break
@@ -100,8 +96,9 @@ def _known(model, log, resolution):
     except (UsageError, np.linalg.LinAlgError):
         return None
     half = dict(zip(found.model.names, found.half, strict=True))
-    knows_delay = half.get("delay", 0.0) < KNOWN_DELAY
+    knows_delay = half.get("delay", 0.0) < 1.0  # half the width of its interval (ticks)
     with_damping = found.numbers["damping"] + half["damping"] > 0
-    if 2 * half["log_mass"] < np.log(HELPING_RATIO) and knows_delay and with_damping:
+    # The highest over the lowest mass of a piece that helps.
+    if 2 * half["log_mass"] < np.log(1.2) and knows_delay and with_damping:
         return found
     return None

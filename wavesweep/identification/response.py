@@ -18,13 +18,8 @@ from wavesweep.identification.prediction import NO_RESONANCE
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
 RESONANCES, RINGING = 120, (0.01, 0.05, 0.2)  # frequencies and damping ratios tried first
-# standard deviations of the correlation of neighbouring residuals beyond which they are not noise
-RELATED = 3.5
-# largest correlation of neighbouring residuals by which intervals are widened
-LARGEST_CORRELATION = 0.99
 RARE_ODDS = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
 RESONANCES_TRIED = 80  # frequencies of a resonance that are tried
-RINGING_TRIED = 0.03  # damping ratio of a resonance that is tried
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 
 
@@ -138,13 +133,15 @@ def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> Re
         float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), NEXT_TO_ZERO))
         > np.log(len(H)) + RARE_ODDS
     )
-    explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
+    # Neighbouring residuals of noise are correlated by at most 3.5 standard deviations.
+    explained = not (rare or far or related * np.sqrt(2 * len(H)) > 3.5)
     if explained:
         named = ("", float("nan"), 0.0)
     elif named[2] < NAMED_SHARE:
         named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
     if not explained:  # there are fewer independent errors than frequencies
-        extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, LARGEST_CORRELATION))) - 1)
+        # Intervals are widened by a correlation of neighbouring residuals of at most 0.99.
+        extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, 0.99))) - 1)
         extra[:2] += euler(_numbers(model, theta), hold.period) * hold.held
     return ResponseFit(
         model, theta, half, H, measured.admittance / H - 1, explained, *named, related, extra
@@ -257,7 +254,8 @@ def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, 
     weights = _weights(measured)
     for tone in np.geomspace(hertz[0], hertz[-1], RESONANCES_TRIED):
         mode = (
-            weights / (tone**2 - hertz**2 + 2j * RINGING_TRIED * tone * hertz) / measured.admittance
+            # A damping ratio of 0.03 is tried.
+            weights / (tone**2 - hertz**2 + 2j * 0.03 * tone * hertz) / measured.admittance
         )
         A = np.c_[J, np.append(mode.real, mode.imag), np.append(-mode.imag, mode.real)]
         size = np.linalg.norm(A, axis=0)

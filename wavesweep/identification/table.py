@@ -52,10 +52,6 @@ UNITS |= COUPLED
 # that are fitted
 LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness": "log_coupling"}
 OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
-# times the least load or stiffness, below which the largest has to be: noise alone looks like a
-# less certain one
-KNOWN_RATIO = 2.0
-MILLI = 1e-3  # s, the unit of the delay of an analogue force
 READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
 TURNING = {"mass": "kg*m^2", "load_mass": "kg*m^2"}
 MISSING = {
@@ -74,7 +70,6 @@ MISSING = {
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
-LEAST_PERIODS = 10  # periods in a log, below which it is not told whether something is a resonance
 MISSING_OF_TWO = {
     "resonance": "another resonance, near {frequency_hz:.3g} Hz",
     "unknown": "an effect that is no delay or resonance, as Coulomb friction, which is a constant force (offset) if the motor "
@@ -156,7 +151,8 @@ def _of_response(
     from wavesweep.identification.response import Hold, fitted_response
     from wavesweep.program.columns import complex_columns
 
-    period = MILLI if rate_hz is None else 1 / rate_hz
+    # A millisecond, the unit of the delay of an analogue force.
+    period = 1e-3 if rate_hz is None else 1 / rate_hz
     started = time.perf_counter()
     measured = read_response(path, scales=scales, columns=renamed)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
@@ -385,7 +381,9 @@ def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
         )
     for name in ("load_mass", "coupling_stiffness"):
         number = parameters.get(name)
-        if number is not None and not number["high"] < KNOWN_RATIO * number["low"]:
+        # Below this ratio of its ends a load or stiffness is told: noise alone looks like a less
+        # certain one.
+        if number is not None and not number["high"] < 2.0 * number["low"]:
             raise UsageError(
                 f"what was measured leaves the resonance of the two masses open: the {name} could be anything from "
                 f"{span_around(number['low'], number['high'], 2)} {number['unit']}; record a chirp or noise through the resonance"
@@ -587,7 +585,8 @@ def _missing_in_words(found: Numbers) -> str:
     """What a model lacks, in words; a resonance of which the log has few periods is a slow motion."""
     left = found["residual"]
     hertz = left["frequency_hz"] or 0.0
-    if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < LEAST_PERIODS:
+    # In fewer periods of a log it is not told whether something is a resonance.
+    if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < 10:
         size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
         unit = READ[found["measured"]]
         if found["turns"]:

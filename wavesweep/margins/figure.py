@@ -34,13 +34,8 @@ LOWEST_SHOWN = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
 FIRST_ANGLES = 600  # angles to begin with
 CURVE_STEP = 0.03  # change of ln L between neighbours, at most
-LEAST_ANGLE_STEP = 1e-10  # rad; neighbours this near get none between them
-ANGLE_ROUNDS = 24  # in which angles are put between neighbours, at most
-LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
-ROOM_OF_NYQUIST = 0.08  # of the Nyquist plot, beyond what it has to show
 # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
 FARTHEST_SHOWN = 4.0
-MOST_TICK_MARKS = 7  # of an axis of gain or phase
 OFF_CURVE = "Margins are of the lifted L, at its eigenvalues: over frequency they need not lie on the curve of L itself."
 _CURVE, _DISK = "#0072B2", "#D55E00"
 _MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D", "delay_frames": "D"}
@@ -262,7 +257,10 @@ def bode_of(loop: Any, hertz: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np
 
 
 def response_of(
-    loop: Any, step: float = CURVE_STEP, first: int = FIRST_ANGLES, loci: int = LOCI
+    loop: Any,
+    step: float = CURVE_STEP,
+    first: int = FIRST_ANGLES,
+    loci: int = 500,  # angles, at which eigenvalues of a lifted L are drawn as points
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (Hz) of a broken loop and L there, so densely that no step shows; of a lifted one
     its eigenvalues.
@@ -312,10 +310,11 @@ def dense_angles(
         * np.pi
     )
     values = response(angles)
-    for _ in range(ANGLE_ROUNDS):
+    for _ in range(24):  # rounds in which angles are put between neighbours, at most
         with np.errstate(divide="ignore", invalid="ignore"):
             turned = np.abs(np.log(values[1:] / values[:-1]))
-        wide_steps = (turned > step) & np.isfinite(turned) & (np.diff(angles) > LEAST_ANGLE_STEP)
+        # Neighbours within 1e-10 rad get none between them.
+        wide_steps = (turned > step) & np.isfinite(turned) & (np.diff(angles) > 1e-10)
         if not wide_steps.any():
             break
         between = (angles[:-1] + angles[1:])[wide_steps] / 2
@@ -397,7 +396,7 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
 def _show_square(axes: Any, points: np.ndarray) -> None:
     """Show the square around points, since a strip shows little."""
     size = max(np.ptp(points.real), 2 * np.abs(points.imag).max())
-    half = (0.5 + ROOM_OF_NYQUIST) * size
+    half = (0.5 + 0.08) * size  # room beyond what the plot has to show
     middle = (points.real.min() + points.real.max()) / 2
     axes.set_xlim(middle - half, middle + half)
     axes.set_ylim(-half, half)
@@ -510,6 +509,7 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
     )
     for axes, steps in ((gain, (5, 10, 20, 40, 60)), (phase, (15, 45, 90, 180, 360))):
         low, high = axes.get_ylim()
-        fitting_steps = [step for step in steps if high - low <= MOST_TICK_MARKS * step]
+        # Marks of an axis of gain or phase.
+        fitting_steps = [step for step in steps if high - low <= 7 * step]
         step = fitting_steps[0] if fitting_steps else steps[-1]
         axes.yaxis.set_major_locator(MultipleLocator(step))

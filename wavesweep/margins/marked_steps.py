@@ -9,7 +9,6 @@ from wavesweep.engine.response import BAND, Step
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.plots.style import GRID, Look, distinct_colour
 
-DOTTED_SAMPLES = 60  # samples, up to which each has a dot
 MARK = "0.2"
 _MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
 
@@ -19,7 +18,8 @@ def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
     each with its words."""
     final, times, values = step.final, step.time_s[: step.shown], step.value[: step.shown]
     unit, scale = ("ms", 1e3) if times[-1] < 1 else ("s", 1.0)
-    dots = {"marker": ".", "markersize": 3} if times.size <= DOTTED_SAMPLES else {}
+    # Samples, up to which each has a dot.
+    dots = {"marker": ".", "markersize": 3} if times.size <= 60 else {}
     line = extremes(scale * times, values)
     axes.plot(*line, color=distinct_colour(0), drawstyle="steps-post", **dots)
     axes.axhline(final, color="0.6", linewidth=0.8, linestyle="--")

@@ -20,10 +20,8 @@ from wavesweep.program.columns import RATIO
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.spec import Spec
 
-COARSE_CURVE_STEP = 0.2  # change of ln L between two points of a curve
 FIRST_POINTS = 90  # points to begin with
 MOST_STEP_STATES = 1_000_000  # samples of a step response times states
-SAMPLES = 600  # of a step response that are sent
 
 
 Shown = Mapping[str, Any]  # what a page has, with `cuts` and `routes`
@@ -69,7 +67,8 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
         return {}
     cut, route = _chosen(question, shown)
     loop = broken_at(spec, cut)
-    hertz, L = response_of(loop, COARSE_CURVE_STEP, FIRST_POINTS, FIRST_POINTS)
+    # Change of ln L between two points of a curve.
+    hertz, L = response_of(loop, 0.2, FIRST_POINTS, FIRST_POINTS)
     decibels, degrees = decibels_and_degrees(L, loop.times > 1)
     curves = {"hertz": hertz, "re": L.real, "im": L.imag, "decibels": decibels, "degrees": degrees}
     curve = {name: values.tolist() for name, values in curves.items()} | {
@@ -91,7 +90,8 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
 
 def _numbers(step: Step, sign: float) -> dict:
     """The samples that are worth showing, and what is read from them; sign: of the values."""
-    times, values = extremes(step.time_s[: step.shown], step.value[: step.shown], SAMPLES)
+    # Of a step response that are sent.
+    times, values = extremes(step.time_s[: step.shown], step.value[: step.shown], 600)
     first, second = step.rise_s
     return {
         "time_s": times.tolist(),

@@ -26,8 +26,6 @@ from wavesweep.program.plots.style import (
 )
 
 _PASSIVE_NORM = 1e-10  # of the norm: up to this above 1 counts as passive
-# of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
-_LINEAR = 1e-4
 _PASSIVE = {"color": "#CCECE3", "linewidth": 0}  # of the shade
 _COLOUR = distinct_colour(0)  # of the dots
 _UNSTABLE = {
@@ -37,8 +35,6 @@ _UNSTABLE = {
     "linestyle": "none",
     "clip_on": False,
 }
-_CURVES = 8  # of the index over frequency
-_NAME = 40  # letters of the name of a dot with those of its axes
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
 
@@ -103,7 +99,7 @@ def _row_names(columns: Columns, facts: Mapping[str, Any]) -> tuple[str, list[st
     names = []
     for row in range(count):
         names.append(", ".join(valued(name, columns[name][row], facts) for name in swept))
-    if max(map(len, names), default=0) <= _NAME:
+    if max(map(len, names), default=0) <= 40:  # letters of the name of a dot with those of its axes
         return "", names
     axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
     values = []
@@ -185,7 +181,7 @@ def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) 
         channel.set_label_text("channel norm - 1")
     margin = columns["port_margin"][~np.isnan(columns["port_margin"])]
     largest = float(np.abs(margin).max(initial=0.0)) or 1.0
-    linear = _LINEAR * largest
+    linear = 1e-4 * largest  # about zero, margins are drawn evenly; beyond it they go by factors
     bottom, top = (
         min(float(margin.min(initial=0.0)) * 2, -linear),
         max(float(margin.max(initial=0.0)) * 2, linear),
@@ -234,7 +230,8 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
     axes = [name for name in columns if name not in ("frequency_hz", "llewellyn", "damping_margin")]
     starts = np.flatnonzero(np.diff(columns["frequency_hz"], prepend=np.inf) < 0)
     curves = np.split(np.arange(columns["frequency_hz"].size), starts[1:])
-    shown = [curves[at] for at in np.unique(np.linspace(0, len(curves) - 1, _CURVES).astype(int))]
+    # Curves of the index over frequency.
+    shown = [curves[at] for at in np.unique(np.linspace(0, len(curves) - 1, 8).astype(int))]
     with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
         panels = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)))
         for look, rows in zip(family_looks(len(shown)), shown, strict=True):

@@ -13,7 +13,6 @@ from wavesweep.program.plots.style import distinct_look, family_looks, figure, p
 from wavesweep.program.spec import Spec
 
 WIDEST_PICTURE = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
-NARROWEST_PICTURE = 4.5
 PICTURE_MARGIN = 0.12
 TITLE, NAME, SMALL = 9.0, 8.0, 7.0  # points
 PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from it
@@ -63,7 +62,7 @@ def wiring(loop: Wiring, title: str) -> Any:
             routes.width,
             _width(title, TITLE) + PICTURE_MARGIN,
             _width(note, SMALL) + PICTURE_MARGIN,
-            NARROWEST_PICTURE,
+            4.5,  # inch
         )
         + 2 * PICTURE_MARGIN
     )

@@ -15,7 +15,6 @@ from itertools import pairwise
 
 import numpy as np
 
-LAYOUT_SWEEPS = 9  # odd, so that the last one goes to the right
 ROW = 0.19  # inch, of a row of ports
 TRACK = 0.1  # inch, between two tracks or lanes
 SPACE = 0.1  # inch, at both sides of the tracks between two columns
@@ -184,7 +183,7 @@ def _rows(boxes, columns):
     for column in columns:
         top |= dict(zip(column, _stacked(boxes, column).tolist(), strict=True))
     wires = [_wires_between(boxes, left, right) for left, right in pairwise(columns)]
-    for turn in range(LAYOUT_SWEEPS):
+    for turn in range(9):  # odd, so that the last one goes to the right
         rightward = turn % 2 == 0
         steps = range(len(wires)) if rightward else reversed(range(len(wires)))
         for step in steps:

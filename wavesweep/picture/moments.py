@@ -29,8 +29,6 @@ WHERE = MappingProxyType(
         FRESHEST[0]: "at best",
     }
 )
-# relative difference of two ages, below which one of the frames stands for the other
-AGES_ALIKE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +109,8 @@ def moments(spec: Spec) -> tuple[Moments, ...]:
         return (last,)
     freshest = min(first.main.lives, key=lambda life: life.oldest)
     first = replace(first, shown=freshest)
-    if first.age > (1 - AGES_ALIKE) * last.age:
+    # Up to this relative difference of two ages one of the frames stands for the other.
+    if first.age > (1 - 0.05) * last.age:
         return (last,)
     names = FRESHEST
     if low:

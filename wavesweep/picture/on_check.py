@@ -6,8 +6,6 @@ from typing import Any
 from wavesweep.picture.moments import Moments, in_words, moments
 from wavesweep.program.spec import Spec
 
-RANK = 1.4  # among the lines that are always shown
-
 
 def facts(
     spec: Spec, _own: Mapping[str, Any], _report: Callable[[int, int], None] | None
@@ -39,4 +37,4 @@ def _facts_of(frames: Moments) -> dict[str, Any] | None:
 def lines(spec: Spec, _found: Mapping[str, Any]) -> Iterator[tuple[float, str | Callable[[], str]]]:
     """Yield the line about the age."""
     if said := in_words(moments(spec), "" if spec.drawing else "the force"):
-        yield RANK, f"age: {said}"
+        yield 1.4, f"age: {said}"  # rank among the lines that are always shown

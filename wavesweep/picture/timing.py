@@ -28,16 +28,10 @@ from wavesweep.program.spec import Spec
 LANE, AGE, HEAD, ENDS = 0.44, 0.8, 0.55, 0.25
 COMPUTED, HELD = (0.08, 0.48), (0.52, 0.92)  # the bars of a number, from the top of its lane
 HELD_ALONE = (0.3, 0.7)  # that of one that is in place at once
-SLIVER_OF_WIDTH = 0.015  # share of the width of a panel, below which a bar is a stroke
-MOST_STROKES = 120
 MOST_LANES = 6
 BESIDE = 0.04  # share of the time shown that is drawn before and after it
-LETTER = 0.058  # inches of a letter in a bar
 OTHERS = 0.3  # share of a lane's colour in bars beside the number shown
 PALE = 0.12  # the same while numbers are computed
-NUMBERS_APART = 0.14  # share of the width of a panel, at least, between two numbers below it
-SHARE_OF_WIDTH = 0.85  # share of the width of a figure that its panels have, about
-DARK = 1.5  # sum of red, green and blue, below which a ground is dark
 # rates with colours that are told apart by their hue, as in the picture of the loop
 MOST_DISTINCT = 5
 
@@ -158,7 +152,8 @@ def _draw_lanes(axes: Any, panel: Panel) -> None:
         if at:
             axes.axhline(at, color="0.8", linewidth=0.5, zorder=0)
         held = min((life.end - life.start for life in lane.lives), default=0.0)
-        if held * panel.moments.tick_ms < SLIVER_OF_WIDTH * panel.width:
+        # Share of a panel's width, below which a bar is a stroke.
+        if held * panel.moments.tick_ms < 0.015 * panel.width:
             _draw_strokes(axes, panel, lane, at, colour)
         else:
             _draw_bars(axes, panel, lane, at, colour)
@@ -183,7 +178,7 @@ def _draw_strokes(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> 
         runs += [run + frame * ticks for run in lane.runs]
     runs = [run for run in runs if begin <= run <= end]
     top, bottom = (at + level for level in HELD_ALONE)
-    if len(runs) > MOST_STROKES:
+    if len(runs) > 120:  # strokes
         axes.add_patch(_bar(*panel.edges, top, bottom, blended(axes, colour, OTHERS)))
     else:
         axes.vlines([panel.at(run) for run in runs], top, bottom, color=colour, linewidth=0.9)
@@ -199,7 +194,8 @@ def _draw_bars(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> Non
     """Draw the numbers of a lane: from the measurement until they are in place, and while they
     are held."""
     edges = panel.edges
-    inches = SHARE_OF_WIDTH * wide(TWO_COLUMNS) / (edges[1] - edges[0])  # of a ms
+    # The panels have some 85 % of the width of a figure; inches of a ms.
+    inches = 0.85 * wide(TWO_COLUMNS) / (edges[1] - edges[0])  # of a ms
     shown = panel.moments.shown if lane is panel.moments.main else None
     waits = any(life.start > life.measured for life in lane.lives)
     for life, lost in panel.lives(lane):
@@ -244,7 +240,7 @@ def _write(
 
     plain = rcParams["text.color"]
     for text in texts:
-        if LETTER * len(text) < inches * (span[1] - span[0]):
+        if 0.058 * len(text) < inches * (span[1] - span[0]):  # inches of a letter in a bar
             axes.text(
                 sum(span) / 2,
                 y,
@@ -265,7 +261,7 @@ def blended(axes: Any, colour: Any, share: float) -> tuple[float, ...]:
     from matplotlib.colors import to_rgb
 
     ground = to_rgb(axes.get_facecolor())
-    if sum(ground) < DARK:
+    if sum(ground) < 1.5:  # sum of red, green and blue, below which a ground is dark
         share **= 0.6
     pairs = zip(to_rgb(colour), ground, strict=True)
     return tuple(share * over + (1 - share) * under for over, under in pairs)
@@ -308,7 +304,8 @@ def _mark(lanes: Any, below: Any, panel: Panel) -> None:
     for axes in (lanes, below):
         for time in times:
             axes.axvline(time, color="0.5", linewidth=0.6, linestyle=(0, (3, 2)), zorder=1.5)
-    apart = NUMBERS_APART * panel.width * (2 if is_narrow() else 1)
+    # Share of a panel's width, at least, between two numbers below it.
+    apart = 0.14 * panel.width * (2 if is_narrow() else 1)
     numbers = [times[0], times[2]]
     if min(b - a for a, b in pairwise(times)) > apart:
         numbers = times

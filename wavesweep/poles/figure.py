@@ -25,7 +25,6 @@ from wavesweep.program.plots.style import (
 
 REACH = 1.5  # what is farther from 0 is not shown
 ROOM_OF_CIRCLE = 1.05  # about the unit circle, which is shown whole
-JOINED_STEP = 0.2  # between neighbouring values of the number, up to which a line joins two poles
 NAMED = 6  # modes with a mark of their own
 RATIOS = (0.1, 0.3, 0.5, 0.7)  # of damping, each with a line
 LETTERS, BESIDE = 19.0, 0.6  # of a legend in an inch, and inches for its marks
@@ -158,7 +157,8 @@ def _steps(numbers: np.ndarray, z: np.ndarray) -> tuple[list[np.ndarray], np.nda
     for value, before, after in zip(values, poles, poles[1:], strict=False):
         far = np.abs(before[:, None] - after[None])
         for a, b in zip(*linear_sum_assignment(far), strict=True):
-            if far[a, b] < JOINED_STEP:
+            # Up to this step between neighbouring values a line joins two poles.
+            if far[a, b] < 0.2:
                 step = np.array([before[a], after[b]])
                 steps.append(np.column_stack([step.real, step.imag]))
                 colours.append(value)

@@ -24,11 +24,6 @@ from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 MOST_NUMBER_BARS = 12  # numbers of a panel that have bars
 MOST_FIGURE_PANELS = 8
 NO_ELASTICITY = 1e-9  # an elasticity up to which a number has no effect but that of rounding
-_BAR = 0.17  # inches of the figure's height for a number
-_ROOM = 0.95  # the same for the title and the axis of a panel
-LONGEST_NUMBER_NAME = 18  # letters of a name beside bars that is in one line
-_LETTERS = 46  # of a line above a panel
-_NARROW_LETTERS = 34  # the same of a narrow figure
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 _LOOKS = {  # of bars; the second is hatched, since its grey is much the same
     "end": {"facecolor": distinct_colour(0), "edgecolor": "white", "linewidth": 0},
@@ -48,7 +43,8 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     shown = [panel for panel in panels if panel[1]][:MOST_FIGURE_PANELS]
     across = min(1 if is_narrow() else 2, len(shown))
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
-    heights = [_ROOM + _BAR * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
+    # In inches: title and axis of a panel, and each number.
+    heights = [0.95 + 0.17 * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
     with figure(TWO_COLUMNS, 0.5 + sum(heights)) as canvas:
         if shown:
             grid = canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights).ravel()
@@ -170,7 +166,8 @@ def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
 
 def _in_lines(name: str) -> str:
     """A name beside bars, in two lines if it is long."""
-    return "\n".join(wrap(name, max(LONGEST_NUMBER_NAME, ceil(len(name) / 2))))
+    # A name of up to 18 letters is in one line.
+    return "\n".join(wrap(name, max(18, ceil(len(name) / 2))))
 
 
 def _title(rows: Columns) -> list[str]:
@@ -190,8 +187,8 @@ def _title(rows: Columns) -> list[str]:
 
 def _letters() -> int:
     if is_narrow():
-        return _NARROW_LETTERS
-    return _LETTERS
+        return 34
+    return 46  # letters of a line above a panel
 
 
 def _end(rows: Columns) -> str:

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.table import Table
 
-ROWS_IN_MEMORY = 300_000  # rows of a table that are drawn at once
-
 
 def __getattr__(name):
     kind = name.replace("_", "-")
@@ -97,7 +95,8 @@ def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
     options = {"say": say} if "bode" in table.kind else {}
 
     def draw() -> Any:
-        rows = table.blocks if table.rows > ROWS_IN_MEMORY else table.columns
+        # Rows of a table that are drawn at once.
+        rows = table.blocks if table.rows > 300_000 else table.columns
         return figure_of(table.kind)(rows, table.facts, **options)
 
     return with_figure(table, draw)

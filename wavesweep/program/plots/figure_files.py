@@ -9,9 +9,6 @@ from typing import Any
 from wavesweep.program.atomic_files import made_folder, scratch
 from wavesweep.program.plots.style import png, style
 
-MOST_MARKS = 500  # marks of a line in an SVG; more are an image
-PRINTED = 400  # dots per inch of that
-
 
 def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
     """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its
@@ -33,9 +30,11 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
             }
             for line in canvas.findobj(Line2D):  # each mark would be an element: megabytes of them
                 line.set_rasterized(
-                    line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_MARKS
+                    # Marks of a line in an SVG; more are an image.
+                    line.get_linestyle() == "None" and len(line.get_xdata()) > 500
                 )
-            canvas.savefig(path, format="svg", metadata=words, dpi=PRINTED)
+            # Dots per inch of marks that are an image.
+            canvas.savefig(path, format="svg", metadata=words, dpi=400)
         elif path.suffix == ".eps":
             file, title = BytesIO(), f"%%Title: {about['Title']}\n".encode("ascii", "replace")
             canvas.savefig(

@@ -16,8 +16,6 @@ from wavesweep.program.row_kinds import COMPUTED, row_kinds
 MOST_MEMBERS = 8
 MOST_PANELS = 6
 MOST_BARS = 8
-MOST_COMBINATIONS = 16  # of several axes, as bars of one panel
-_PAIR = 2  # values, which are compared and not joined
 MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
 
 
@@ -115,7 +113,8 @@ def lay_out(
     members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS, best)
     beside = {name: several[name] for name in held}
     combinations = len(members) * prod(map(len, beside.values()))
-    if x is not None or hands or combinations > MOST_COMBINATIONS:
+    # Combinations of several axes, as bars of one panel.
+    if x is not None or hands or combinations > 16:
         beside = {}
     fixed = {}
     for name in held:
@@ -135,7 +134,7 @@ def _single_smooth(several: Mapping[str, Sequence[float]], smooth: Collection[st
     if len(several) != 1:
         return None
     (name,) = several
-    if name in smooth and len(several[name]) > _PAIR:
+    if name in smooth and len(several[name]) > 2:  # two values are compared and not joined
         return name
     return None
 

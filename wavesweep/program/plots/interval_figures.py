@@ -67,14 +67,10 @@ from wavesweep.program.tables.columns import unlike_units
 
 # hears which panel of how many is drawn
 PANELS_LOGGER = logging.getLogger("wavesweep.figure.panels")
-_PANEL_HEIGHT = 2.3  # inches
 _APART = 0.8  # points between bars of two members at a value of x
-_FILL = 0.6  # of the distance between two values of x, which bars fill at most
 # points, their width
 _THIN = 0.8
 _THICK = 4.0
-_PANEL_WIDTH = 0.8  # of its part of the figure
-_ROOM_OF_BOUNDARY = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 # share of the axis without intervals at its high end, from which it is not shown; and what is
 _EMPTY, _SHOWN_OF_EMPTY = 0.4, 0.1
@@ -186,7 +182,7 @@ def _panels_in_a_row(number: int, *, bars: bool) -> int:
 
 def _height(shown: Shown, across: int, down: int) -> float:
     """The height of all panels, in inches: that of a plot, or of its bars, few or many."""
-    height = 2.5 if across == down == 1 else _PANEL_HEIGHT * down
+    height = 2.5 if across == down == 1 else 2.3 * down  # inches
     if shown.layout.x is not None:
         return height
     bars = len(shown.layout.bars)
@@ -249,7 +245,8 @@ def _side_by_side(curves: Sequence[PlaneCurve], room: float) -> list[Bars]:
     """The bars of members in the room of a value: those that have bars alone stand beside each
     other."""
     in_bars = sum(not curve.gaps for curve in curves)
-    width = float(np.clip(_FILL * room / max(in_bars, 1), _THIN, _THICK))
+    # Bars fill at most 0.6 of the distance between two values of x.
+    width = float(np.clip(0.6 * room / max(in_bars, 1), _THIN, _THICK))
     bars = []
     place = 0
     for curve in curves:
@@ -288,7 +285,7 @@ def _draw_plane(
             high = end
     view = view_of(x, logarithmic, *inches, shown.by_factors)
     curves = member_curves(members, view, (low, high))
-    points = 72 * inches[0] * _PANEL_WIDTH
+    points = 72 * inches[0] * 0.8  # a panel's width, of its part of the figure
     bars_of_members = _side_by_side(curves, points * view.closest(shown.layout.points))
     filled = len(members) == 1 and shown.whose != "spec"
     reached: list[float] = []
@@ -305,7 +302,8 @@ def _draw_plane(
         lines = [*region.certain, *region.doubtful]
         if lines and not filled:
             how.add("strokes")
-        reached += [_ROOM_OF_BOUNDARY * y for line in lines for _, y in line]
+        # Room above the largest value of a boundary.
+        reached += [1.03 * y for line in lines for _, y in line]
         if region.bars:
             how.add("bars")
         if shown.felt:

@@ -29,7 +29,6 @@ from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
 from wavesweep.program.row_kinds import COMPUTED, row_kind
 
-_BESIDE_PANEL = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"
 _SMALL = 7  # points, of a legend above a figure of one column
 BEST = {
@@ -220,7 +219,8 @@ def draw_legends(
 
 def _in_a_row(entries: Sequence[Any], width: float) -> int:
     """How many entries are side by side above the panels of a figure of this width, inches."""
-    return fitting([entry.get_label() for entry in entries], width - _BESIDE_PANEL, _SMALL)
+    # Inches of a figure of one column that its panel leaves to numbers.
+    return fitting([entry.get_label() for entry in entries], width - 0.5, _SMALL)
 
 
 def rows_of(entries: Sequence[Any], width: float) -> int:

@@ -20,7 +20,6 @@ from wavesweep.program.plots.style import (
     paler,
 )
 
-SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
 CARET = {
     "color": "#D55E00",
@@ -33,7 +32,6 @@ FELT_LINE = (0, (1, 1.2))
 BAR = {"marker": "|", "markersize": 8, "markeredgewidth": 2.5, "linestyle": "none"}  # in a legend
 LADDER = "_ladder"  # label of what is not known at a value of x
 FELT = "_felt"  # label of the stiffness felt
-_PALE = 1.5  # points, from which on a bar is pale between its ends
 _SHARE = 0.5  # of its colour that a pale bar has
 _SEEN = 0.01  # of what is shown
 
@@ -89,7 +87,7 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
         axes.add_collection(PolyCollection(places, **UNKNOWN | {"zorder": 0.8}))
     if filled:
         # With a hairline, so that no seam shows between two outlines.
-        pale = paler(look.colour, SHADE)
+        pale = paler(look.colour, 0.22)  # share of its colour that an area has
         area = {"facecolor": pale, "edgecolor": pale, "linewidth": 0.4, "zorder": 0.6}
         axes.add_collection(PolyCollection(region.areas, **area))
         if region.unproved:
@@ -127,7 +125,8 @@ class Bars:
 
     def body(self, colour: Any) -> dict[str, Any]:
         """The style of the part between the ends, which is pale if there is room to see it."""
-        seen = paler(colour, _SHARE) if self.width > _PALE else colour
+        # Points, from which on a bar is pale between its ends.
+        seen = paler(colour, _SHARE) if self.width > 1.5 else colour
         return {"colors": [seen], "linewidths": self.width}
 
 

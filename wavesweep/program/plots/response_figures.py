@@ -43,9 +43,7 @@ from wavesweep.program.plots.style import (
     wide,
 )
 
-_MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
-_WRAPS = 2  # jumps of a phase, up to which it stays between -180 and 180 degrees
 # Degrees between neighbours: a step of the first beside one of the second, as no resonance has
 # between two of its samples, may be whole turns more.
 _TURN = 135.0
@@ -326,7 +324,8 @@ def _goes_on(curves: Sequence[Curve], quantity: _Quantity) -> bool:
     for curve in curves:
         order = np.argsort(curve.rows["frequency_hz"], kind="stable")
         degrees = curve.rows[f"{quantity.stem}_deg"][order]
-        if _jumps(degrees).size > _WRAPS:
+        # Jumps of a phase, up to which it stays between -180 and 180 degrees.
+        if _jumps(degrees).size > 2:
             return True
     return False
 
@@ -369,7 +368,8 @@ def _curves(
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     by_spec = [_responses(where(columns, columns["spec"] == spec), axes, facts) for spec in specs]
     scale = None
-    if axes and sum(map(len, by_spec)) > _MOST_CURVES:
+    # Curves that a legend can tell apart; more have a scale of colours.
+    if axes and sum(map(len, by_spec)) > 12:
         scale = (axes[0], _scale(columns[axes[0]]))
     curves = []
     for index, (spec, responses) in enumerate(zip(specs, by_spec, strict=True)):

@@ -4,13 +4,6 @@ from typing import Any
 
 import numpy as np
 
-# times its least value, up to which a logarithmic axis has ticks at equal steps
-EQUAL_TICKS_RATIO = 5.0
-# times the least value, below which an axis by factors could be without a tick
-TICKLESS_RATIO = 2.6
-LEAST_SHOWN = 0.02  # of the largest value, that an axis shows at least
-LEAST_DEGREE = 1.0  # that an axis of a phase shows at least
-
 
 def by_factors(axis: Any, low: float, high: float) -> None:
     """Set a logarithmic scale from `low` to `high`; over less than two decades it has plain
@@ -20,7 +13,8 @@ def by_factors(axis: Any, low: float, high: float) -> None:
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     if high < 100 * low:
         axis.set_major_locator(
-            LogLocator(subs=(1.0, 2.0, 5.0)) if high > EQUAL_TICKS_RATIO * low else AutoLocator()
+            # Up to this ratio of its ends a logarithmic axis has ticks at equal steps.
+            LogLocator(subs=(1.0, 2.0, 5.0)) if high > 5.0 * low else AutoLocator()
         )
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
@@ -37,8 +31,8 @@ def scale_magnitudes(axes: Any) -> None:
     values = values[values > 0]
     if not values.size:
         return  # nothing is known, or all is 0, as the static impedance of free space
-    if values.max() < TICKLESS_RATIO * values.min():  # there may be no 1, 2 or 5 in it
-        _at_least(axes, LEAST_SHOWN * values.max())
+    if values.max() < 2.6 * values.min():  # there may be no 1, 2 or 5 in it
+        _at_least(axes, 0.02 * values.max())  # of the largest value, that an axis shows at least
         return
     axes.set_yscale("log")
     by_factors(axes.yaxis, *axes.get_ylim())
@@ -63,7 +57,7 @@ def in_degrees(axes: Any, continued: bool = False) -> None:
 
     low, high = axes.get_ylim()
     if high - low < 3:
-        _at_least(axes, LEAST_DEGREE)
+        _at_least(axes, 1.0)  # degree that an axis of a phase shows at least
         return
     steps = [1, 2, 5, 15, 45, 90]
     if continued:

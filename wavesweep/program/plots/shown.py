@@ -14,10 +14,7 @@ from wavesweep.program.plots.member_panels import Member, members_of, specs_of
 from wavesweep.program.plots.region_figures import felt_differs, range_end
 from wavesweep.program.tables.columns import swept_range
 
-_SQUEEZED = 0.25  # of the largest limit
 _ROOM_OF_FACTORS = 1.15  # a factor beyond the ends of a scale of factors
-_LOWEST = 0.1  # of an axis of bars from 0 on, in whose lowest part all limits would be
-_BELOW = 3  # times less than the lowest of these limits: where the axis then begins
 
 
 class Shown:
@@ -134,12 +131,15 @@ class Shown:
         limits = ends[~np.isnan(omegas)]
         reached = np.concatenate([columns["high"], columns.get("fails_from", [])])
         top = float(np.nanmax(reached, initial=0.0))
-        in_lowest_part = limits.size > 0 and 0 < limits.max() < _LOWEST * top
+        # Of an axis of bars from 0 on, in whose lowest part all limits would be.
+        in_lowest_part = limits.size > 0 and 0 < limits.max() < 0.1 * top
         if self.layout.x is None and start == 0 and in_lowest_part:
-            return True, (limits[limits > 0].min() / _BELOW, top * _ROOM_OF_FACTORS)
+            # The axis then begins at a third of the lowest of these limits.
+            return True, (limits[limits > 0].min() / 3, top * _ROOM_OF_FACTORS)
         starts_in_view = 0 < start < top
         bottom = float(np.nanmin(columns["low"], initial=start if starts_in_view else 0.0))
-        squeezed = limits.size > 0 and np.median(limits) < _SQUEEZED * limits.max()
+        # Half of the limits below a quarter of the largest.
+        squeezed = limits.size > 0 and np.median(limits) < 0.25 * limits.max()
         factors = bool(np.isfinite(start) and start > 0 and squeezed)
         if top <= bottom:
             return factors, self.swept if np.isfinite(self.swept).all() else (bottom, 1.0)

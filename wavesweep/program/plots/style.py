@@ -19,17 +19,10 @@ from wavesweep.engine.errors import UsageError
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
-# inches: panels of a narrower figure stand one below the other; its texts have the same size
-NARROW_BELOW = 5.0
 DOTS_PER_INCH = 200
-WARNING = 16  # letters of a warning above the panels, in an inch
-NOTE = 20  # the same of a note, of 7 points
-LINE_PASSES = 4  # in which names of axes get more lines
-NARROW_GAP = 1.5  # points, at least, between two numbers below a panel
 PANELS_APART = 8.0  # points, at least, between those of neighbouring panels
 IDEAL = "black"
 DOUBTFUL = "#d62728"
-SEEN_ON_BLACK = 0.5  # luminance
 FAINT_COLOUR = 0.35  # share of its colour that the curve of an unstable loop has
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 UNPROVED = {
@@ -99,7 +92,8 @@ def wide(width: float) -> float:
 
 def is_narrow() -> bool:
     """Whether a figure of two columns has to fit into one."""
-    return wide(TWO_COLUMNS) < NARROW_BELOW
+    # Inches: panels of a narrower figure stand one below the other; its texts have the same size.
+    return wide(TWO_COLUMNS) < 5.0
 
 
 def drawn_into(
@@ -249,7 +243,7 @@ def _settle(canvas: Any) -> None:
     and the shade of a pixel can depend on them.
     """
     _lay_out(canvas)
-    for _ in range(LINE_PASSES):  # with more lines of one name the panels are smaller
+    for _ in range(4):  # with more lines of one name the panels are smaller
         wrapped = [_wrapped(axes) for axes in canvas.axes]
         if not any(wrapped):
             break
@@ -311,7 +305,7 @@ def _lighter(colour: Any) -> Any:
     from matplotlib.colors import to_rgb
 
     rgb = to_rgb(colour)
-    lacking = SEEN_ON_BLACK - _lightness(rgb)
+    lacking = 0.5 - _lightness(rgb)  # luminance that is seen on black
     if lacking <= 0:
         return colour
     share_of_white = lacking / (1 - _lightness(rgb))
@@ -388,7 +382,7 @@ def _thinned(axes: Any) -> bool:
     if axes.get_xscale() != "linear":
         return False
     spans = sorted((box.x0, box.x1) for box in _numbers_below(axes))
-    apart = NARROW_GAP * axes.figure.dpi / 72
+    apart = 1.5 * axes.figure.dpi / 72  # 1.5 points, at least, between two numbers below a panel
     crowded = any(left_of_next < right + apart for (_, right), (left_of_next, _) in pairwise(spans))
     if crowded:
         axes.locator_params(axis="x", nbins=max(1, len(spans) // 2))
@@ -451,7 +445,7 @@ def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
     """
     from textwrap import wrap
 
-    width = int(NOTE * canvas.get_figwidth())
+    width = int(20 * canvas.get_figwidth())  # 20 letters of 7 points in an inch
     notes: list[str] = []
     if _CAPTION.get():
         for paragraph in " ".join(filter(None, sentences)).splitlines():
@@ -469,7 +463,10 @@ def warn_above(canvas: Any, text: str) -> None:
 
     if text:
         canvas.suptitle(
-            fill(text, int(WARNING * canvas.get_figwidth())), fontsize=8, color=DOUBTFUL
+            # 16 letters in an inch.
+            fill(text, int(16 * canvas.get_figwidth())),
+            fontsize=8,
+            color=DOUBTFUL,
         )
 
 
