@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.program.spec import Spec
 
-MOST_LINES_OF_CHECK = 18  # lines without --all
-NEXT_COMMANDS = 3  # commands that are named, at most
-
 
 @click.command("check")
 @click.argument("spec", type=PATH)
@@ -152,7 +149,7 @@ class _Judged:
             ranked = (line for _, line in self.ranked)
             return [*chain.from_iterable(map(_within, ranked)), *self.plan, *self.steps]
         return [
-            *_foremost(self.ranked, MOST_LINES_OF_CHECK - self.shown - len(self.steps)),
+            *_foremost(self.ranked, 18 - self.shown - len(self.steps)),  # 18 lines without --all
             *self.steps,
         ]
 
@@ -318,7 +315,8 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
         steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
-    steps = [step for step in steps if step[0].split()[0] in COMMANDS][:NEXT_COMMANDS]
+    # Three commands are named, at most.
+    steps = [step for step in steps if step[0].split()[0] in COMMANDS][:3]
     if not whole:
         steps.append((f"check {name} --all", "the rest: states, methods, times"))
     return steps

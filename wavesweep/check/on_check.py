@@ -28,10 +28,8 @@ if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.program.spec import Spec
 
-RINGS = 0.5  # damping ratio, below which a mode rings
 NEEDED, DETAIL = 1.5, 9.0
 SEARCHED, OF_KEY = " (where the search starts)", " (where the range of the key ends)"
-LONG_UNIT = 12  # letters of a unit that is not said twice in a line
 
 
 def facts(spec: Spec, own: Facts, report: Callable[[int, int], None] | None) -> dict[str, Any]:
@@ -58,7 +56,8 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         yield from _felt(found["felt"], spec.at_port("N/m"), spec.at_port("N*s/m"))
     yield from _hardware(found.get("hardware", {}), found["stable"], spec)
     if found["stable"]:
-        rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS
+        # A mode rings below this damping ratio.
+        rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < 0.5
         yield from _mode(4 if rings else 2.5, "slowest mode", found["slowest"])
         if rings:
             yield from _mode(2.5, "least damped mode", found["least_damped"])
@@ -105,7 +104,7 @@ def _limit(spec: Spec, limit: Facts) -> str:
     at_value = f"{name} = {limit['value']:g}{unit}"
     if not spec.drawing and spec.names.find(name).path not in spec.given:
         at_value += " (default)"
-    unit_again = unit if len(unit) < LONG_UNIT else ""
+    unit_again = unit if len(unit) < 12 else ""  # a longer unit is not said twice in a line
     return f"{at_value}: {_stable_where(limit, unit_again)}"
 
 

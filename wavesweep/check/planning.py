@@ -23,10 +23,7 @@ from wavesweep.program.sweep.estimates import duration, expected_bytes, expected
 from wavesweep.program.sweep.grid import make_grid, own_loop
 from wavesweep.program.sweep.workers import choose
 
-SAMPLE_SECONDS = 0.2  # s for samples of work whose parts take unlike times, as at several rates
-DRAWING = 1.0  # s to load what draws, and to draw
 WHOLE_TICK = 1e-11  # ticks by which a dead time may differ from whole ones through rounding
-MANY_ROWS = 30_000_000  # rows: some 5 GB of CSV
 
 
 def plan(spec: Spec, estimated: bool = True) -> list[str]:
@@ -122,7 +119,8 @@ def _interval_lines(spec, command, along, estimated):
         who = f"{workers.count} worker processes"
     chunks = _count(len(job.chunks), "chunk")
     seconds = expected() / workers.count
-    figure = DRAWING + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)
+    # A second to load what draws, and to draw.
+    figure = 1.0 + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)
     return [
         *lines,
         f"    work: {chunks}, about {duration(seconds)}; {who} ({workers.why})",
@@ -137,7 +135,7 @@ def _advice(jobs):
     advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
     for job in jobs:
         rows = round(job.kind.rows * job.size)
-        if rows > MANY_ROWS:
+        if rows > 30_000_000:  # some 5 GB of CSV
             yield f"    about {rows:.2g} rows: {advice}"
 
 
@@ -176,7 +174,8 @@ def _long_lines(jobs):
     size = _size(sum(map(expected_bytes, jobs)))
     seconds = 0.0
     for job in jobs:
-        expected = cache(partial(expected_seconds, job, SAMPLE_SECONDS))
+        # Seconds for samples of work whose parts take unlike times, as at several rates.
+        expected = cache(partial(expected_seconds, job, 0.2))
         workers = choose(None, None, None, len(job.chunks), expected)
         seconds += expected() / workers.count
     work = f"{_count(chunks, 'chunk')}, about {duration(seconds)}"
@@ -360,10 +359,6 @@ def _state_lines(drift, names):
         yield f"  states left out, since nothing in the loop reads them: {unobserved}"
 
 
-# names with numbers that follow each other, from which on the first and the last are enough
-RUN_OF_NAMES = 3
-
-
 def _listed(names):
     """The names of states in their order, those of a long delay as `net u1 to net u140`."""
     runs = []
@@ -378,7 +373,8 @@ def _listed(names):
         following = (stem, str(int(number) + 1) if number else "")
     shown = []
     for run in runs:
-        shown += [f"{run[0]} to {run[-1]}"] if len(run) >= RUN_OF_NAMES else run
+        # Of three names with numbers that follow each other the first and the last are enough.
+        shown += [f"{run[0]} to {run[-1]}"] if len(run) >= 3 else run
     return ", ".join(shown)
 
 

@@ -28,11 +28,9 @@ SECONDS, LONG = (
 )  # that another range may take, see `IntervalQuery`, from a cut and by panels
 # share of a number that a pose depends on, or of its range about 0, that is searched
 NEAR_POSE = 0.02
-HARDLY = 1e-3  # of that
 LATE = "it takes longer than check does"
 # of the way to where the range of a key ends, that is left out if it cannot be decided
 LEFT_OUT_OF_WAY = 1e-3
-DELAYS = 200  # ticks of delay that are tried
 
 
 def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
@@ -179,7 +177,7 @@ def _next_to(spec, path, value, span):
             for end in span
         )
     away = NEAR_POSE * (abs(value) or min(map(abs, span)))
-    tiny = HARDLY * away
+    tiny = 1e-3 * away
     low, high = own_loop(spec, path).domain(path, (value - tiny, value + tiny))
     return max(span[0], low, value - away), min(span[1], high, value + away)
 
@@ -214,7 +212,7 @@ def delays(spec):
         tries = [now]
     else:
         frame = longest_delay(spec.values)
-        tried = min(frame, now + DELAYS)
+        tried = min(frame, now + 200)  # ticks of delay that are tried
         tries = range(now, tried + 1)
     most = None
     for delay in tries:

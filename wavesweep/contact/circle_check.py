@@ -17,11 +17,8 @@ from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded
 
 FIRST_ARCS = 64  # of half the circle
-MOST_ARCS = 8_000  # looked at in one check
 # of neighbouring arcs, whose middles are sums of some dozens of rounded halves
 ARC_OVERLAP = 2.0**-44
-# half an arc times the resolvent's norm, up to which its series converges well
-RESOLVENT_REACH = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +108,7 @@ def open_angles(loop: WallLoop, walls: np.ndarray, multiplier: Multiplier) -> np
     looked_at = 0
     while middles.size:
         looked_at += middles.size
-        if looked_at > MOST_ARCS:
+        if looked_at > 8_000:  # arcs in one check
             return middles
         least, at_middle = _least(loop, walls, multiplier, middles, width / 2)
         if (at_middle < 0).any():
@@ -191,4 +188,5 @@ def _resolvents(loop, middles, half):
     X2 = T @ X1.part(..., None)
     near = half * T.size.sum(-1).max(-1, initial=0.0)
     rest = BOUNDS_OF_DOUBLES * half**2 * X2.size.max((-1, -2), initial=0.0) / (1 - near)
-    return _Resolvents(w, X, X1, rest, near < RESOLVENT_REACH)
+    # Half an arc times the resolvent's norm, up to which its series converges well.
+    return _Resolvents(w, X, X1, rest, near < 0.5)

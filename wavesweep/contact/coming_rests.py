@@ -17,12 +17,8 @@ import numpy as np
 from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES
 from wavesweep.engine.doubles import EPS
 
-ROUNDS_OF_RESTS = 200  # of the enclosure of all rests
-ROOM = 1e-3  # of an enclosure that is tried, on each side
-TINY_ROOM = 1e-13  # of the largest entry, in addition
 SPREAD = 2  # directions in which rests differ that are vertices; the others are errors
 SPREAD_SHARE = 1e-4  # of the rest's size, below which a direction is an error
-INVERTED = 0.1  # by which a matrix times its inverse may be off from 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +157,7 @@ def _rests_in(frames, T) -> _Rests | None:
     size_of_back = np.abs(back)
     lost = np.abs(np.eye(n) - back @ T) + rounding * (size_of_back @ np.abs(T))
     share = lost.sum(-1).max()
-    if not share < INVERTED:
+    if not share < 0.1:  # what a matrix times its inverse may be off by from 1
         return None
     # The inverse of `back` is T (1 - D)^-1 with |D| <= lost.
     off_of_inverse = np.full((n, n), share / (1 - share))
@@ -181,7 +177,7 @@ def _rests_in(frames, T) -> _Rests | None:
     except np.linalg.LinAlgError:
         return None
     high = low.copy()
-    for _ in range(ROUNDS_OF_RESTS):
+    for _ in range(200):  # rounds of the enclosure of all rests
         off = moved_error + M_error @ np.maximum(np.abs(low), np.abs(high))
         off = off + rounding * (np.abs(moved) + np.abs(M) @ np.maximum(np.abs(low), np.abs(high)))
         least = (moved + above @ low + below @ high - off).min(0)
@@ -192,7 +188,8 @@ def _rests_in(frames, T) -> _Rests | None:
             reach = np.abs(T) @ (np.abs(middle) + half)
             errors = np.abs(T) @ off_of_inverse @ (np.abs(middle) + half)
             return _Rests(T @ middle, T * half, errors + rounding * reach)
-        room = ROOM * (most - least) + TINY_ROOM * (np.abs(most) + np.abs(least)).max()
+        # Room on each side of an enclosure that is tried.
+        room = 1e-3 * (most - least) + 1e-13 * (np.abs(most) + np.abs(least)).max()
         low = np.minimum(low, least - room)
         high = np.maximum(high, most + room)
     return None

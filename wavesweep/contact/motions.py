@@ -10,9 +10,6 @@ import numpy as np
 
 from wavesweep.contact.wall_loop import WallsAlong
 
-PERIODS = 40  # frames, the longest period that is looked for
-INSIDE_MOTION = 1e-3  # of the value at which a motion begins to exist
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
@@ -37,7 +34,7 @@ class Motion:
 @cache
 def _rational() -> tuple[np.ndarray, np.ndarray]:
     """Periods, in frames, and angles `2 pi a/period`, a and the period in lowest terms."""
-    periods = range(2, PERIODS + 1)
+    periods = range(2, 41)  # frames
     pairs = [(P, a) for P in periods for a in range(1, P // 2 + 1) if gcd(a, P) == 1]
     periods, turns = np.array(pairs).T
     return periods, 2 * np.pi * turns / periods
@@ -47,7 +44,7 @@ def motion_beyond(
     walls: WallsAlong,
     end: float,
     limit: float,
-    inside: float = INSIDE_MOTION,
+    inside: float = 1e-3,  # of the value at which a motion begins to exist
 ) -> Motion | None:
     """The motion nearest to `end` on the way to `limit`; None if none is found.
 

@@ -18,19 +18,12 @@ from wavesweep.engine.drawing import path_of
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
-FRAMES_AHEAD = (0, 1, 2)  # that a node knows; proofs begin with the first
-MOST_CONDITIONS = 150  # of a proof
-HALVINGS_OF_RANGE = 14  # of the range, down to where a first proof is tried
-BISECTIONS_OF_END = 7  # of the end of a proof
 BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
 # Shares of a wall that a proof goes down in a piece: the first, the largest, and the least one that is
 # tried; times the share after a piece that is proved, or is not.
 FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.003
 LONGER, SHORTER = 1.5, 0.4
-FROM_ZERO = 1e-3  # of the high end, from which on is proved what begins at 0
 MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
-CONDITIONS_OF_PIECES = 30000  # that all pieces of a proof may have together
-GRAMIAN_FRAMES = 200  # of whose sum units follow
 FREE = "no contact at all, the loop without a wall"
 
 
@@ -53,12 +46,12 @@ class InFrames:
         """Return the loop; None if there is no bound on where it comes to rest."""
         frames, unit = _in_units(frames)
         loops = []
-        for ahead in FRAMES_AHEAD:
+        for ahead in (0, 1, 2):  # frames that a node knows; proofs begin with the first
             edges = edges_of(frames, ahead)
             if edges is None:
                 return None
             conditions = Conditions.on_edges(frames, edges)
-            if loops and conditions.R.value.size > MOST_CONDITIONS:
+            if loops and conditions.R.value.size > 150:  # conditions of a proof
                 break
             loops.append(InFrames(frames, conditions, unit))
             if conditions.exact:
@@ -148,7 +141,7 @@ def _in_units(frames):
     b = frames.changes[:, :n, n]
     gramian = np.zeros((n, n))
     with np.errstate(all="ignore"):
-        for _ in range(GRAMIAN_FRAMES):
+        for _ in range(200):  # frames of whose sum units follow
             gramian = (A @ gramian @ A.mT + b[:, :, None] * b[:, None]).mean(0)
     size = np.sqrt(np.diagonal(gramian))
     known = np.isfinite(size) & (size > 0)
@@ -218,14 +211,14 @@ class Along:
                 return self._down(found, ceiling - share * way, low), ceiling - share * way
         start = 0.0
         above = ceiling
-        for halved in range(1, HALVINGS_OF_RANGE):
+        for halved in range(1, 14):  # halvings of the range, down to where a first proof is tried
             start = low + way / 2**halved
             if self.loop.found(self.wall(start)):
                 break
             above = start
         else:
             return None
-        for _ in range(BISECTIONS_OF_END):
+        for _ in range(7):  # bisections of the end of a proof
             middle = (start + above) / 2
             if self.loop.found(self.wall(middle)):
                 start = middle
@@ -247,10 +240,12 @@ class Along:
 
     def _down(self, found: Found, top: float, low: float) -> float:
         """How far down from `top` walls are proved without a gap."""
-        goal = max(low, FROM_ZERO * top) if low >= 0 else low
+        # Of the high end, from which on is proved what begins at 0.
+        goal = max(low, 1e-3 * top) if low >= 0 else low
         reached = top
         share = FIRST_SHARE
-        affordable = CONDITIONS_OF_PIECES // self.loop.conditions.R.value.size
+        # Conditions that all pieces of a proof may have together.
+        affordable = 30000 // self.loop.conditions.R.value.size
         for _ in range(min(MOST_PIECES, max(LEAST_PIECES, affordable))):
             if reached <= goal or share < LEAST_SHARE:
                 break

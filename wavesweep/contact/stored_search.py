@@ -15,19 +15,12 @@ import numpy as np
 
 from wavesweep.contact.stored_check import Conditions, Stored, Terms
 
-NEWTON_STEPS = 90  # of Newton
-ENOUGH = 1e-7  # t with which a search ends; forces are of size 1
-BOUNDED = 1.0  # weight of the trace of all forms, which keeps those bounded that F does not bound
 CENTRED_DECREMENT = 0.1  # of Newton, squared, below which s grows
-FEW_BARRIERS = 400  # conditions times their size, up to which each centre is waited for
 # Steps in which t has to change by such a share of itself; otherwise the point counts as the centre,
 # since directions in which nothing is bounded can take hundreds of steps.
 SLOW_STEPS, SLOW_SHARE = 5, 0.02
-SHARPER = 8.0  # times s
 FIRST_FORMS, FIRST_WEIGHT = 0.1, 0.3
 FIRST_ROOM = 0.1  # of the least eigenvalue, and at least so much: by which t begins below it
-LEAST_LENGTH = 1e-8  # of a step
-SUFFICIENT = 0.05  # share of the predicted descent that a step has to bring
 ROUNDED = 1e-12  # of the barrier, which rounding may add to it
 SINGULAR = 1e-14  # added to the diagonal of the Hessian, in units in which that is 1
 NO_ROOM = 1e-7  # of t, to which its maximum is known when a search ends without a find
@@ -109,7 +102,8 @@ class Barrier:
         """The barrier of a programme, with the trace of all forms."""
         bounded = np.zeros(programme.size)
         on_diagonal = np.trace(programme.basis, axis1=1, axis2=2) > 0
-        bounded[:-3] = np.tile(BOUNDED * on_diagonal, programme.nodes)
+        # Keeps those forms bounded that F does not bound.
+        bounded[:-3] = np.tile(1.0 * on_diagonal, programme.nodes)
         return Barrier(programme, bounded, s)
 
     def factors(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -144,12 +138,13 @@ class Barrier:
         promises, with its factors; None if it would have to be too close."""
         before = self.value(x, factors)
         length = 1.0
-        while length >= LEAST_LENGTH:
+        while length >= 1e-8:  # of a step
             tried = x + length * step
             tried_factors = self.factors(tried)
             if tried_factors is not None:
                 after = self.value(tried, tried_factors)
-                if after <= before - SUFFICIENT * length * descent + ROUNDED * abs(before):
+                # A step has to bring a twentieth of the predicted descent.
+                if after <= before - 0.05 * length * descent + ROUNDED * abs(before):
                     return tried, tried_factors
             length /= 2
         return None
@@ -183,7 +178,7 @@ def find_stored(
     if factors is None:
         return None
     path: list[float] = []  # t after each step since s was changed
-    for _ in range(NEWTON_STEPS):
+    for _ in range(90):  # Newton's steps
         step, descent = barrier.newton_step(x, factors)
         lower = barrier.lower_point(x, factors, step, descent)
         if lower is None:
@@ -194,7 +189,8 @@ def find_stored(
         slow = False
         if len(path) > SLOW_STEPS:
             slow = abs(t - path[-1 - SLOW_STEPS]) <= SLOW_SHARE * abs(t)
-        is_centre = descent < CENTRED_DECREMENT or (slow and barriers > FEW_BARRIERS)
+        # Up to 400 conditions times their size each centre is waited for.
+        is_centre = descent < CENTRED_DECREMENT or (slow and barriers > 400)
         gap = barriers / barrier.s
         if near is not None:
             suffices = is_centre
@@ -202,14 +198,14 @@ def find_stored(
             suffices = is_centre and gap <= t
         else:
             suffices = True
-        if t > ENOUGH and suffices:
+        if t > 1e-7 and suffices:  # forces are of size 1
             P = programme.forms(x)
             stored = Stored((P + P.mT) / 2, float(x[-3]), float(x[-2]))
             return Found(stored, x, barrier.s)
         if is_centre:
             if near is not None or gap < max(-t, NO_ROOM):
                 break
-            barrier = replace(barrier, s=barrier.s * SHARPER)
+            barrier = replace(barrier, s=barrier.s * 8.0)
             path = []
     return None
 

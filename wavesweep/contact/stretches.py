@@ -17,9 +17,6 @@ TRIED_NEAR_END = 2e-4  # of a linear interval, how near to its ends a proof is t
 RESOLVED = 1e-3  # of the end that is found, how far the next failure is known to be
 STEPS_TO_END = 12  # at most, towards an end
 SAMPLED_AGAIN = 4  # times at most, with angles at which the check fails
-MORE_ANGLES = 20  # of these
-ROOM_BEFORE_MOTION = 2e-3  # of a stretch, which a check needs before the first motion that goes on
-BACK = (0, 1e-3, 3e-3, 0.01, 0.03, 0.1)  # shares that are given up in turn, for a check
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +77,7 @@ class Line:
                 return Piece(start, high, multiplier)
             if np.isnan(open_).any():
                 return None
-            angles = np.concatenate([self.sampled.angles, open_[:MORE_ANGLES]])
+            angles = np.concatenate([self.sampled.angles, open_[:20]])
             self.sampled = Sampled.of(self.walls.loop, angles)
         return None
 
@@ -122,7 +119,8 @@ class Line:
         """
         motion = motion_beyond(self.walls, low, high)
         ceiling = motion.value if motion else high
-        below_motion = low + (1 - ROOM_BEFORE_MOTION) * (ceiling - low)
+        # Of a stretch, which a check needs before the first motion that goes on.
+        below_motion = low + (1 - 2e-3) * (ceiling - low)
         whole = self.proved(low, below_motion if motion else high)
         if whole is not None:
             return Stretch((whole,))
@@ -132,7 +130,8 @@ class Line:
         bottom = self.end(seed, low)
         top = self.end(seed, ceiling)
         pieces: list[Piece] = []
-        for back in BACK:
+        # Shares that are given up in turn, for a check.
+        for back in (0, 1e-3, 3e-3, 0.01, 0.03, 0.1):
             at = pieces[-1].low if pieces else top - back * (top - bottom)
             piece = self.proved(bottom, at) or self.proved(bottom, at, whole=False)
             if piece:

@@ -19,20 +19,14 @@ from numpy.polynomial import legendre
 
 GAUSS_NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 HIGH = 4  # coefficients of a piece that have to be small
-# pieces of the bands of points that are looked at together, so that their arrays stay small
-PIECES_AT_ONCE = 4096
-PIECES_OF_BAND = (4, 16)  # of a band, tried in turn before it is divided about zeros and poles
 # sum of the semi-axes, in half widths, of the ellipse about a piece that has to be clear of them
 CLEAR_ELLIPSE = 1.25
-# the same of that about the zeros and poles of which it is divided otherwise
-ELLIPSE_OF_ZEROS = 1.7
 ELLIPSE_OF_POLES = 2.5  # the same of that whose poles are divided out
 RIM_SAMPLES = 64  # points of the ellipse, between which a value turns by at most
 MOST_TURN = np.pi / 2
 # in the logarithm of the frequency: how far from real frequencies a zero is taken to be at the
 # least
 LEAST_DISTANCE = 1e-12
-DIVISIONS = 3  # of dividing about zeros: the first may see them only roughly
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,14 +103,16 @@ def over_band(
             for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))
         ]
 
-    for count in PIECES_OF_BAND:
+    # Pieces of a band, tried in turn before it is divided about zeros and poles.
+    for count in (4, 16):
         edges = np.linspace(*ends, count + 1)
         open_ = []
-        for batch in np.array_split(some, len(some) * count // PIECES_AT_ONCE + 1):
+        # Pieces that are looked at together, so that their arrays stay small.
+        for batch in np.array_split(some, len(some) * count // 4096 + 1):
             if batch.size:
                 open_ += look(edges, batch)
         some = np.array([at[0] for at, *_ in open_], int)
-    for _ in range(DIVISIONS):
+    for _ in range(3):  # rounds of dividing about zeros: the first may see them only roughly
         before = open_
         open_ = []
         for at, row, functions in before:
@@ -206,7 +202,9 @@ class _Function:
         ):
             if np.isfinite(degrees).all() and degrees.any():
                 at = np.concatenate([legendre.legroots(degrees), poles if at_poles else poles[:0]])
-                singular.append(middle + half * at[_size(at) < ELLIPSE_OF_ZEROS])
+                # Sum of the semi-axes, in half widths, of the ellipse about those that are divided
+                # out.
+                singular.append(middle + half * at[_size(at) < 1.7])
         return np.concatenate([np.zeros(0, complex), *singular])
 
 

@@ -20,10 +20,8 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.table import Table
 
-MOST_BEST_DESIGNS = 10  # designs that are written
 # of a bound: what its violation counts at most; values that are not known count more than all
 WORST_SHARE = 10.0
-LEAST_LOG = 1e-9  # of a quantity whose logarithm is an objective
 # keys of [simulate] that a design keeps
 EXPERIMENT = ("from", "input", "amplitude", "at_s", "width_s", "duration_s", "wall")
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
@@ -64,7 +62,7 @@ def _missing(wish, records):
 
 def _objective(wish, value):
     if wish.name in BY_RATIO:
-        value = np.log(np.maximum(value, LEAST_LOG))
+        value = np.log(np.maximum(value, 1e-9))  # where the logarithm is an objective
     if wish.kind.more:
         value = -value
     return np.where(np.isnan(value), np.inf, value)
@@ -141,7 +139,8 @@ def chosen(rows: int) -> list[int]:
     """Return the rows of the table that are written: equally spaced, the first and the last
     among them."""
     return sorted(
-        {round(row) for row in np.linspace(0, rows - 1, min(rows, MOST_BEST_DESIGNS)).tolist()}
+        # Designs that are written.
+        {round(row) for row in np.linspace(0, rows - 1, min(rows, 10)).tolist()}
     )
 
 

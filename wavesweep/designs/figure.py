@@ -36,7 +36,6 @@ from wavesweep.program.tables.columns import fields
 
 # inches above and below each panel, so that what stands below one and above the next do not meet
 BETWEEN_PANELS = 0.07
-_FEW = 3  # designs that are shown one by one
 _ACROSS = 3  # panels
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
 _OWN = {
@@ -65,7 +64,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
         if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])
     ]
     x, y = free if len(free) == 2 else (wishes * 2)[:2]
-    if len(columns[x]) <= _FEW:
+    if len(columns[x]) <= 3:  # designs that are shown one by one
         return _draw_few(columns, facts, wishes, varied)
     across = 1 if is_narrow() else min(_ACROSS, len(varied))
     down, nominal = -(-len(varied) // across), facts.get("own", {})

@@ -21,18 +21,8 @@ import numpy as np
 from wavesweep.engine.rows import Rows
 from wavesweep.program.spec import Axis
 
-NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
-LEAST_PLACES = 6  # places of a kind; with fewer a population is not divided by kinds
 GENERATIONS_APART = 0.45  # of the generations, each kind of design by itself
 LOOKS = (GENERATIONS_APART, 0.7, 0.85)  # of the generations, after which the best are examined
-LOCAL = 0.8  # of the children, by differences of neighbours alone, and given to these alone
-SHARES_OF_GENES = (0.3, 1.0)  # of the genes that a child takes from a difference
-FACTORS = (0.2, 1.0)  # least and largest share of a difference
-MUTATED = 0.5  # genes of a child, on average
-MUTATION_REACH = (-3.0, -0.5)  # decimal logarithms of the least and the largest size of a mutation
-# of a generation, drawn uniformly anew: what the others have all left behind can be found again
-FRESH = 0.06
-TAKEN = 2  # places that take over a child at most, so that one design does not fill all
 BAD = 1e9  # more than any objective is, measured across the front
 
 
@@ -71,7 +61,7 @@ class _Places:
         kind = np.repeat(np.arange(len(kinds)), block)
         weights = np.stack([along, 1 - along], 1)
         away = np.abs(along[:, None] - along) + (kind[:, None] != kind)
-        neighbours = min(NEIGHBOURS, max(block // 2, 2), block)
+        neighbours = min(20, max(block // 2, 2), block)  # with itself, and at most half of its kind
         near = np.argsort(away, axis=1, kind="stable")[:, :neighbours]
         return _Places(weights, near, block, chosen, kinds[kind])
 
@@ -121,7 +111,8 @@ def generations(
     places = together
     apart = 0
     kinds = prod(max(1, few) for few in choices)
-    if 1 < kinds <= population // LEAST_PLACES:
+    # With fewer places of a kind a population is not divided by kinds.
+    if 1 < kinds <= population // 6:
         apart = round(GENERATIONS_APART * count)
         chosen = np.flatnonzero(choices)
         values = [(np.arange(choices[gene]) + 0.5) / choices[gene] for gene in chosen]
@@ -160,21 +151,26 @@ def _children(parents, places, rng):
     places alone."""
     count, genes = parents.shape
     every = np.arange(count)
-    local = rng.random(count) < LOCAL
+    # Of the children, by differences of neighbours alone, and given to these alone.
+    local = rng.random(count) < 0.8
     first = places.partners(local, rng)
     second = places.partners(local, rng)
     third = places.partners(local, rng)
     base = np.where(rng.random(count) < 0.5, every, third)
     difference = parents[first] - parents[second]
-    moved = parents[base] + rng.uniform(*FACTORS, (count, 1)) * difference
-    crossed = rng.random(parents.shape) < rng.choice(SHARES_OF_GENES, (count, 1))
+    # Least and largest share of a difference.
+    moved = parents[base] + rng.uniform(0.2, 1.0, (count, 1)) * difference
+    # Of the genes that a child takes from a difference: 30 % or all.
+    crossed = rng.random(parents.shape) < rng.choice((0.3, 1.0), (count, 1))
     crossed[every, rng.integers(genes, size=count)] = True
     x = np.where(crossed, moved, parents)
-    mutated = rng.random(x.shape) < MUTATED / genes
-    x = x + mutated * rng.normal(size=x.shape) * 10.0 ** rng.uniform(*MUTATION_REACH, (count, 1))
+    mutated = rng.random(x.shape) < 0.5 / genes  # half a gene of a child, on average
+    # Decimal logarithms of the least and the largest size of a mutation.
+    x = x + mutated * rng.normal(size=x.shape) * 10.0 ** rng.uniform(-3.0, -0.5, (count, 1))
     reflected = 1 - np.abs(1 - np.abs(x))
     x = np.clip(reflected, 0.0, 1.0)
-    fresh = rng.random(count) < FRESH
+    # Drawn uniformly anew: what the others have all left behind can be found again.
+    fresh = rng.random(count) < 0.06
     x = np.where(fresh[:, None], rng.random(x.shape), x)
     x[:, places.chosen] = places.fixed
     return x, local & ~fresh
@@ -200,7 +196,8 @@ def _settled(alive, children, best, places, local, rng):
             home = begin + int(np.argmin(new[kind, child] - now[kind]))
         neighbours = rng.permutation(places.near[home])
         improved = neighbours[new[neighbours, child] < now[neighbours]]
-        taking = improved[:TAKEN]
+        # Places that take over a child at most, so that one design does not fill all.
+        taking = improved[:2]
         genes[taking] = children.genes[child]
         objectives[taking] = children.objectives[child]
         violation[taking] = children.violation[child]

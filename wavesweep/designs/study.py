@@ -57,25 +57,16 @@ from wavesweep.program.tables.hand_rows import hands_of
 from wavesweep.program.tables.kind import count
 from wavesweep.program.tables.table import Table, facts_of
 
-# designs of a task at most: those of one structure are the faster, the more they are
-DESIGNS_OF_TASK = 48
 FRONT = 48  # designs of the table at most
 # designs with [for_all] next to the best of the search that are proved for all of it, the spec's own
 # among them
 PROVED = 3
 NEARLY_THE_SAME = 0.01  # of a number's range: designs that differ by less are proved alike
-# designs of a search that are checked for all, if none of the front holds for it
-DESIGNS_TRIED = 2000
 RUNNERS_UP = 3  # further designs next to a single best one
 RANKED_ALONE = 8  # designs that rank one by one before these are chosen, at either distance
 FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
-COMBINATIONS_ADDED = 4  # combinations at a time that the search holds for besides
 MOST_SCENARIOS = 4096  # combinations that a search holds for at most
 MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
-# values between two of a range: the most of these with which the combinations are few
-VALUES_BETWEEN = (63, 15, 7, 3)
-MOST_OFTEN_LOOKED_AT = 20  # at most, of those that the search looks at from time to time
-MOST_LAST_COMBINATIONS = 256  # at most, of those of the last check
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -408,10 +399,10 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     if count_of(grid.spec) > MOST_SCENARIOS:
         expected = f"at most {MOST_SCENARIOS} combinations of values; list fewer"
         raise UsageError(f"[for_all]: expected {expected}, found {count_of(grid.spec)}")
-    often = _between(grid.spec, MOST_OFTEN_LOOKED_AT)
+    often = _between(grid.spec, 20)  # of those that the search looks at from time to time
     finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= MOST_CHECKED))
     finest = finer
-    between = _between(grid.spec, MOST_LAST_COMBINATIONS)
+    between = _between(grid.spec, 256)
     if between:
         finest = scenarios_of(grid.spec, between)
     box = box_of(spec) if for_hands == "box" else None
@@ -421,7 +412,8 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
     rounds = wanted.settings["generations"]
     population = wanted.settings["population"]
-    chunks = Chunks(rounds + 1, max(population, FRONT), 1, DESIGNS_OF_TASK)
+    # Designs of a task, at most: those of one structure are the faster, the more they are.
+    chunks = Chunks(rounds + 1, max(population, FRONT), 1, 48)
     total = rounds * population
     return Job(
         DESIGNS,
@@ -438,7 +430,8 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
 def _between(spec, most: int) -> int:
     """The largest number of values between two of each range with which there are at most so
     many combinations, or 0."""
-    return next((number for number in VALUES_BETWEEN if count_of(spec, number) <= most), 0)
+    # Values between two of a range: the most of these with which the combinations are few.
+    return next((number for number in (63, 15, 7, 3) if count_of(spec, number) <= most), 0)
 
 
 def _refuse_unreachable(spec, wishes):
@@ -529,9 +522,8 @@ class _Run:
         often = np.bincount(decide, minlength=len(study.finer))
         order = np.argsort(-often, kind="stable")[: np.count_nonzero(often)]
         worst = [study.finer[at] for at in order.tolist()]
-        new = [scenario for scenario in worst if scenario not in study.scenarios][
-            :COMBINATIONS_ADDED
-        ]
+        # Combinations at a time that the search holds for besides.
+        new = [scenario for scenario in worst if scenario not in study.scenarios][:4]
         if not new:
             return False
         study.scenarios.extend(new)
@@ -557,7 +549,8 @@ class _Run:
         good = violation == 0
         if good.any():
             return genes[good], records[good]
-        candidates = self.feasible()[:DESIGNS_TRIED]
+        # Designs that are checked for all, if none of the front holds for it.
+        candidates = self.feasible()[:2000]
         for batch in np.array_split(candidates, max(1, len(candidates) // FRONT)):
             if not len(batch):
                 break

@@ -14,7 +14,6 @@ from wavesweep.program.tables.columns import fields
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, count, plain, whole_kind
 
-DIGITS_OF_WISH = 5  # of a wish in a sentence
 THIN = 0.01  # of a bound or a range, within which a design is near it, or near an end
 # Columns for the hands of a box.
 BOX = "z_width_box"
@@ -289,7 +288,7 @@ def _design(
     return f"{_wishes(wishes, units)}, with {said}"
 
 
-def wish_in_words(name: str, value: float, unit: str, digits: int = DIGITS_OF_WISH) -> str:
+def wish_in_words(name: str, value: float, unit: str, digits: int = 5) -> str:
     """The value of a wish, rounded to the side that is worse."""
     worse = rounded_down if WISHES[name].more else rounded_up
     return f"{worse(value, digits)} {unit}".removesuffix(" 1").rstrip()

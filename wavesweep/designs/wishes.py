@@ -39,7 +39,6 @@ BAND_HZ = (0.1, 10.0)
 POINTS_AT_ONCE = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
 DELAY = "environment.delay"
-TOLD_DIFFERENCE = 1e-9  # between least damping ratios by several lines of modes, that are the same
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -516,7 +515,8 @@ def _damping_ratio(spec, wish, loops, size):
     least, sure = least_damping(E, gone, pairs=pairs, turns=own)
     for turns in (lowest, highest):
         other, _ = least_damping(E, gone, pairs=pairs, turns=turns)
-        sure &= np.abs(other - least) <= TOLD_DIFFERENCE
+        # Least damping ratios by several lines of modes that differ by less are the same.
+        sure &= np.abs(other - least) <= 1e-9
     return np.where(certain, least, np.nan), certain & sure
 
 

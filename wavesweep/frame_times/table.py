@@ -24,8 +24,6 @@ from wavesweep.program.tables.table import Table
 
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
 LENGTHS_SHOWN = 8  # lengths in a summary, and lengths after each
-LATEST = 0.9  # share of ticks that are shorter than those that are called late
-FINEST_LATENESS = 1e-6  # of a tick: a lateness that is none
 MOST_FRAME_LENGTHS = 64  # values of a number that varies in [for_all]
 # lengths of a chain: of a loop of eight states these have 720 second moments, and a proof takes 800
 MOST_NEXT = 20
@@ -124,10 +122,12 @@ def _own_ticks(run: MeasuredFrames, fast_hz: float) -> dict[str, Any]:
     nominal = 1 / fast_hz
     lengths = run.ticks * nominal
     step = 10.0 ** (
-        floor(log10(max(np.abs(lengths - nominal).max(), FINEST_LATENESS * nominal))) - 2
+        # Of a tick: a lateness that is none.
+        floor(log10(max(np.abs(lengths - nominal).max(), 1e-6 * nominal))) - 2
     )
     longest = int(lengths.argmax())
-    late = np.flatnonzero(lengths[:-1] >= np.quantile(lengths, LATEST))
+    # Nine tenths of the ticks are shorter than those that are called late.
+    late = np.flatnonzero(lengths[:-1] >= np.quantile(lengths, 0.9))
     return {
         "start": min(nominal, float(floor(lengths.min() / step) * step)),
         "stop": max(nominal, float(ceil(lengths.max() / step) * step)),

@@ -11,11 +11,8 @@ from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import MOST, option, read_csv, rows_of
 from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
-MOST_LOG_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST_FRAME_S = 10.0  # s, of most frames
-OWN_TICKS = 1.5  # ticks between most stamps, below which they are those of the fast loop itself
-MOST_FRAME_TICKS = 1e9  # of a frame
 KNOWN = {  # columns of programs: what they are, and the factor to s
     "elapsed": ("time", 1e-9),  # MangoHud, whose frametime is in us or ms
     "intendedvsync": ("time", 1e-9),  # framestats of Android
@@ -52,7 +49,8 @@ class MeasuredFrames:
     @property
     def are_ticks(self) -> bool:
         """Whether these are the ticks of the fast loop itself, and no frames."""
-        return float(np.median(self.ticks)) < OWN_TICKS
+        # Below this the stamps are those of the fast loop itself.
+        return float(np.median(self.ticks)) < 1.5
 
     @property
     def unfit(self) -> np.ndarray:
@@ -102,7 +100,7 @@ def read_run(
     fast_hz: float,
     columns: Mapping[str, str] | None = None,
     scales: Mapping[str, float] | None = None,
-    most: float = MOST_FRAME_TICKS,
+    most: float = 1e9,  # ticks of a frame
     *,
     own_ticks: bool = False,
 ) -> MeasuredFrames:
@@ -118,7 +116,7 @@ def read_run(
     """
     options = columns is not None
     columns = columns or {}
-    file = read_csv(path, MOST_LOG_BYTES)
+    file = read_csv(path, 1_000_000_000)  # bytes
     _refuse_other_names("--column", columns)
     _refuse_other_names("--scale", scales or {})
     column = _column(path, file, columns, options)

@@ -30,18 +30,13 @@ PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 # Cells of lengths, and how many ticks back a node remembers them: of the graphs that are tried in
 # turn.
 GRAPHS = ((1, 0), (2, 1), (4, 1))
-TOLERANCE = 0.02  # of an end: distance of proof and refutation that needs no finer graph
-INSIDE_REFUTED = 2e-3  # of the refuted end, how far before it a proof ends
 # of a number, or of the way that is left: stretches that are shorter are not tried
 LEAST_STEP = 1e-3
-MOST_STEPS = 80  # of a proof with one graph
 OPERATIONS_OF_BRACKET = 4e9  # operations of searches for norms, for each side: some seconds
-FROM_ZERO_OF_END = 1e-4  # of the high end, from which on is proved what begins at 0
 # Steps with which a search for norms ends: shorter ones than both, the second of the way that is
 # left.
 SLOW, STALLED = 2e-3, 0.03
 LEAST_FORM = 1e-3  # what Lyapunov functions lose in a tick, in units in which ticks are about 1
-STARTS = (0.3, 0.05, 0.6, 0.01)  # of an interval, where a proof begins
 
 TicksWith = Callable[[int], LateTicks]
 """The ticks of a loop, with their lengths in at least so many cells."""
@@ -177,7 +172,7 @@ class Search:
         """The last norms of a proof without a gap from x towards a goal, and the number that it
         reaches."""
         switched = offered("switched")
-        for _ in range(MOST_STEPS):
+        for _ in range(80):  # steps of a proof with one graph
             if x == goal or centre.work > work:
                 break
             target = goal
@@ -244,7 +239,9 @@ def decided(ticks_with: TicksWith) -> tuple[str, str]:
 
 
 def bracket(
-    ticks_with: TicksWith, about: tuple[float, float], tolerance: float = TOLERANCE
+    ticks_with: TicksWith,
+    about: tuple[float, float],
+    tolerance: float = 0.02,  # of an end: a distance that needs no finer graph
 ) -> Bracket | None:
     """What is proved and refuted within an interval; None if no start of a proof is found.
 
@@ -252,12 +249,13 @@ def bracket(
     """
     search = Search(ticks_with(1), 0)
     low, high = about
-    for share in STARTS:
+    for share in (0.3, 0.05, 0.6, 0.01):  # of an interval, where a proof begins
         start = low + share * (high - low)
         centre = search.found(start)
         if centre is not None and search.proved((start, centre)):
             above = _side(ticks_with, search, centre, start, high, tolerance)
-            near = FROM_ZERO_OF_END * above.reached if low == 0 else 0.0
+            # Of the high end, from which on is proved what begins at 0.
+            near = 1e-4 * above.reached if low == 0 else 0.0
             below = _side(ticks_with, search, centre, start, max(low, near), tolerance)
             return Bracket(below, above)
     return None
@@ -268,7 +266,8 @@ def _side(ticks_with, search, centre, start, limit, tolerance) -> End:
     are far apart."""
     ticks = search.ticks
     fails, pattern = nearest_growing(ticks, start, limit)
-    goal = fails + INSIDE_REFUTED * (start - fails) if pattern else limit
+    # How far before the refuted end a proof ends.
+    goal = fails + 2e-3 * (start - fails) if pattern else limit
     reached = start
     centre = replace(centre, work=0.0)
     for cells, remembered in GRAPHS:

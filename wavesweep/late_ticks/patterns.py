@@ -21,17 +21,9 @@ from wavesweep.late_ticks.tick_curves import LateTicks
 from wavesweep.program.tables.refuters import repeated
 
 FRAMES = (1, 2, 3)  # in a pattern
-WAVES = 3  # in a pattern that a climb begins with, at most
-PHASES = (0.0, 0.25, 0.5, 0.75)  # of these
-CLIMBS = 30  # steps
 # of these that change every tick that they would; later ones half as many each
 CLIMBS_OF_ALL_TICKS = 4
 SAME_EIGENVALUE = 1e-13  # of an eigenvalue: a change that is none
-SCANNED = 16  # numbers between a start and a limit at which patterns are searched
-NEAREST = 1e-3  # of the way to the limit, where the first of them is
-BISECTIONS = 9
-CLOSER = 40  # bisections with one pattern
-MOST_PATTERN_TICKS = 600  # of a pattern
 
 Pattern = tuple[int, ...]
 """Of each tick which of the lengths it has, from the first tick of a frame on."""
@@ -46,7 +38,7 @@ def growing(ticks: LateTicks, x: float, known: Sequence[Pattern] = ()) -> tuple[
     best: tuple[float, Pattern] = (0.0, ())
     for frames in FRAMES:
         length = frames * ticks.places
-        if length > MOST_PATTERN_TICKS and frames > 1:
+        if length > 600 and frames > 1:  # ticks of a pattern
             break
         starts = [_waves(frames, length, len(ticks.lengths))]
         starts += [np.array([pattern]) for pattern in known if len(pattern) == length]
@@ -61,7 +53,8 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float
     a search finds, and that pattern; NaN and () if there is none."""
     stable = start
     unstable, pattern = np.nan, ()
-    for x in start + (limit - start) * np.geomspace(NEAREST, 1.0, SCANNED):
+    # 16 numbers between a start and a limit, the first after a thousandth of the way.
+    for x in start + (limit - start) * np.geomspace(1e-3, 1.0, 16):
         rate, found = growing(ticks, x)
         if rate >= 1:
             unstable, pattern = float(x), found
@@ -69,7 +62,7 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float
         stable = float(x)
     if not pattern:
         return np.nan, ()
-    for _ in range(BISECTIONS):
+    for _ in range(9):
         middle = (stable + unstable) / 2
         rate, found = growing(ticks, middle, [pattern])
         if rate >= 1:
@@ -86,7 +79,7 @@ def grows_from(
     pattern; NaN and () if none is."""
     switched = offered("switched")
     word = word_of(ticks, pattern)
-    for _ in range(CLOSER):
+    for _ in range(40):  # bisections with one pattern
         middle = (stable + unstable) / 2
         if _growth(ticks, middle, word) >= 1:
             unstable = middle
@@ -146,8 +139,8 @@ def _waves(frames, length, lengths):
     patterns = [np.full(length, each) for each in range(lengths)]
     ticks = np.arange(length)
     patterns.append(last * (ticks % 2))
-    for waves in range(1, WAVES * frames + 1):
-        for phase in PHASES:
+    for waves in range(1, 3 * frames + 1):  # waves in a pattern that a climb begins with, at most
+        for phase in (0.0, 0.25, 0.5, 0.75):
             high = np.cos(2 * np.pi * (waves * ticks / length + phase)) > 0
             patterns.append(np.where(high, last, 0))
     return np.array(patterns)
@@ -162,7 +155,7 @@ def _climbed(A, patterns):
     _count, length = patterns.shape
     at_place = A[np.arange(length) % places]
     best: tuple[float, Pattern] = (0.0, ())
-    for step in range(CLIMBS):
+    for step in range(30):
         chosen = at_place[np.arange(length)[:, None], patterns.T]
         before = np.empty((length + 1, len(patterns), n, n))
         before[0] = np.eye(n)

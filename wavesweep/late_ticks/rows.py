@@ -21,7 +21,6 @@ from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
-FROM_ZERO_OF_ROW = 1e-3  # of the high end, from which on proved counts as proved from 0
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 MOST_FRAME_PLACES = 256  # ticks in a frame
 STATUS = {PROVED: Status.PROVED, REFUTED: Status.REFUTED}
@@ -110,7 +109,8 @@ def _row(found: Bracket, about, span, on_time: str):
     below = low.fails if low.text else low.reached
     above = high.fails if high.text else high.reached
     part = switched.Part(below, above, low.text or None, high.text or None)
-    from_zero = not low.text and low.reached <= FROM_ZERO_OF_ROW * high.reached
+    # Of the high end, from which on proved counts as proved from 0.
+    from_zero = not low.text and low.reached <= 1e-3 * high.reached
     near_low = from_zero or _is_near(low, span[0])
     settled = near_low and _is_near(high, span[1])
     return switched.Row(

@@ -33,9 +33,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Polynomials, Side, UnresolvedError
 
 LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enclosed
-TAYLOR_ORDER = 10  # of the Taylor models of a cell
 DEGREE = 2  # of the curves
-STRAIGHT = 1e-4  # of an entry: what a cell may leave out of its curve before it is divided
 CURVE_ROUNDING = 1e-15  # of a length: more than the rounding of 1/rate and of a sum
 MOST_CELLS = 64
 WIDE = "[for_all] tick: the times of a tick differ by too much to be enclosed"
@@ -116,7 +114,8 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
     if low < high:  # both may be rounded: times and rates are given in decimals
         low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)
-    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], TAYLOR_ORDER)
+    # Order of the Taylor models of a cell.
+    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], 10)
     model = enclosed.over(np.array([[low], [high]]))
     names = moving(drawing)
     return {name: (_curve(model.blocks[name].E), _curve(model.blocks[name].B)) for name in names}
@@ -150,7 +149,8 @@ def _is_near(curves) -> bool:
         for control, rest in both:
             size = np.abs(control).max(0)
             rounding = ROUNDINGS * UNIT_ROUNDING * (1 + size.max(initial=0.0))
-            if (rest > STRAIGHT * size + rounding).any():
+            # Of an entry: a cell that leaves more out of its curve is divided.
+            if (rest > 1e-4 * size + rounding).any():
                 return False
     return True
 

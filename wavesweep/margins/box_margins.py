@@ -46,9 +46,6 @@ from wavesweep.program.spec import Axis, Spec
 
 TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proof is tried
 SETTLED_WITHIN = 1e-2  # of a margin, how far proof and refutation may be apart
-STEP_HALVINGS = 6  # of the steps of the search for the worst numbers
-SHARES_OF_MARGIN = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
-PROOF_ROUNDS = 6  # of search and proof
 MOST_FRAMES = 32  # of delay that are proved one by one
 INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
 SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec
@@ -302,8 +299,8 @@ class _Case:
             return (0.0 if worst.doubt else size_of(worst)), point, worst
         if worst.doubt:
             return 0.0, point, worst
-        shares, proved = [*SHARES_OF_MARGIN], 0.0
-        for _ in range(PROOF_ROUNDS):
+        shares, proved = [1.0, 0.97, 0.9, 0.7], 0.0  # shares of a margin, tried in turn
+        for _ in range(6):  # rounds of search and proof
             size = min(size_of(worst), ENDS[name])
             aim = size
             if name != "delay_frames":
@@ -329,7 +326,8 @@ class _Case:
             return size_of(margin)
 
         best = min([*self._corners, *met, *self.known], key=size)
-        for halving in range(1, 1 + STEP_HALVINGS if self.ranged else 1):
+        # Halvings of the steps of the search for the worst numbers.
+        for halving in range(1, 1 + 6 if self.ranged else 1):
             steps = np.diag(self.box[1] - self.box[0]) * 0.5**halving
             near = np.clip(best + np.concatenate([steps, -steps]), *self.box)
             best = min([best, *map(tuple, near.tolist())], key=size)

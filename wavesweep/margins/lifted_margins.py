@@ -47,11 +47,7 @@ DISK_GAP = 1e-8  # relative, between a disk that is proved and one that is met a
 # samples of a frame at all angles at which the spectral radius is looked at before its peaks are
 # refined
 GRID = 10_000
-AROUND_PEAK = 9  # angles at which it is looked at in each step of a refinement
-PEAK_ANGLE = 1e-12  # rad per frame: how far a peak may be from the angle that is found
 NO_DRIFT_SEEN = 1e-8  # of the sizes of its terms, below which what is seen of a drift is rounding
-MODE_MET = 1e-6  # of a mode, from the place on the circle where it should be
-DISK_ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of a larger peak
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +178,8 @@ class LiftedLoop:
             factor = (2 * largest + 1) / (2 * largest - 1)
             modes = np.linalg.eigvals(np.nan_to_num(self.frames(factor).E))
         distance = np.abs(modes - on_circle(theta).reshape(-1, 1)).min(-1)
-        met = distance.reshape(theta.shape) <= MODE_MET
+        # Of a mode, from the place on the circle where it should be.
+        met = distance.reshape(theta.shape) <= 1e-6
         return np.where(met, size, 0.0)
 
     def frames(self, k) -> Frames:
@@ -306,7 +303,7 @@ def _disk(loop):
     direct = np.diagonal(loop.returned.T[0])
     best = 0.0
     at = 0.0
-    for _ in range(DISK_ROUNDS):
+    for _ in range(4):  # each proof that fails shows the angle of a larger peak
         size = np.nan_to_num(loop.radius(points))
         for top in np.argsort(size)[-3:]:
             near = points
@@ -318,9 +315,10 @@ def _disk(loop):
                     at = float(near[highest])
                 below = near[max(highest - 1, 0)]
                 above = near[min(highest + 1, near.size - 1)]
-                if above - below < PEAK_ANGLE:
+                # Rad per frame: how far a peak may be from the angle that is found.
+                if above - below < 1e-12:
                     break
-                near = np.linspace(below, above, AROUND_PEAK)
+                near = np.linspace(below, above, 9)  # angles in each step of a refinement
                 near_size = np.nan_to_num(loop.radius(near))
                 highest = int(near_size.argmax())
         disk = min(1 / best, 2.0)

@@ -24,10 +24,6 @@ SURE_MARGIN = 1e-8
 # of a coupling at rest: rounding of the ticks moves a known coupling by no more
 COUPLING_SHARE = 1 / 16
 SHAKES = 4  # other roundings of the ticks that are tried
-# distance of an eigenvalue from 1 below which its mode may have a peak next to rest
-PEAK_NEAR_REST = 5e-3
-# an unstable loop that grows by this much in a frame keeps no digit worth reporting
-HUGE_GROWTH = 1e10
 LONGEST_MAP = 1000  # ticks; the map of a frame is a matrix of that size
 
 
@@ -112,7 +108,8 @@ def _margins(port, batch, decide) -> PortMargin:
     stable = finite & is_stable(E)
     # An eigenvalue on the circle but for rounding is a pole of the map.
     _, clear = count_outside(safe)
-    grown = ~stable & (np.abs(safe).max((-1, -2), initial=0.0) > HUGE_GROWTH)
+    # An unstable loop that grows by this much in a frame keeps no digit worth reporting.
+    grown = ~stable & (np.abs(safe).max((-1, -2), initial=0.0) > 1e10)
     lost = ~finite | ~clear | grown
     margins = PortMargin(
         margin=np.full(lost.size, np.nan),
@@ -187,7 +184,8 @@ def _slow_angles(E):
     """Angles that are tried first for each loop, `(loops, any)`: those of SOFT if it has a mode
     that slow."""
     delta, _ = eigenvalues(E)
-    slow = (np.abs(delta) < PEAK_NEAR_REST).any(-1)
+    # An eigenvalue this near to 1 may have a peak next to rest.
+    slow = (np.abs(delta) < 5e-3).any(-1)
     if slow.any():
         return np.where(slow[:, None], SOFT, np.nan)
     return ()
@@ -286,7 +284,6 @@ def _shaken(ticks, port, loops):
 
 
 MOST_DAMPING = 1e4  # N*s/m: no device has more
-LEAST_DAMPING = 1e-4  # N*s/m: less makes no difference
 BRACKET_WIDTH = 1e-3  # relative width of the bracket that is left
 
 
@@ -320,7 +317,7 @@ def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray
     index = np.flatnonzero(np.isnan(needed))
     if index.size:
         index = index[passive(index, np.full(index.size, MOST_DAMPING))]
-    low = np.full(index.size, LEAST_DAMPING)
+    low = np.full(index.size, 1e-4)  # N*s/m: less makes no difference
     high = np.full(index.size, MOST_DAMPING)
     while index.size and np.any(high > low * (1 + BRACKET_WIDTH)):
         middle = np.sqrt(low * high)

@@ -24,12 +24,6 @@ from wavesweep.program.sweep.grid import (
 from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
 from wavesweep.program.sweep.running import Run, gather, stretches
 
-LOOPS_OF_CHUNK = 32  # loops in a chunk: up to a second or two
-CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
-# combinations of the values that decide how a loop is built, whose frames are seen before the work
-MOST_TRIED = 200
-LONG_FRAME = 100  # ticks of a frame, from which on a channel may be too large
-READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 # the keys that the channel depends on; all others are outside its ports
 CHANNEL_KEYS = ("rates.", "filters.")
 PORT = np.dtype([
@@ -58,7 +52,7 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     port = Job(
         PORTS,
         grid,
-        Chunks(grid.loops, 1, LOOPS_OF_CHUNK, 1),
+        Chunks(grid.loops, 1, 32, 1),  # loops in a chunk: up to a second or two
         resolved,
         PAIR if pair else PORT,
         {"records": "ports"},
@@ -66,7 +60,9 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     if spec.drawing:
         port_at_hand(spec)
     names = {axis.path: axis.name for axis in grid.loop_axes}
-    for key, values in islice(resolved.items(), MOST_TRIED):
+    # Combinations of the values that decide how a loop is built, whose frames are seen before the
+    # work.
+    for key, values in islice(resolved.items(), 200):
         loops = loops_of(spec, values)
         ticks = loops.drawn().ticks
         if ticks > LONGEST_MAP:
@@ -75,12 +71,14 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
             raise UsageError(
                 f"expected a frame of at most {LONGEST_MAP} ticks for passivity, found {ticks}{at}"
             )
-        if ticks > LONG_FRAME and (channel := channel_of(*loops)):
+        # Ticks of a frame, from which on a channel may be too large.
+        if ticks > 100 and (channel := channel_of(*loops)):
             channel.refuse_large()
     if not sends_waves(spec):
         return {"port": port}
     inside = channels_of(grid)
-    chunks = Chunks(inside.loops, 1, CHANNELS, 1)
+    # Channels in a chunk, each of which takes about a millisecond.
+    chunks = Chunks(inside.loops, 1, 256, 1)
     return {
         "channel": Job(
             WAVES, inside, chunks, resolve_all(inside), CHANNEL, {"records": "channels"}
@@ -134,7 +132,8 @@ def _channel(loops):
 
 
 # Bytes of a row: measured, 110 in the CSV and 60 in the Parquet file.
-PORTS = JobKind(partial(_task, _port), noun="loops", row_bytes=170, ready=READY)
+# Seconds that workers take longer than those of `intervals` to be ready and to load SciPy.
+PORTS = JobKind(partial(_task, _port), noun="loops", row_bytes=170, ready=1.5)
 WAVES = JobKind(partial(_task, _channel), noun="channels", certifies=False, has_rows=False)
 
 

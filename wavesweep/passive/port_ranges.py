@@ -40,11 +40,6 @@ TRIED = np.concatenate(
 )  # rad per frame, for a worst angle
 TRIED_FIRST = 33  # values of the number
 CUTS = 15  # points of one round of refinement
-FINEST_END = 1e-10  # of the range, to which an end is refined
-PANEL_POINTS = 20_000  # of number and angle that the proof of a panel may take
-VALUES_OF_PIECE = 300  # values of the number that the proof of a piece of a gap may take
-PIECES_OF_GAP = 100  # of a gap
-CONTRADICTED_ROUNDS = 6  # of a search that proofs contradict
 STOP_BEFORE_END = 1e-7  # of an end, or of the range at 0: where a proof stops before the end
 # of an end, or of an interval, that may lie between what is proved and what is refuted
 GAP_OF_END = 1e-4
@@ -143,7 +138,8 @@ class _OneMap:
         # No eigenvalue changes its sign: the determinant is not 0 on the panels of all angles.
         open_ = []
         for first, last in pairwise(ANGLES):
-            covered = cover(Determinant(self.maps), [[low, first], [high, last]], PANEL_POINTS)
+            # Points of number and angle that the proof of a panel may take.
+            covered = cover(Determinant(self.maps), [[low, first], [high, last]], 20_000)
             if covered is None:
                 return None
             if len(covered.unstable):
@@ -209,7 +205,7 @@ class _Ranges:
         the search begins again.
         """
         searched: list[float] = []
-        for _ in range(CONTRADICTED_ROUNDS):
+        for _ in range(6):  # rounds of a search that proofs contradict
             lows, highs = runs_of(self._passive, self.span, searched)
             ends = list(zip(lows.tolist(), highs.tolist(), strict=True))
             proofs = [self._proved(*pair) for pair in ends]
@@ -272,7 +268,7 @@ class _Ranges:
                 queue.append((max(low, a), min(high, b)))
         ends = {end for pair in queue for end in pair}
         least_wide = GAP_OF_END / 2 * (self.span[1] - self.span[0])
-        for _ in range(PIECES_OF_GAP):
+        for _ in range(100):  # pieces of a gap
             if not queue:
                 return True, None
             a, b = queue.pop()
@@ -294,7 +290,10 @@ class _Ranges:
         """Whether all values of a piece are proved not to be passive, by what takes energy
         there."""
         covered = cover_of(self.loop, self.path)(
-            way.witness(low, high), [[low], [high]], VALUES_OF_PIECE
+            # Values of the number that the proof of a piece of a gap may take.
+            way.witness(low, high),
+            [[low], [high]],
+            300,
         )
         return covered is not None and not len(covered.open)
 
@@ -328,7 +327,8 @@ def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
     after = points[change + 1]
     inside = np.where(good[change], before, after)
     outside = np.where(good[change], after, before)
-    while change.size and np.abs(inside - outside).max() > FINEST_END * (high - low):
+    # Of the range, to which an end is refined.
+    while change.size and np.abs(inside - outside).max() > 1e-10 * (high - low):
         away = (outside - inside)[:, None]
         between = inside[:, None] + away * np.arange(1, CUTS + 1) / (CUTS + 1)
         passed_between = passed(between.reshape(-1)).reshape(between.shape)

@@ -24,11 +24,7 @@ ALONE = (0.0, 0.0)  # the range of a number that does not vary
 LIMITS = np.array(
     [(-4.0, -1.0) * 2, (2.0, 6.0) * 2]
 )  # decimal logarithms of mass and stiffness at both ports
-# of that search
-GENERATIONS = 14
-BRED = 200
-BRED_KEPT = 20
-SHRINK = 1.35
+BRED = 200  # pairs of a generation of that search
 SURELY_NEGATIVE = 1e-7  # size of a damping ratio that is surely negative
 CURVE, HALVINGS = 300, 22  # frequencies of an index, and of its range
 
@@ -121,7 +117,7 @@ def counterexample(loop: HeldLoop) -> str:
         poles = np.log(np.where(np.abs(z) > ZERO_EIGENVALUE, z, ZERO_EIGENVALUE))
         return (-poles.real / np.abs(poles)).min(-1)
 
-    for _ in range(GENERATIONS):
+    for _ in range(14):  # generations
         if len(best):
             parents = best[rng.integers(len(best), size=BRED)]
         else:
@@ -129,8 +125,8 @@ def counterexample(loop: HeldLoop) -> str:
         logs = np.concatenate(
             [best, np.clip(parents + wide * rng.uniform(-1, 1, (BRED, 4)), *LIMITS).round(3)]
         )
-        best = logs[np.argsort(ratios(logs))[:BRED_KEPT]]
-        wide /= SHRINK
+        best = logs[np.argsort(ratios(logs))[:20]]  # those that are kept
+        wide /= 1.35
     if ratios(best[:1])[0] > -SURELY_NEGATIVE:
         return ""
     m, k, n, s = 10.0 ** best[0]

@@ -20,11 +20,7 @@ from flint import arb, arb_mat, arb_poly, ctx
 from wavesweep.prove.ball_polynomials import Budget, FamilyPart, bernstein, chebyshev
 from wavesweep.prove.ticks import UndecidedError
 
-NARROW_BOX = 0.45  # share of the bits: a box this narrow encloses a crossing well enough
-SHRUNK = 0.7  # of its size, below which a box is contracted again before it is cut
-CUTS_A_BIT = 6  # cuts of a box for each bit
 MOST_OPEN = 200  # boxes at a time, and crossings of a part, beyond which these bits are too few
-POLISHED = 3  # times that an enclosure is contracted further
 # shares of a range
 ALL = (arb(0), arb(1))
 FIRST_HALF = (arb(0), arb(0.5))
@@ -145,7 +141,8 @@ def _boxes(U, V, budget):
     coefficients = (*U.entries(), *V.entries())
     if all(each.contains(0) for each in coefficients):  # an eigenvalue is always on the circle
         raise UndecidedError
-    narrow = arb(2) ** (-int(NARROW_BOX * ctx.prec))
+    # A box of 45 % of the bits encloses a crossing well enough.
+    narrow = arb(2) ** (-int(0.45 * ctx.prec))
     count = 0
     open_ = [_Box(U, V, (arb(0), arb(1)), (arb(0), arb(1)), 0)]
     while open_:
@@ -160,9 +157,11 @@ def _boxes(U, V, budget):
         if ranges is None:
             continue
         (x_from, x_to), (k_from, k_to) = ranges
-        shrunk = (x_to - x_from) * (k_to - k_from) < SHRUNK
+        # A box that shrinks by this is contracted again before it is cut.
+        shrunk = (x_to - x_from) * (k_to - k_from) < 0.7
         count += thin
-        if thin and (not shrunk or box.polished == POLISHED):
+        # Times that an enclosure is contracted further.
+        if thin and (not shrunk or box.polished == 3):
             yield box.x, box.k
         elif shrunk:
             open_.append(box.cut(ranges, polished=box.polished + thin))
@@ -170,7 +169,7 @@ def _boxes(U, V, budget):
             open_ += [box.cut([ALL, FIRST_HALF]), box.cut([ALL, SECOND_HALF])]
         else:
             open_ += [box.cut([FIRST_HALF, ALL]), box.cut([SECOND_HALF, ALL])]
-        if box.depth > CUTS_A_BIT * ctx.prec or len(open_) > MOST_OPEN or count > MOST_OPEN:
+        if box.depth > 6 * ctx.prec or len(open_) > MOST_OPEN or count > MOST_OPEN:
             raise CrowdedError
 
 

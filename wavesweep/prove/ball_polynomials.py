@@ -25,9 +25,6 @@ from wavesweep.engine.frames import blocks_of
 from wavesweep.prove.ticks import BallLoop, UndecidedError, reads
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
-MOST_DEGREES = 64  # in the number, up to which the polynomials are taken as such
-OPERATIONS_OF_NODES = 30  # operations that the nodes of an interpolant take, for each pair
-MOST_PARTS = 400  # of the range
 # share of the bits that are kept: a term that is smaller counts as part of the error
 BITS_KEPT = 0.6
 STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
@@ -72,7 +69,8 @@ class BallFamily:
     def exact(self) -> bool:
         """Whether the coefficients are polynomials in the number of a degree that is known and
         small."""
-        return self.degree <= MOST_DEGREES
+        # Degrees in the number, up to which the polynomials are taken as such.
+        return self.degree <= 64
 
     def at(self, number: Any, *, times: bool = False) -> list[list[Any]]:
         """The coefficients of each component's polynomial at a value; times: multiplied by the
@@ -122,7 +120,7 @@ class BallFamily:
         while open_:
             low, high = open_.pop()
             count += 1
-            if count > MOST_PARTS or (not self.exact and self.bent):
+            if count > 400 or (not self.exact and self.bent):  # parts of the range
                 raise UndecidedError
             errors = [0] * len(self.ones) if self.exact else self._errors(low, high)
             if errors is None:
@@ -162,7 +160,8 @@ class BallFamily:
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
         # the second for `_to_bernstein`, kept or not
-        self.budget.use(OPERATIONS_OF_NODES * nodes**2 + nodes**3 / 4)
+        # 30 operations for each pair of an interpolant's nodes.
+        self.budget.use(30 * nodes**2 + nodes**3 / 4)
         points, weights = _nodes(nodes, ctx.prec)
         values = [
             self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact)

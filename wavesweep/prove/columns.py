@@ -24,12 +24,6 @@ from wavesweep.prove.ball_polynomials import BallFamily, Budget
 from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
-# precisions at which crossings are crowded, after which more bits do not tell them apart
-HOPELESS_PRECISIONS = 3
-# for each column, up to some twenty seconds; counted, so that the result does not depend on the
-# machine
-OPERATIONS_OF_COLUMN = 1.2e8
-CERTAIN_BITS = 52  # bits of an end or an angle that have to be certain
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +44,8 @@ def prove_column(
     span: tuple[float, float],
     drift: MarginalModes,
     precisions: Sequence[int] = PRECISIONS,
-    operations: float | Budget = OPERATIONS_OF_COLUMN,
+    # Up to some twenty seconds; counted, so that the result does not depend on the machine.
+    operations: float | Budget = 1.2e8,
 ) -> Proof | None:
     """The stable intervals of a drawn loop along the number with the path `along` within `span`;
     None if they stay in doubt.
@@ -75,7 +70,9 @@ def prove_column(
                 return _proof(in_balls, span, drift, budget)
             except UndecidedError as error:
                 crowded += isinstance(error, CrowdedError)
-                if budget.left < 0 or crowded == HOPELESS_PRECISIONS:
+                # Precisions at which crossings are crowded, after which more bits do not tell them
+                # apart.
+                if budget.left < 0 or crowded == 3:
                     break
     return None
 
@@ -168,6 +165,6 @@ def _double(value, span):
 
 
 def _sure(value):
-    if value.rel_accuracy_bits() < CERTAIN_BITS:
+    if value.rel_accuracy_bits() < 52:  # bits that have to be certain
         raise UndecidedError
     return float(value.mid())

@@ -13,7 +13,6 @@ from wavesweep.prove.again import prove_again
 
 __all__ = ["ball_prover", "prove_again"]
 
-OPERATIONS_IN_DOUBT = 3e7  # of ball arithmetic for a column in doubt, at most: some five seconds
 REACH_BEYOND_END = 1e-14  # of an end: how far a proof reaches into what is known on its other side
 
 BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
@@ -34,7 +33,8 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray) -> BallProver:
         loop = loops.one(column).in_whole_ticks(along)
         if loop is None:
             return None
-        budget = budgets.setdefault(column, Budget(OPERATIONS_IN_DOUBT))
+        # Some five seconds of ball arithmetic for a column in doubt.
+        budget = budgets.setdefault(column, Budget(3e7))
         span = (low - REACH_BEYOND_END * abs(low), high + REACH_BEYOND_END * abs(high))
         proof = None
         with suppress(IllPosedLoopError):

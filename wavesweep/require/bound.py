@@ -23,9 +23,6 @@ from wavesweep.require.gain_bound import (
 
 IMAGES = 3  # turns per frame up to which the mode at an end is looked for
 LEAST_RADIUS = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
-# s per slice, measured: of a damping ratio, or of loops that conserve; of a gain, or of factors
-BY_DISCS = 0.6
-BY_GAIN = 1.0
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 GAIN = "the gain by its symplectic pencil, whose eigenvalues are shown to be off the unit circle on panels of the number"
 IN_TIME = "responses in time, frame by frame, on panels of the number: what is seen, and bounds on all that follows"
@@ -57,7 +54,9 @@ class Bound:
     @property
     def cost(self) -> float:
         """Seconds per slice by discs and for a gain; 0 of bounds on the size alone."""
-        return BY_DISCS * bool(self.damped or self.bounded) + BY_GAIN * len(self.gains)
+        # Seconds per slice, measured: of a damping ratio, or of loops that conserve; of a gain, or
+        # of factors.
+        return 0.6 * bool(self.damped or self.bounded) + 1.0 * len(self.gains)
 
     @property
     def set_by(self) -> str:

@@ -19,12 +19,7 @@ from wavesweep.require.disc_panels import (
 )
 from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
 
-MOST_OPEN_PANELS = 1024  # panels of a column that may be open
-LARGE_MATRICES = 50_000  # entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
-RIM_ENTRIES_AT_ONCE = 500_000  # of the matrices of a tick, on circles about panels
-# of the span, where the structure of the frames is looked at
-TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)
 
 
 def along_by_discs(
@@ -53,7 +48,10 @@ def along_by_discs(
 def _loops_of(frames, errors, turns, span, columns, place):
     """The loops by diagonal blocks, without states that are 0 at the end of every frame, and the
     columns with known frames."""
-    points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
+    # Of the span, where the structure of the frames is looked at.
+    points = span[0] + (span[1] - span[0]) * np.array(
+        (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)
+    )
     column = np.repeat(np.arange(columns), points.size)
     E, _ = errors(column, np.tile(points, columns))
     states = E.shape[-1]
@@ -95,7 +93,8 @@ class _LoopsInDiscs:
     @property
     def many(self) -> int:
         """Panels of a column that may be open, fewer of large matrices."""
-        return min(MOST_OPEN_PANELS, max(FIRST_PANELS, LARGE_MATRICES // self.order**2))
+        # Panels of a column that may be open, and entries of their matrices.
+        return min(1024, max(FIRST_PANELS, 50_000 // self.order**2))
 
     @property
     def smooth(self) -> bool:
@@ -166,7 +165,8 @@ class _LoopsInDiscs:
             of_discs = np.zeros(delta.shape)
         else:
             p = np.concatenate([p, p + radius[:, None] * HALF_RIM], axis=1)
-        at_once = max(1, RIM_ENTRIES_AT_ONCE // (p.shape[1] * self.states**2))
+        # Entries of the matrices of a tick, on circles about panels.
+        at_once = max(1, 500_000 // (p.shape[1] * self.states**2))
         some = np.flatnonzero(asked.any(-1))
         for first in range(0, some.size, at_once):
             batch = some[first : first + at_once]

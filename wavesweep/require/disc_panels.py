@@ -10,8 +10,6 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 
 FIRST_PANELS = 16  # of a column to begin with
-MOST_IN_ALL = 16  # times so many, in all
-MATRIX_ENTRIES_AT_ONCE = 2_000_000  # of matrices at a time
 # of a disc; its lower half is the conjugate
 HALF_RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)
 NARROW_PANEL = 16  # see Accuracy
@@ -151,7 +149,8 @@ def _panels(judge, domain, accuracy):
     low = np.tile(edges[:-1], count)
     high = np.tile(edges[1:], count)
     many = judge.many
-    at_once = max(1, MATRIX_ENTRIES_AT_ONCE // (2 * HALF_RIM.size * judge.order**2))
+    # Entries of matrices at a time.
+    at_once = max(1, 2_000_000 // (2 * HALF_RIM.size * judge.order**2))
     tried = np.zeros(count, int)
     done = []
     while column.size:
@@ -171,7 +170,7 @@ def _panels(judge, domain, accuracy):
 
         open_panels = np.bincount(column, minlength=count)
         tried += open_panels
-        given_up = (open_panels > many) | (tried > MOST_IN_ALL * many)
+        given_up = (open_panels > many) | (tried > 16 * many)  # 16 times as many, in all
         label[(label == OPEN) & ~narrow & given_up[column]] = LOST
         closed = (label != OPEN) | narrow
         done.append((column[closed], low[closed], label[closed]))

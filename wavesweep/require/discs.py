@@ -12,7 +12,6 @@ from wavesweep.engine.poles import GONE
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 ZERO_EIGENVALUES = 1e-3  # up to which eigenvalues may be 0 but for rounding
-INVERSE_FINE = 0.1  # what an inverse of eigenvectors may be off by
 # Of the largest coefficient of a characteristic polynomial, by how much it may differ read
 # backwards.
 CONSERVING = 1e-10
@@ -229,7 +228,8 @@ def verdicts(E, dE, rims, place, lines=None):
         entries = SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])
         entries = entries / (1 - loss)[:, None, None]
 
-        known = np.isfinite(entries).all((-1, -2)) & (loss < INVERSE_FINE)
+        # What an inverse of eigenvectors may be off by.
+        known = np.isfinite(entries).all((-1, -2)) & (loss < 0.1)
         entries, _ = balance(np.where(known[:, None, None], entries, 1.0))
         asked = None
         if lines:

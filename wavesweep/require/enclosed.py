@@ -33,13 +33,6 @@ from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
 
 ROWS_OF_BLOCK = 256  # outputs of a block of frames, at least
-MOST_BLOCKS = 2**10  # that are looked at
-MOST_MULTIPLICATIONS = 4e9  # of a panel in all blocks
-# of these blocks, in which the value may be too large where panels of it rest too slowly
-TOO_SLOW = 1 / 16
-FORGOTTEN = 1e-13  # size of a mode, at which nothing more is seen of it
-LOSSES_ALIKE = 0.25  # of what loops of a rim lose in a block, of what that in the middle does
-GROWN = 1e6  # the same of one that grows on the rim of a panel
 MOST_DOUBLINGS = 48  # of frames in which noise has acted
 KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
 BAND = 0.02  # of the end of a step, in which it has settled
@@ -235,15 +228,20 @@ def _last_blocks(E, cost):
     with np.errstate(all="ignore"):
         finite = np.where(np.isfinite(E), E, 0.0)
         size = np.abs(1 + np.linalg.eigvals(finite)).max(-1, initial=0.0)
-        middle = np.log(FORGOTTEN) / np.log(size[:, 0])
+        # Size of a mode, at which nothing more is seen of it.
+        middle = np.log(1e-13) / np.log(size[:, 0])
         middle = np.where(size[:, 0] < 1, middle, 1.0)
         rim = size[:, 1:].max(-1, initial=0.0)
-        alike = 1 - rim > LOSSES_ALIKE * (1 - size[:, 0])
-        grown = np.where(rim > 1, np.log(GROWN) / np.log(rim), np.inf)
-    most = min(MOST_BLOCKS, MOST_MULTIPLICATIONS / cost)
+        # Loops of a rim lose at least a quarter of what that in the middle loses in a block.
+        alike = 1 - rim > 0.25 * (1 - size[:, 0])
+        # Size at which a mode has grown.
+        grown = np.where(rim > 1, np.log(1e6) / np.log(rim), np.inf)
+    # Blocks that are looked at, and multiplications of a panel in all of them.
+    most = min(2**10, 4e9 / cost)
     last = np.minimum(middle, grown)
     slow = (middle > most) & alike
-    given_up = most * TOO_SLOW if E.shape[1] > 1 else most
+    # Of these blocks, in which the value may be too large where panels of it rest too slowly.
+    given_up = most * (1 / 16) if E.shape[1] > 1 else most
     return np.clip(np.where(last > most, given_up, last), 1.0, most), slow
 
 

@@ -55,16 +55,12 @@ if TYPE_CHECKING:
 RETURNED = "what comes back to the cut"
 # of an end, and of a NEAR_ZERO-th of the span: from there on rounding hides which factor is the last
 END_EXACTNESS = 1e-7
-FINEST = 16.0  # of the narrowest panels, as wide as ends are exact
 MOST_RUNS = 128  # of the signal in a frame, whose inputs stand beside the states
 # of a slice, some 10 s: a piece of N rows takes PIECE_WORK + N^3, by measured times
 MOST_WORK = 200e6
 PIECE_WORK = 1000
-MOST_STUCK = 16  # pieces of a panel with a middle next to the circle, up to which they are halved
 PIECE = np.dtype([("panel", int), ("place", float), ("half", float)])  # of a range, on a panel
-ENTRIES_AT_ONCE = 1_000_000  # of the pencils of some pieces
 LOOKED_AT = 33  # factors at which the largest eigenvalue is looked for, next to an end
-ZOOMS = 4  # between the neighbours of the largest
 
 
 def along_factors(
@@ -110,7 +106,8 @@ def along_factors(
     about = loops, along, route, 1.0, drift, needed(port.maps), runs.size, columns, stable
     judge = Factors(*about, factors, runs, span, np.zeros(size))
     begun = np.maximum(begun_at_low_end(judge, span), END_EXACTNESS)
-    ends = Accuracy(END_EXACTNESS, FINEST, END_EXACTNESS, begun, slow=True)
+    # Ends are exact to 16 of the narrowest panels.
+    ends = Accuracy(END_EXACTNESS, 16.0, END_EXACTNESS, begun, slow=True)
     found = along_panels([judge], np.ones(size, bool), domain, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
     return attached(found, stable, SHARE_OF_SPAN * domain.width, END_EXACTNESS)
@@ -201,7 +198,8 @@ class Factors(Between):
             going_on = ~fine & ~lost[left["panel"]]
             halved = going_on & fine_middle & (left["half"] > 0)
             stuck = going_on & ~halved
-            few = np.bincount(left["panel"][stuck], minlength=at.size) <= MOST_STUCK
+            # Pieces of a panel with a middle next to the circle, up to which they are halved.
+            few = np.bincount(left["panel"][stuck], minlength=at.size) <= 16
             finer = stuck & (left["half"] > 0) & (few & every_other)[left["panel"]]
             open_pieces.append(left[stuck & ~finer])
             open_pieces.append(_halves(left[finer]))
@@ -224,7 +222,7 @@ class Factors(Between):
         for loop in range(p.size):
             of_loop = E[loop].real, G[loop].real, O[loop].real, T[loop].real
             places = np.linspace(self.factors.low, self.factors.high, LOOKED_AT)
-            for _ in range(ZOOMS):
+            for _ in range(4):  # zooms between the neighbours of the largest
                 f, _, _ = self.factors.about(places, np.zeros(places.size))
                 of_factors = np.linalg.eigvals(_with_factor(*of_loop, f)[0])
                 sizes = np.abs(1 + of_factors).max(-1)
@@ -253,7 +251,8 @@ class Factors(Between):
         """Of pieces on their panels: whether no factor has an eigenvalue on the circle, whether
         that in the middle has none, and whether that has one outside."""
         points = 2 * maps[0].value.shape[1]
-        at_once = max(1, ENTRIES_AT_ONCE // (points * self.order**2))
+        # Entries of the pencils of some pieces.
+        at_once = max(1, 1_000_000 // (points * self.order**2))
         shown = [(np.zeros(0, bool),) * 3]
         for first in range(0, pieces.size, at_once):
             some = pieces[first : first + at_once]

@@ -39,8 +39,6 @@ from wavesweep.require.sines import Panel
 
 # of the terms of the form, from which on it is positive at an angle whatever rounding does
 POSITIVE = 1e-9
-# eigenvalues next to the circle, at whose angles and between which the form is looked at
-ANGLES = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,7 +204,8 @@ def _angles(d, arc):
     """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of
     eigenvalues next to the circle, and between these."""
     off = off_circle(d)
-    nearest = np.argsort(off, -1)[:, :ANGLES]
+    # Eigenvalues next to the circle, at whose angles and between which the form is looked at.
+    nearest = np.argsort(off, -1)[:, :8]
     d = np.take_along_axis(d, nearest, -1)
     off = np.take_along_axis(off, nearest, -1)
     low = arc[:, :1]

@@ -24,7 +24,6 @@ END_EXACTNESS = 1e-8
 # Of the span, and of a pole that is 1 at its low end from 1: see `Accuracy`.
 BESIDE_POLE = 1e-6
 SLOW_MODE = 1e-7
-MOST_DENSE_TICKS = 24  # ticks of a frame, beyond which its inputs are eliminated
 AT_REST_ANGLE = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
 
 
@@ -47,7 +46,8 @@ def along_gain(
     of_sine = wanted.measure == BASE_BAND and ticks > 1
     step = period / ticks if of_sine else period
     in_general = Sine if of_sine else BoundedGain
-    kind = LongGain if ticks > MOST_DENSE_TICKS and not of_sine else in_general
+    # Of a frame of more ticks the inputs are eliminated.
+    kind = LongGain if ticks > 24 and not of_sine else in_general
     about = loops, along, route, wanted.at_most, drift, needed(port.maps), ticks
     arc = _arc(wanted, ticks, step)
     gain = kind(*about, np.arange(size), stable, arc, at_rest=False)

@@ -36,10 +36,8 @@ from wavesweep.require.maps import of_ticks
 from wavesweep.require.pencil import angles_of, clear, off_arc
 
 SURE_SIGN = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
-ANGLES = 8  # of eigenvalues next to the arc: there, and between these, the form is looked at
 # times the level, or less by it: there something else is singular where its parts are eliminated
 BESIDE_LEVEL = 1.02
-FIXED = 0.0, 0.37, 0.71, 1.0  # of an arc, where it is looked at as well
 
 
 class Joined(NamedTuple):
@@ -284,14 +282,16 @@ def _least(frame, panels, d, arc):
     the negative ones that come of states and of what is eliminated.
     """
     off = off_arc(d, arc)
-    nearest = np.argsort(off, -1)[:, :ANGLES]
+    # The form is looked at at eight eigenvalues next to the arc, and between these.
+    nearest = np.argsort(off, -1)[:, :8]
     d = np.take_along_axis(d, nearest, -1)
     off = np.take_along_axis(off, nearest, -1)
     first = arc[:, :1]
     last = arc[:, 1:]
     near = with_middles(np.clip(np.where(off <= NEAR_CIRCLE, angles_of(d), np.nan), first, last))
     near = np.where(np.isnan(near), first, np.clip(near, first, last))
-    theta = np.concatenate([near, first + (last - first) * FIXED], -1)
+    # Of an arc, where it is looked at as well.
+    theta = np.concatenate([near, first + (last - first) * (0.0, 0.37, 0.71, 1.0)], -1)
 
     E, G, Q = (matrix[panels * frame.points].real for matrix, _ in (frame.E, frame.G, frame.Q))
     n = E.shape[-1]

@@ -29,14 +29,8 @@ from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 CIRCLE_POINTS = 16  # of a circle of theta
 AROUND = np.exp(2j * np.pi * (np.arange(CIRCLE_POINTS) + 0.5) / CIRCLE_POINTS)
-FIRST_HALF_WIDTH = 0.2  # half width of the first arcs, of an angle of 1 in a frame
-MOST_ARCS_OF_PANEL = 1000  # arcs that are looked at, beyond which the panel is halved
-AT_ONCE = 200_000  # values
 # values of theta about the lowest one, between the neighbours of which the next ones are
 NARROWER = 9
-SMALLEST_ANGLE = 1e-3  # angle that is looked at, of that of the slowest mode
-NARROWINGS = 14  # of narrowing
-LOWEST_ANGLES = 6  # of the angles, about which it is narrowed
 
 
 class Panel:
@@ -159,7 +153,7 @@ class Panel:
         """An angle at which the form is about least."""
         M = self.ticks
         low, high = self.arc
-        smallest = SMALLEST_ANGLE * self.slow
+        smallest = 1e-3 * self.slow  # angle that is looked at, of that of the slowest mode
         even = np.linspace(low, high, 16 * M + 48)
         small = np.geomspace(smallest, np.pi, 100)
         modes = (self.poles.imag[:, None] + 2 * np.pi * np.arange(M)).ravel() / M
@@ -171,11 +165,11 @@ class Panel:
         inner = np.append(np.inf, value[:-1]) >= value
         inner &= np.append(value[1:], np.inf) >= value
         at = np.flatnonzero(inner)
-        at = at[np.argsort(value[at])[:LOWEST_ANGLES]]
+        at = at[np.argsort(value[at])[:6]]  # the lowest angles, about which it is narrowed
         best = theta[at]
         below = theta[np.maximum(at - 1, 0)]
         above = theta[np.minimum(at + 1, theta.size - 1)]
-        for _ in range(NARROWINGS):
+        for _ in range(14):  # steps of narrowing
             points = below[:, None] + (above - below)[:, None] * np.linspace(0, 1, NARROWER)
             f, _ = self.both(points.ravel(), 1)
             value = f[0].real.reshape(points.shape)
@@ -196,15 +190,17 @@ class Panel:
         if decided is not None:
             return decided
         low, high = self.arc
-        count = int(np.ceil((high - low) * self.ticks / (2 * FIRST_HALF_WIDTH)))
+        # Half width of the first arcs, of an angle of 1 in a frame.
+        count = int(np.ceil((high - low) * self.ticks / (2 * 0.2)))
         edges = np.linspace(low, high, count + 1)
         low = edges[:-1]
         high = edges[1:]
-        at_once = max(1, AT_ONCE // (CIRCLE_POINTS * len(self.upper) * self.upper.shape[-1]))
+        # Values at a time.
+        at_once = max(1, 200_000 // (CIRCLE_POINTS * len(self.upper) * self.upper.shape[-1]))
         tried = 0
         while low.size:
             tried += low.size
-            if tried > MOST_ARCS_OF_PANEL:
+            if tried > 1000:  # after more arcs the panel is halved
                 return OPEN
             # The arc that begins at the double zero, theta = 0, is half of one about it.
             about_zero = (low == 0) & self.at_rest

@@ -21,8 +21,6 @@ from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, STEP_SETTLING, Tim
 from wavesweep.require.gain_intervals import END_EXACTNESS, attached
 
 MOST_TICKS = 128  # of a frame
-ENTRIES_AT_ONCE = 2_000_000  # of the outputs of a block of frames, of some panels
-MOST_LOOKED_AT = 2e8  # outputs of a slice, on all points of all panels; some 18 s
 WHOLE_TICKS = 1e-9  # of a time, by which it is no other number of ticks
 BESIDE_END = 0.5  # of what ends are exact to, next to an end of stability
 NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
@@ -122,11 +120,13 @@ class InTime(Between):
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
         rows = max(ROWS_OF_BLOCK, self.inputs)
-        at_once = max(1, ENTRIES_AT_ONCE // (shape[1] * rows * (self.inputs + self.kept.size)))
+        # Outputs of a block of frames, of some panels.
+        at_once = max(1, 2_000_000 // (shape[1] * rows * (self.inputs + self.kept.size)))
         known = np.flatnonzero(judged)
         for first in range(0, known.size, at_once):
             at = known[first : first + at_once]
-            spent = self.looked_at[column[at]] > MOST_LOOKED_AT
+            # Outputs of a slice, on all points of all panels; some 18 s.
+            spent = self.looked_at[column[at]] > 2e8
             label[at[spent]] = LOST
             at = at[~spent]
             if not at.size:

@@ -25,11 +25,8 @@ from wavesweep.sensitivity.sensitivity import (
     tracked_eigenvalue,
 )
 
-FRAMES_AT_ONCE = 2048  # frames at once
 REAL_STEP = 1e-3  # of a number, where a real step takes the place of a complex one
 PATH_STEPS = 96  # in which a mode is followed into the interval
-SIDES_TRIED = 3  # ways to build a loop beside a whole tick: as the end moves, which moves it
-INSIDE_END = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
 TEXTS = ("along", "side", "quantity", "unit", "states", "number", "number_unit", "doubt")
 
@@ -83,7 +80,7 @@ def elasticities(
         at_ends = several.read.unbuilt.changed({axis.path: ends.value[group]})
         for members, built in at_ends.built_alike(group):
             loops = _VariedLoops(grid.spec, axis, built, numbers)
-            most = max(1, FRAMES_AT_ONCE // max(PATH_STEPS, len(loops.moving) + 1))
+            most = max(1, 2048 // max(PATH_STEPS, len(loops.moving) + 1))  # frames at once
             for start in range(0, members.size, most):
                 batch = slice(start, start + most)
                 some = replace(loops, loops=built.some(batch))
@@ -374,7 +371,7 @@ def _one_sided(loops: _VariedLoops, ends: _Ends, crossings: EndCrossings, sign) 
     assumed = np.empty((*slope.shape, len(paths)), int)
     assumed[:] = [loops.loops.values[path] for path in paths]
     wanted = of_crossings.built_after(ends.take(at).value, slope, sign)
-    for _ in range(SIDES_TRIED):
+    for _ in range(3):  # ways to build a loop beside a whole tick: as the end moves, which moves it
         moved = (wanted != assumed).any(-1)
         assumed[moved] = wanted[moved]
         for some in distinct(list(assumed[moved].T), int(moved.sum())):
@@ -415,7 +412,8 @@ def _damping_inside(loops, ends: _Ends, width, period, crossings: EndCrossings) 
     the interval of this width, or half-way into a narrow one."""
     p = ends.value
     inwards = np.where(ends.upper, -1, 1)
-    away = np.minimum(INSIDE_END * np.where(p == 0, width, np.abs(p)), width / 2) * inwards
+    # Of the end: at this distance from it the damping of the mode is given.
+    away = np.minimum(0.1 * np.where(p == 0, width, np.abs(p)), width / 2) * inwards
     steps = p[:, None] + away[:, None] * (np.arange(1, PATH_STEPS + 1) / PATH_STEPS)
     path = loops.eigenvalues(steps.ravel(), PATH_STEPS).reshape(p.size, PATH_STEPS, -1)
     delta = tracked_eigenvalue(path[crossings.end], crossings.delta)

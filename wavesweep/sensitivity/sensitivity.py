@@ -19,7 +19,6 @@ from wavesweep.engine.rows import Rows
 # relative, of a complex step: its square is below all rounding, and nothing is subtracted
 COMPLEX_STEP = 1e-30
 CORNER = 1e-6  # of an end; a further crossing so near makes it a corner
-MOST_CROSSINGS = 4  # crossings of an end that are looked for
 SLOPPY = 1e-8  # error of an elasticity, of itself or of 1, beyond which it is not given
 # |y^H x| of eigenvectors of length 1, below which two eigenvalues meet: the root of a double's
 # rounding
@@ -67,7 +66,7 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
     first = np.argmin(away, -1)
     far = np.where(upper, np.abs(excess(delta)), np.inf)
     far[np.arange(first.size), first] = -1.0  # before all others
-    order = np.argsort(far, -1, kind="stable")[:, :MOST_CROSSINGS]
+    order = np.argsort(far, -1, kind="stable")[:, :4]  # crossings of an end
     balanced, units = balance(E)
     ends = _Ends(balanced, units, dE_end, dE, size, rising)
     batches = []

@@ -127,7 +127,6 @@ def sensitivities(grid: Grid, axis: Axis) -> Columns:
     return elasticities(grid, axis, in_memory(job_over(grid, axis)), KINDS[0].names)
 
 
-NUMBERS_NAMED = 3  # numbers that are named
 LEAST_ELASTICITY = 5e-4  # an elasticity below which a number does not matter
 
 
@@ -196,7 +195,7 @@ def _limit(rows: Columns) -> Numbers | None:
     known = [row for row in order.tolist() if not np.isnan(rows["elasticity"][row])]
     up: dict[str, float] = {}
     down: dict[str, float] = {}
-    for row in known[:NUMBERS_NAMED]:
+    for row in known[:3]:  # numbers that are named
         number = str(rows["number"][row])
         up[number] = float(rows["elasticity"][row])
         falling = float(rows["elasticity_down"][row])
