@@ -33,10 +33,6 @@ from wavesweep.simulation.table import set_in
 
 _DETAIL_FRAMES = 40
 FRAME = "length of the frame"  # in ticks, beside the columns
-_LINEAR_POINTS = 800  # of the linear loop next to a simulation
-_DETAIL_TICKS = 800  # at least, of a drawn loop
-_ALIKE = 20.0  # times as large, at most, is a signal that shares a panel with another
-_TITLE = 20  # letters in a line of a panel's name
 
 
 class Signal(NamedTuple):
@@ -207,7 +203,8 @@ def _likeness(columns: Columns, units: Mapping[str, str]) -> Callable[[str, str]
 
     def alike(one: str, other: str) -> bool:
         low, high = sorted((sizes[one], sizes[other]))
-        return units[one] == units[other] and (low == 0 or high <= _ALIKE * low)
+        # A signal shares a panel with others up to 20 times as large.
+        return units[one] == units[other] and (low == 0 or high <= 20.0 * low)
 
     return alike
 
@@ -231,7 +228,8 @@ def _panel(title: str, names: Sequence[str], inputs: Collection[str], unit: str 
     for number, name in enumerate(names):
         colour = IDEAL if name in inputs else distinct_colour(number)
         signals.append(Signal(name, name, colour, True))
-    return "\n".join(wrap(with_unit(title, shown_unit), _TITLE)), signals
+    # Letters in a line of a panel's name.
+    return "\n".join(wrap(with_unit(title, shown_unit), 20)), signals
 
 
 def _frames(facts: Mapping[str, Any]) -> list[Panel]:
@@ -281,7 +279,8 @@ def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
     """Return the whole span, and that of the detail if it is shorter."""
     rows = len(columns["tick"])
     if "block" in facts["spec"]:  # of a drawn loop a frame may be a tick
-        length = max(_DETAIL_FRAMES * (1 + int(columns["phase"].max(initial=0))), _DETAIL_TICKS)
+        # Ticks at least, of a drawn loop.
+        length = max(_DETAIL_FRAMES * (1 + int(columns["phase"].max(initial=0))), 800)
     else:
         rates = facts["spec"]["rates"]
         length = _DETAIL_FRAMES * int(rates.get("ratio") or rates["fast_hz"] / rates["slow_hz"])
@@ -364,7 +363,8 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     look: dict[str, Any] = {"marker": "_", "markersize": 14, "linestyle": "none"}
     if spec is not None and not np.isnan(linear["admittance_abs"]).all():
         highest = min(2 * frequency_hz.max(), spec.tick_hz / 2)
-        band = np.geomspace(frequency_hz.min() / 2, highest, _LINEAR_POINTS)
+        # Points of the linear loop next to a simulation.
+        band = np.geomspace(frequency_hz.min() / 2, highest, 800)
         frequency = np.unique(np.concatenate([band, frequency_hz]))
         response = respond(loop_at_hand(spec), frequency)
         linear = {"frequency_hz": frequency}

@@ -16,8 +16,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Rejected, check
 from wavesweep.simulation.keys import KEYS
 
-_EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
-
 
 @dataclass(frozen=True)
 class Effects:
@@ -84,7 +82,8 @@ def encoder(resolution: float) -> Callable[[float], float]:
     if resolution == 0.0:
         return lambda x: x
     return lambda x: (
-        resolution * math.floor(x / resolution + 0.5) if abs(x) < _EXACT_STEPS * resolution else x
+        # Beyond 2^53 encoder steps every double is one.
+        resolution * math.floor(x / resolution + 0.5) if abs(x) < 2.0**53 * resolution else x
     )
 
 

@@ -31,10 +31,8 @@ if TYPE_CHECKING:
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
 # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 AT_A_TICK = 0.01
-LONGEST_TICK_S = 10.0  # s
 MOST_COUNTED = 2.0**53  # ticks; more cannot be counted by doubles
 RANDOM = "random"  # as frames
-SECONDS_OF_INPUT = 10.0  # of an input that has no length of its own
 FRAMES = "simulate.frames"
 SHOW = "simulate.show"
 MESSAGES = "simulate.messages"
@@ -162,7 +160,7 @@ KEYS = Key.by_path(
             "for so many in a row; absent: all in time, or lost at random by the channel's own probabilities",
         ),
         Key.several(
-            Key.positive(TICKS, None, "s", "", high=LONGEST_TICK_S),
+            Key.positive(TICKS, None, "s", "", high=10.0),
             description="true lengths of the fast ticks, repeated for ever, the first of a frame first: the device moves for "
             "these, and the program counts with the nominal one; absent: all as the rates have them",
         ),
@@ -510,7 +508,7 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
         axis = axis or INPUT_FREQUENCIES.get(kind)
         values["frequency_hz"] = _frequencies(kind, axis, frequency_leaves, mistakes)
     if values["duration_s"] is None and kind != "stepped-sine":
-        values["duration_s"] = SECONDS_OF_INPUT
+        values["duration_s"] = 10.0  # of an input that has no length of its own
     if frequency_leaves:
         leaves[FREQUENCIES] = Leaf(None, axis_place(frequency_leaves))
     return Experiment(values, axis, leaves)

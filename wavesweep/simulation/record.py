@@ -14,9 +14,6 @@ from wavesweep.simulation.running_blocks import REACTION, MarchedLoop
 _MOTION = ("f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device")
 _WAVES = ("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2")
 _ENERGIES = ("hand", "device", "user", "slow", "local", "channel")
-# rad: images closer than this in a tick are one; in a frame, a sine this close to its own image has
-# one part
-SAME_IMAGE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -218,4 +215,6 @@ def components(
 
 def own_image(angle: float) -> bool:
     """Whether a sine that turns by this angle (rad) in a frame is its own image."""
-    return abs(np.sin(angle)) < SAME_IMAGE
+    # Rad: images closer than this in a tick are one; in a frame, a sine this close to its own image
+    # has one part.
+    return abs(np.sin(angle)) < 1e-9

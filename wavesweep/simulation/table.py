@@ -34,7 +34,6 @@ from wavesweep.simulation.keys import RANDOM, entry_of, first_tick
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
-FRAMES_BYTES = 1_000_000_000  # of a record of frames, as those that read it for the run take
 FREQUENCIES_SHOWN = 5  # frequencies that a notice names
 SETTLED_WITHIN_VALUE = 0.02  # share of its final value within which an output counts as settled
 SETTLED_SINE = 0.01  # share of the slowest mode that may be left where a sine is measured
@@ -175,7 +174,8 @@ def _facts(
     facts = facts_of(spec, methods, counts, timings, notices, claims={"spec": claim_of(spec)})
     # The digest of the spec covers only the names of files.
     if spec.simulate.frames_file:
-        facts["frames_sha256"] = _digest(beside(spec, spec.simulate.frames_file), FRAMES_BYTES)
+        # As those that read it for the run take.
+        facts["frames_sha256"] = _digest(beside(spec, spec.simulate.frames_file), 1_000_000_000)
     return facts
 
 

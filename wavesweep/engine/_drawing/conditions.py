@@ -16,7 +16,6 @@ from wavesweep.engine._drawing.mass_matrix import MASS, is_mass
 from wavesweep.engine._keys.checking import SIZES, computable, expectation
 from wavesweep.engine._keys.key import LONGEST_FRAME, Key
 
-LEAST_DIVISOR = 1e-12  # relative to b: a local model does not divide by less
 # of the blocks: a delay of the most steps, and everything else; time grows with their third power
 MOST_STATES = 1200
 WRITTEN = 1e-6  # relative: to what a period is rounded that a spec writes in seconds
@@ -144,7 +143,8 @@ def _conditions_of_type(
             changed = "B"
             divisor = "b + B is not 0"
         yield Condition(
-            lambda _, total, b: abs(total) > LEAST_DIVISOR * abs(b),
+            # A local model does not divide by less.
+            lambda _, total, b: abs(total) > 1e-12 * abs(b),
             f"a number with which {divisor}",
             by_name[changed],
             ("", block.divisor(tick[1])),

@@ -10,7 +10,6 @@ from wavesweep.engine._drawing.expressions import (
 )
 
 Wires = tuple[tuple[str, Terms], ...]
-CANCELLED_GAINS = 1e-12  # relative, of gains that add up to 0
 
 
 def _multiplied_out(terms: Terms) -> list[tuple[str, Tree]]:
@@ -185,7 +184,8 @@ def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
     if any(gain.names for gain in gains):
         return False
     values = [gain.evaluate({}) for gain in gains]
-    return bool(abs(sum(values)) <= CANCELLED_GAINS * sum(map(abs, values)))
+    # Relative, of gains that add up to 0.
+    return bool(abs(sum(values)) <= 1e-12 * sum(map(abs, values)))
 
 
 def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:

@@ -29,8 +29,6 @@ from wavesweep.engine._keys.key import Key, Leaf, Names, Place
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 NUMBER_PARTS = ("value", "unit", "description")
-LISTED = 8  # ports that a message lists
-SAME_SHARE = 1e-9  # of a signal that acts continuously, by which two wires differ by rounding
 
 Path = tuple[str, ...]
 
@@ -350,7 +348,7 @@ class _TableReader(PortReader):
             terms = "an output of a block" if port in self.signals else "an unknown port"
             expected = (
                 f"one of {', '.join(self.inputs)}"
-                if 0 < len(self.inputs) <= LISTED
+                if 0 < len(self.inputs) <= 8  # ports that a message lists
                 else "an input port of a block"
             )
             self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
@@ -397,7 +395,9 @@ class _TableReader(PortReader):
                     for signal in read & shares.keys():
                         share = shares[signal]
                         other, at = first.setdefault(signal, (share, port))
-                        if abs(share - other) > SAME_SHARE:
+                        # Two wires of a signal that acts continuously differ by less through
+                        # rounding.
+                        if abs(share - other) > 1e-9:
                             self._refuse_meanings(tables, name, {share: port, other: at})
                             return
 

@@ -20,7 +20,6 @@ PREVIOUS = "prev"  # of signals: what they were before the tick
 PERIOD = "dt"  # a block's own period, in its keys and in wires to it
 RESERVED = ("pi", *FUNCTIONS)
 NOT_RESERVED = f"and neither pi nor a function nor {PERIOD}, a block's own period"
-EXPANDED = 32  # the largest exponent that is written out as products
 # Rank of an operation, the ranks that its parts need, and its sign in a text.
 RANKS = {
     "+": (1, (1, 2), " + "),
@@ -30,15 +29,11 @@ RANKS = {
     "/": (2, (2, 3), "/"),
     "**": (3, (4, 3), "**"),
 }
-CANCELLED = 1 / 16  # a sum below this share of its first term has lost digits
 # an operation that multiplies the rounding of its first term by more than this loses digits
 RAISED = 16
 SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
-# In ball arithmetic, where doubles lose digits: terms may be thirty powers of ten apart.
-BITS_TRIED = (256, 1024, 4096)  # bits, each tried if the one before leaves the value in doubt
 # bits of the value, so that its rounding to a double is the only one but once in 2^57 times
 BITS_OF_VALUE = 110
-LEAST_PART = 1e-320  # below it a part is 0
 ROUNDED = "(rounded)"  # no number of a spec can have this name
 _OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 
@@ -513,7 +508,8 @@ class Tree:
             }
             return (change.get(operation, abs(first)) > RAISED * abs(found)) & computed[0]
         if operation in ("+", "-"):  # a sum of two numbers is rounded once
-            return (abs(found) < CANCELLED * abs(first)) & any(computed)
+            # A sum below a sixteenth of its first term has lost digits.
+            return (abs(found) < 1 / 16 * abs(first)) & any(computed)
         if operation == "**":
             return (abs(second) > RAISED) & computed[0]
         return (abs(found) < SUBNORMAL) & (abs(first) >= SUBNORMAL) & (abs(second) >= SUBNORMAL)
@@ -612,7 +608,9 @@ class Tree:
         balls |= {name: acb(number) for name, number in numbers.items()}
         before = ctx.prec
         try:
-            for ctx.prec in BITS_TRIED:
+            # In ball arithmetic, where doubles lose digits: terms may be thirty powers of ten
+            # apart. Bits, each tried if the one before leaves the value in doubt.
+            for ctx.prec in (256, 1024, 4096):
                 value = self.in_names.evaluate(balls, acb)
                 if _is_good(value.real) and _is_good(value.imag):
                     break
@@ -660,7 +658,8 @@ def _refuse_nonlinear(operation: str, at: int, left: list[str], right: list[str]
 def _power(base: Any, exponent: Any, is_constant: bool) -> Any:
     """A power. A small whole exponent that is a constant is written out, so that it is exact for
     negative and complex numbers."""
-    if not (is_constant and exponent == int(exponent) and abs(exponent) <= EXPANDED):
+    # Larger exponents are not written out as products.
+    if not (is_constant and exponent == int(exponent) and abs(exponent) <= 32):
         return base**exponent
     total = 1.0
     for bit in f"{abs(int(exponent)):b}":
@@ -676,4 +675,4 @@ def _is_good(ball: Any) -> bool:
 def _rounded(ball: Any) -> float:
     if ball.rel_accuracy_bits() > BITS_OF_VALUE:
         return float(ball.mid())
-    return 0.0 if ball.abs_upper() < LEAST_PART else math.nan
+    return 0.0 if ball.abs_upper() < 1e-320 else math.nan  # below it a part is 0

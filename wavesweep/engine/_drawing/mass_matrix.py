@@ -14,7 +14,6 @@ from typing import Any
 MATRICES = ("mass", "damping", "stiffness")
 MASS = ("mass", "through")  # the keys that the mass at the axes depends on
 MOST_AXES = 3
-SYMMETRIC = 1e-12  # relative: entries of a symmetric matrix
 
 Rows = list[list[Any]]
 
@@ -86,7 +85,8 @@ def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
         for j in range(i):
             a = m[i][j]
             b = m[j][i]
-            good.append(abs(a - b) <= SYMMETRIC * (abs(a) + abs(b)))
+            # Relative: entries of a symmetric matrix.
+            good.append(abs(a - b) <= 1e-12 * (abs(a) + abs(b)))
     M = at_axes({**keys, **matrices}, "mass")
     for n in range(1, len(M) + 1):
         leading = [row[:n] for row in M[:n]]

@@ -24,15 +24,9 @@ from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 
 # steps of the iteration for a largest gain, after which it is computed
 LOOK_AT_STEPS = (2, 3, 4, 6, 9, 13, 19, 28, 40, 60)
-# relative, by which the last steps of it change the largest of all gains at the most
-SETTLED_GAIN = 1e-13
 DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
 LOOSER = 100.0  # times the tolerance: a level above that is proved where a near one is not
-ASKED = 1.25  # times what rounding may cost the check: an energy loses less than it may
-GAIN_STEPS = 4  # to energies that return after a frame; it takes one or two
-RETURNED = 4.0  # times by what they missed it at first, since rounding is not the same again
 LEAST_ENERGY = 1e-12  # of the largest: that of a state in which nothing is stored, for its unit
-NUMBERS_AT_ONCE_OF_FRAME = 2_000_000  # numbers of the points that are computed together
 
 
 class Norm(NamedTuple):
@@ -87,7 +81,8 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
     T = lifted.T[0]
     O = lifted.O[0]
     G = lifted.G[0]
-    most = max(1, NUMBERS_AT_ONCE_OF_FRAME // (2 * len(T) + len(O[0]) * G.shape[-1]))
+    # Numbers of the points that are computed together.
+    most = max(1, 2_000_000 // (2 * len(T) + len(O[0]) * G.shape[-1]))
     if theta.size > most:
         parts = np.array_split(theta, -(-theta.size // most))
         return np.concatenate([largest_gains(lifted, part) for part in parts])
@@ -114,7 +109,8 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
             if step in LOOK_AT_STEPS or step == steps:
                 before = found
                 found = np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0]
-                if found.max() - before.max() <= SETTLED_GAIN * found.max():
+                # The last steps change the largest of all gains by less.
+                if found.max() - before.max() <= 1e-13 * found.max():
                     break
             beta = np.linalg.norm(right, axis=-1, keepdims=True)
             beside.append(beta[:, 0])
@@ -169,8 +165,9 @@ def is_above(ticks: TickMaps, square: float) -> bool:
         chosen = np.abs(solve(matrix[:, n:, n:], matrix[:, n:, :n]))
         of_inputs = np.swapaxes(chosen, -1, -2) @ (lost[:, n:, None] * chosen)
         of_states = lost[:, :n] + _row_sums(of_inputs, units[kind][:n])
-        asked.append(ASKED * of_states.max(0, initial=0.0))
-    asked[-1] += n * RETURNED * max(_unreturned(stored), EPS) * largest
+        asked.append(1.25 * of_states.max(0, initial=0.0))  # an energy loses less than it may
+    # Since rounding is not the same again.
+    asked[-1] += n * 4.0 * max(_unreturned(stored), EPS) * largest
     stored = _energies(maps, kinds, square, asked)
     for part in stored:
         part[-1] = part[0]
@@ -207,7 +204,7 @@ def _energies(maps, kinds, square, asked):
     high = -frame.Q
     low = np.zeros_like(frame.Q)
     missed = np.inf
-    for _ in range(GAIN_STEPS):
+    for _ in range(4):  # steps to energies that return after a frame; it takes one or two
         stored, closed = _over_frame(balances, kinds, high, low)
         missed_before = missed
         missed = _unreturned(stored)

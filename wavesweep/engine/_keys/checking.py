@@ -11,8 +11,6 @@ from wavesweep.engine.errors import Mistake
 
 LONGEST_SHOWN = 60
 SIZES = f"a number from {SMALLEST:g} to {LARGEST:g} in size, or 0"
-MOST_MISTAKES = 20  # that are listed for one list
-LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes near this length
 
 
 class Rejected(ValueError):
@@ -76,7 +74,7 @@ class Mistakes(list[Mistake]):
         values = []
         before = len(self)
         for index, item in enumerate(leaf.value):
-            if len(self) == before + MOST_MISTAKES:
+            if len(self) == before + 20:  # mistakes that are listed for one list
                 rest = f"many wrong ones; the {len(leaf.value) - index} values from [{index}] on were not looked at"
                 self.refuse(leaf, path, expected, rest, of_key=False)
                 break
@@ -266,7 +264,7 @@ def nearest(name: str, names: Iterable[str]) -> str:
     The same name in another table or in other case is preferred to the closest spelling.
     """
     names = list(dict.fromkeys(names))
-    if len(name) > LONGEST_COMPARED:
+    if len(name) > 80:  # difflib takes quadratic time, and no name of ours comes near this length
         return ""
     last = _last(name)
     for folded in (str, str.lower):  # as it stands, then in any case

@@ -21,8 +21,6 @@ from wavesweep.engine._loops.device import LOST_PHASE, impulse_and_step, motion
 from wavesweep.engine._loops.filters import butterworth as sections
 from wavesweep.engine.doubles import EPS, LARGEST_DOUBLE
 
-# terms of the Taylor series of exp; for a matrix of SERIES_SIZE what follows is below rounding
-EXPONENTIAL_TERMS = 20
 SERIES_SIZE = 0.5  # row sum up to which the series is taken, without unit
 WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
@@ -379,7 +377,8 @@ def _series(A, B):
     force = B
     right_A = _by_entries(A)
     right_B = _by_entries(B)
-    for term in range(1, EXPONENTIAL_TERMS):
+    # Taylor series of exp; for a matrix of SERIES_SIZE what follows is below rounding.
+    for term in range(1, 20):
         E = E + power
         G = G + force
         force = power @ right_B / (term + 1)

@@ -242,13 +242,7 @@ def _nearer(low, high, at_low, at_high):
 
 
 CELL_HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
-# of a span; a number of ticks is taken as monotone between neighbours, which a proof over a range
-# tries again
-SPAN_POINTS = 4001
 MOST_SPREAD = 0.25  # ticks by which a dead time may change between neighbours
-MOST_FURTHER_POINTS = 4000  # that are added for this, about as many as there are without it
-# ratio of the ends of a stretch from which on it is divided at their geometric mean
-GEOMETRIC_RATIO = 4.0
 
 
 def _places(drawing, values, path, span):
@@ -258,21 +252,24 @@ def _places(drawing, values, path, span):
     How far it changes is enclosed in balls, so that what rises and falls within a step is seen as
     well.
     """
-    points = np.linspace(*span, SPAN_POINTS)
+    # A number of ticks is taken as monotone between neighbours, which a proof over a range tries
+    # again.
+    points = np.linspace(*span, 4001)
     name = name_of(path)
     numbers = scalars(values)
     trees = [tree * drawing.tick_hz for tree in drawing.dead_times.values()]
     bent = [tree for tree in trees if tree.degree(name) > 1]
     further = []
     open_ = [span] if bent else []
-    while open_ and len(further) < MOST_FURTHER_POINTS:
+    while open_ and len(further) < 4000:  # about as many as there are without them
         low, high = open_.pop(0)
         if all(_spread(tree, numbers, name, low, high) < MOST_SPREAD for tree in bent):
             continue
         middle = low + (high - low) / 2
         if middle in (low, high):
             continue
-        if 0 < low * GEOMETRIC_RATIO < high:
+        # A stretch over more than two octaves is divided at its geometric mean.
+        if 0 < low * 4.0 < high:
             middle = (low * high) ** 0.5
         further.append(middle)
         open_ += [(low, middle), (middle, high)]

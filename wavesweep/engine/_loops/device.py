@@ -90,7 +90,6 @@ SERIES_REACH = 0.5
 # relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest
 # by rounding
 LOST_PHASE = 1e-6
-DEVICE_TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
 
 
 def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +102,7 @@ def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.
     s = slope + curve / 2
     g = slope / 2 + curve / 6
     factorial = 2.0
-    for order in range(3, DEVICE_TERMS):
+    for order in range(3, 18):  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
         slope, curve = curve, -damping * curve - stiffness * slope
         factorial *= order
         s = s + curve / factorial

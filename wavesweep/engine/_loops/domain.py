@@ -161,10 +161,6 @@ def _keep_sign(value):
 
 POINTS_WITHIN = 401  # of a span, at which signs are looked at
 DISTANCES = np.geomspace(1e-6, 1e3, 400)  # from the ends of a span, in widths of it
-LEAST_SIZE_ZOOMS = 12  # towards a least size, each by a factor of ten
-# roundings of the number: the narrowest cell in which a least size is looked for
-NARROWEST_CELL = 40
-VANISHED = 0.1  # a least size below this share of the size ten steps away counts as 0
 
 
 def _touches_zero(guard, known, name, points):
@@ -180,8 +176,9 @@ def _touches_zero(guard, known, name, points):
         numbers_at = {
             other: value[loop] if np.ndim(value) else value for other, value in known.items()
         }
-        for _ in range(LEAST_SIZE_ZOOMS):
-            narrowest = NARROWEST_CELL * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+        for _ in range(12):  # towards a least size, each by a factor of ten
+            # The narrowest cell in which a least size is looked for has 40 roundings of the number.
+            narrowest = 40 * np.spacing(np.maximum(np.abs(low), np.abs(high)))
             wide = high - low > narrowest
             among = np.linspace(low, high, 21, axis=-1)
             size = np.abs(guard.values({**numbers_at, name: among}))
@@ -189,7 +186,8 @@ def _touches_zero(guard, known, name, points):
             best = np.clip(size.argmin(-1), 1, 19)[:, None]
             low = np.take_along_axis(among, best - 1, -1)[:, 0]
             high = np.take_along_axis(among, best + 1, -1)[:, 0]
-        return bool((flat <= VANISHED).any())
+        # A least size below this share of the size ten steps away counts as 0.
+        return bool((flat <= 0.1).any())
 
 
 LOOPS_AT_ONCE = 1000  # loops that are examined at a time

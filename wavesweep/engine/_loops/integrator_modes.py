@@ -29,8 +29,6 @@ from wavesweep.engine._loops.definitions import at_rest, tf_at_rest
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._loops.values import keys_with
 
-HIGHEST_POWER = 64  # power that is multiplied out
-NOT_EXACT = 2**100  # 1 part in this makes a number one that no sum of others meets by chance
 # Types of firmware with sums that may count for ever if no other block reads them: an impulse reads
 # changes of its sum alone, and the integral of a `pi` or `pid`, which are a `tf`, may have no gain.
 # A position is not among them, as its body moves.
@@ -77,7 +75,8 @@ def value_in_fractions(
     if operation == "sqrt" or (operation == "**" and others[0] * 2 == 1):
         value = root(first)
         if any(name in varied for name in tree.operands[0].names):
-            return value + value / NOT_EXACT
+            # 1 part in this makes a number one that no sum of others meets by chance.
+            return value + value / 2**100
         return value
     if operation in FUNCTIONS:
         return Fraction(getattr(math, operation)(float(first)))
@@ -87,7 +86,7 @@ def value_in_fractions(
 
 
 def _power(base: Fraction, exponent: Fraction) -> Fraction:
-    if exponent.denominator != 1 or abs(exponent) > HIGHEST_POWER:
+    if exponent.denominator != 1 or abs(exponent) > 64:  # larger powers are not multiplied out
         raise ArithmeticError("expected a power that is a fraction")
     return base ** int(exponent)
 

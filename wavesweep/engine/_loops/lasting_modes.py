@@ -33,7 +33,6 @@ from wavesweep.engine._loops.integrator_modes import RestEquations, rest_of_bloc
 from wavesweep.engine._loops.multirate import MultirateLoop
 
 PRIME = 2**61 - 1
-MOST_OPERATIONS = 1e8  # of products of matrices over a frame; tenths of a second
 Row = dict[str, int]  # unknown -> factor modulo PRIME
 
 
@@ -172,7 +171,7 @@ class _AnyLoop:
 
         sets, kind = self.drawn.schedule()
         n = len(self.states)
-        if len(kind) * n**3 > MOST_OPERATIONS:
+        if len(kind) * n**3 > 1e8:  # of products of matrices over a frame; tenths of a second
             return 0
         identity = nmod_mat(n, n, [int(i == j) for i in range(n) for j in range(n)], PRIME)
         ticks = []

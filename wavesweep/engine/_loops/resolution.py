@@ -39,16 +39,8 @@ from wavesweep.engine._loops.domain import divisors
 # sum of the semi-axes of the largest ellipse on which functions of the numbers are sampled, in half
 # widths
 RHO = 4.25
-LARGER = 6.0, 9.0  # the same of the ellipses on which expressions are enclosed, one after the other
 RIM_DEGREE = 16  # N, as many as there are samples on a rim
-# highest degree along a side that is a logarithm, of which powers of the number are exponentials
-LOGARITHM_DEGREE = 4
-# part of the change of an expression that the rest of its series may be on the rim of RHO
-REST_OF_SERIES = 0.3
-NO_CHANGE = 1e-10  # of the expression itself, what counts as no change
 MOST_PARTS_OF_BOX = 400  # of a box, in which extremes of an expression are looked for
-STEPS_TO_EXTREME = 60  # steps towards an extreme
-DEEPEST_RECTANGLE = 3  # times that a rectangle is halved both ways before an ellipse is given up
 MOST_SIDES = 3  # of an expression whose extremes are looked for, as places grow as a power of them
 COST = 1  # points of a loop that take as long as the balls of one rectangle
 
@@ -211,7 +203,8 @@ def expressions(
     """Return the expressions of a drawing that are no polynomials of a small degree in these
     numbers: its numbers and 1 over its divisors. logarithmic: whether sides are logarithms of
     numbers, of which powers change faster."""
-    highest_degree = LOGARITHM_DEGREE if logarithmic else RIM_DEGREE
+    # Along a logarithm powers of the number are exponentials.
+    highest_degree = 4 if logarithmic else RIM_DEGREE
     names_asked = {name for name in names if name}
     trees = [tree.cancelled() for _, tree in drawing.trees()]
     for _, divisor in divisors(drawing):
@@ -340,7 +333,7 @@ class _BoxedExpression:
         """A point near another one at which the value, times the sign, is larger, as far as
         steps along the sides lead."""
         step = np.ptp(box, 0)[wide] / 16
-        for _ in range(STEPS_TO_EXTREME):
+        for _ in range(60):  # steps towards an extreme
             near = np.repeat(at[None], 1 + 2 * len(wide), 0)
             near[1:, wide] += np.concatenate([np.diag(step), -np.diag(step)])
             near = np.clip(near, *box)
@@ -374,12 +367,14 @@ class _BoxedExpression:
         M of its value in the middle."""
         from flint import acb, arb
 
-        allowed = REST_OF_SERIES * change + NO_CHANGE * abs(centre)
+        # Part of the change of an expression that the rest of its series may be on the rim of RHO;
+        # of the expression itself, what counts as no change.
+        allowed = 0.3 * change + 1e-10 * abs(centre)
         balls = {name: acb(v) for name, v in self.known.items()}
         for side in self.own:
             anywhere = acb(_span(middle[side], half[side], -1.0, 1.0))
             balls[self.names[side]] = self._number(side, anywhere)
-        for larger in LARGER:
+        for larger in (6.0, 9.0):  # ellipses on which expressions are enclosed, one after the other
             ratio = RHO / larger
             most = arb(float(allowed)) * float((1 - ratio) / (2 * ratio ** (RIM_DEGREE + 1)))
 
@@ -450,7 +445,7 @@ def _holds_on_ellipse(holds, larger):
         is_beyond = (nearest / across) ** 2 + (rectangle.bottom / up) ** 2 > 1
         if is_beyond or holds(rectangle):
             continue
-        if rectangle.depth == DEEPEST_RECTANGLE:
+        if rectangle.depth == 3:  # times that it is halved both ways before an ellipse is given up
             return False
         queue += rectangle.quarters()
     return True

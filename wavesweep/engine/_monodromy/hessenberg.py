@@ -7,10 +7,7 @@ a time.
 
 import numpy as np
 
-BALANCING_ROUNDS = 5  # towards units in which entries of a row and of a column are alike
 LOOPS_IN_CACHE = 512  # loops at once, for which the recurrence stays in a processor's cache
-# of what would make the largest of them equal, since every state takes its step at once
-BALANCING_STEP = 0.25
 
 
 def in_even_units(E, B, C):
@@ -30,9 +27,12 @@ def in_even_units(E, B, C):
     with np.errstate(all="ignore"):
         size = np.log2(np.abs(system[:n, 1:], dtype=np.float32))
         size[index, index] = -np.inf
-        for _ in range(BALANCING_ROUNDS):
+        # Rounds towards units in which entries of a row and of a column are alike.
+        for _ in range(5):
             now = size + (units - units[:, None])
-            step = BALANCING_STEP * (now.max(1) - now.max(0))
+            # Of what would make the largest of them equal, since every state takes its step at
+            # once.
+            step = 0.25 * (now.max(1) - now.max(0))
             units += np.where(np.isfinite(step), step, 0)
     units = np.exp2(np.round(units).astype(float))
     system[:, 1:] *= units

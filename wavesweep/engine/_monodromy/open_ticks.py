@@ -13,7 +13,6 @@ from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, size_of, then
 
-MOST_READINGS = 8  # of the number in a frame, up to which it is closed there
 # times the frame: size of the terms of its closure, from which on it is closed in the ticks instead
 CANCELS = 16.0
 
@@ -42,7 +41,8 @@ class OpenTicks:
         )
         readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
         with np.errstate(all="ignore"):
-            frame = _OpenFrame.of(ticks) if readings <= MOST_READINGS else None
+            # Readings of the number in a frame, up to which it is closed there.
+            frame = _OpenFrame.of(ticks) if readings <= 8 else None
         return OpenTicks(ticks, frame)
 
     def closed(self, at: np.ndarray | int, p: np.ndarray, *, terms: bool = False) -> Ticks:

@@ -12,7 +12,6 @@ from wavesweep.engine._monodromy.periodic import GROWING, Change, growth_of, in_
 from wavesweep.engine._monodromy.unit_circle import inverse
 
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
-BALANCING_SWEEPS = 3  # over the states
 THOROUGH_SWEEPS = 12  # where sizes are far apart, or units are what the answer hangs on
 UNEVEN = 1e6  # size of an entry, from which on the states get other units
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
@@ -83,7 +82,7 @@ def balance(E: np.ndarray, thorough: bool = False) -> tuple[np.ndarray, np.ndarr
     units = np.ones(E.shape[:-1])
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
-    for _ in range(THOROUGH_SWEEPS if thorough else BALANCING_SWEEPS):
+    for _ in range(THOROUGH_SWEEPS if thorough else 3):  # sweeps over the states
         changed = False
         for k in index:
             row = size[:, k, :].sum(-1)

@@ -12,11 +12,6 @@ from wavesweep.engine._response.steady import respond
 from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 DENSE_TICKS = 64  # ticks up to which singular values of the full matrix are quicker
-LANCZOS_STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
-# steps before it may stop, since the process may rest at another singular value first
-LEAST_LANCZOS_STEPS = 8
-SETTLED_SINGULAR_VALUE = 1e-13  # relative change below which a singular value has settled
-BATCH_ENTRIES = 2_000_000  # entries of one batch of matrices
 
 
 def gain_of(loop: Lifted) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
@@ -78,7 +73,8 @@ class Gain:
         relative = np.zeros((*self.lost.shape, frequency.size))
         bounded = np.flatnonzero(~unbounded)
         each = ticks * (ticks if ticks <= DENSE_TICKS else self.n)
-        width = max(1, BATCH_ENTRIES // (max(1, self.lost.size) * each))
+        # Entries of one batch of matrices.
+        width = max(1, 2_000_000 // (max(1, self.lost.size) * each))
         with np.errstate(all="ignore"):
             for start in range(0, bounded.size, width):
                 index = bounded[start : start + width]
@@ -142,13 +138,13 @@ class Gain:
         basis = []
         band = []
         settled = np.zeros(len(core), bool)  # a point that has settled keeps its value
-        for step in range(min(LANCZOS_STEPS, ticks)):
+        for step in range(min(40, ticks)):  # it stops earlier when nothing moves any more
             v = v / _norm(v)
             basis.append(v)
             band.append(apply(v, back=False))
             value = _largest_singular_value(np.stack(band, axis=-1))
-            still = (np.abs(value - best) <= SETTLED_SINGULAR_VALUE * value) & (
-                step >= LEAST_LANCZOS_STEPS
+            still = (np.abs(value - best) <= 1e-13 * value) & (
+                step >= 8  # before, the process may rest at another singular value
             )
             best = np.where(settled, best, value)
             settled = settled | still

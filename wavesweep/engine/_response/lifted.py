@@ -20,7 +20,6 @@ from wavesweep.engine.doubles import ENTRY_ROUNDING
 
 TURN_ROUNDINGS = 16  # of the angle, the sine and the product by which a turn doubles a ladder
 LEAF = 64  # ticks up to which the outputs for forces of the same stretch are kept as a matrix
-NEXT_TO_OVERFLOW = 1e100  # entries whose squares are next to overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +305,8 @@ class Lifted:
         """The frame with the position as its only output, and which loops have numbers there
         whose squares overflow."""
         frame = self.with_position.showing(slice(self.port.outputs, None))
-        huge = ~_all(frame, lambda entries: np.abs(entries) < NEXT_TO_OVERFLOW) & ~self.lost
+        # Entries whose squares are next to overflow.
+        huge = ~_all(frame, lambda entries: np.abs(entries) < 1e100) & ~self.lost
         if huge.any():
             frame = Stretch.of(_with_position(_without(self.port, huge | self.lost))).showing(
                 slice(self.port.outputs, None)

@@ -11,13 +11,6 @@ from wavesweep.engine._response.lifted import Stretch
 from wavesweep.engine._response.port import Port
 from wavesweep.engine._state_space import StateSpace
 
-MOST_MAPPED_TICKS = 4096  # of a frame whose map from tick to tick is kept as a matrix
-MAP_ENTRIES_AT_ONCE = 50_000  # of maps over several frames that are summed together
-MULTIPLICATIONS = 2e9  # multiplications, up to which the sum goes on
-# share of the sum of sizes that what is left of it may be, when it is stopped
-SETTLED_SUM = 1e-6
-KNOWN_SUM = 1e-2  # the same, for a result to be given at all
-
 
 class PeakGain(NamedTuple):
     """gain: at least the largest output under any input between -1 and 1, and more by `excess`
@@ -45,7 +38,8 @@ def l1_norm(port: Port) -> PeakGain | None:
     """
     if not any(matrix.any() for tick in port.maps for matrix in (tick.B, tick.D)):
         return PeakGain(0.0, 0.0, 0.0)
-    if port.kind.size > MOST_MAPPED_TICKS or port.outputs > 1:
+    # Ticks of a frame whose map from tick to tick is kept as a matrix.
+    if port.kind.size > 4096 or port.outputs > 1:
         return None
     with np.errstate(all="ignore"):
         frame = Stretch.of(port).showing(slice(0, 1))
@@ -64,7 +58,7 @@ def _summed(E, G, O, T):
         return PeakGain(float(row.max()), 0.0, float(step))
     if not (np.abs(1 + np.linalg.eigvals(E)) < 1).all():
         return None
-    once = max(1, min(MAP_ENTRIES_AT_ONCE // ticks**2, 1024))  # frames that are summed together
+    once = max(1, min(50_000 // ticks**2, 1024))  # frames that are summed together
     A = np.eye(n) + E
     rows = [O]
     for _ in range(once - 1):
@@ -73,7 +67,8 @@ def _summed(E, G, O, T):
     far = np.linalg.matrix_power(A, once)
     power = np.eye(n)
     shown = np.zeros_like(O)
-    for _ in range(max(1, int(MULTIPLICATIONS / (rows.shape[0] * (n + 4) * ticks)))):
+    # Multiplications, up to which the sum goes on.
+    for _ in range(max(1, int(2e9 / (rows.shape[0] * (n + 4) * ticks)))):
         later = rows @ power
         maps = (later @ G).reshape(once, ticks, ticks)
         row = row + np.abs(maps).sum((0, -1))
@@ -85,9 +80,9 @@ def _summed(E, G, O, T):
         before = before + sums.sum(0)
         power = far @ power
         excess = _rest(shown, np.abs(power), np.abs(G))
-        if excess <= SETTLED_SUM * row.max():
+        if excess <= 1e-6 * row.max():  # what is left of the sum of sizes when it is stopped
             break
-    if not excess <= KNOWN_SUM * row.max():
+    if not excess <= 1e-2 * row.max():  # share of the sum, for a result to be given at all
         return None
     step = max(step, np.abs(before).max() + excess)
     return PeakGain(float(row.max() + excess), float(excess), float(step))

@@ -23,12 +23,6 @@ from wavesweep.engine.rows import different
 
 # relative error up to which the modes are believed; beyond it the larger system is solved
 GOOD = 1e-9
-# the sum of the sizes of the weights by which an extrapolation adds up three values
-EXTRAPOLATED = 85 / 45
-# of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
-LOW_FREQUENCY = 2e-4
-RESPONSES_AT_ONCE = 2_000_000  # numbers of loops, states and frequencies at a time
-BATCH_OF_RESPONSES = 200_000  # entries of one batch of matrices
 
 
 def respond(
@@ -66,7 +60,8 @@ def respond(
 def _portions(loop, columns):
     """The columns of frequencies, some at a time, as many as keep arrays of loops, states and
     frequencies small."""
-    width = max(1, RESPONSES_AT_ONCE // max(1, loop.weight))
+    # Numbers of loops, states and frequencies at a time.
+    width = max(1, 2_000_000 // max(1, loop.weight))
     return (columns[start : start + width] for start in range(0, columns.size, width))
 
 
@@ -171,7 +166,9 @@ def _from_low_frequencies(loop, limits):
     slow = np.min(poles, axis=-1, where=poles > 0, initial=1.0)
     # Powers of four, and one for each loop, so that a result does not depend on the batch that the
     # loop is in.
-    level = np.floor(np.log2(LOW_FREQUENCY * slow * loop.port.rate / loop.frame.ticks) / 2)
+    # The static limit is compared to a frequency this far below the slowest pole and the frame's
+    # rate.
+    level = np.floor(np.log2(2e-4 * slow * loop.port.rate / loop.frame.ticks) / 2)
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
     for power in different(level):
         response = _responses(loop, loop.circle(4.0**power * np.array([1, 0.5, 0.25])), GOOD)
@@ -184,7 +181,8 @@ def _from_low_frequencies(loop, limits):
         first = (4 * at_low[..., 1] - at_low[..., 0]).real / 3
         second = (4 * at_low[..., 2] - at_low[..., 1]).real / 3
         expected = (16 * second - first) / 15
-        missed = EXTRAPOLATED * (error * np.abs(at_low)).max(-1)
+        # The sum of the sizes of the weights by which an extrapolation adds up three values.
+        missed = (85 / 45) * (error * np.abs(at_low)).max(-1)
         away = np.abs(value - expected) + missed
         off.append(away / np.minimum(np.abs(value), np.abs(expected)))
     return np.stack(off)
@@ -213,7 +211,8 @@ def _quantities(loop, points, good):
     for improve in ways:
         doubtful = ~(error <= good * np.abs(quantities)).all(-2) & ~loop.lost[..., None]
         columns = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
-        width = max(1, BATCH_OF_RESPONSES // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
+        # Entries of one batch of matrices.
+        width = max(1, 200_000 // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
         for start in range(0, columns.size, width):
             index = columns[start : start + width]
             step = points.tick[index]

@@ -16,12 +16,8 @@ from wavesweep.engine.errors import UsageError
 MOST_STEP_TICKS = 2000  # of a frame
 MOST_SAMPLED_STATES = 8_000_000  # samples times states
 REST = 1e-6  # of the largest sample: how far the last frame may be from all later ones
-HALF = 0.5  # size of a power of the frame that proves that a response comes to rest
 LONGER = 1.4  # times the time to settle: the end of what is worth showing
 BAND = 0.02  # of the final value, within which a response has settled
-# of the final value, between which a response rises
-RISE_FROM = 0.1
-RISE_TO = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +136,8 @@ class Step:
         are not known."""
         if not self.known:
             return np.nan, np.nan
-        return self._first_at(RISE_FROM), self._first_at(RISE_TO)
+        # Between these shares of the final value a response rises.
+        return self._first_at(0.1), self._first_at(0.9)
 
     def _first_at(self, share: float) -> float:
         """The time of the first sample that reaches a share of the final value; NaN without one."""
@@ -180,7 +177,8 @@ def _until_rest(E: np.ndarray, g: np.ndarray, C: np.ndarray, D: np.ndarray, most
             value = X @ C.T + D
             gain = float((np.abs(rows) @ unit).sum(0).max(initial=0.0) / (1 - size))
             tail = gain * float((np.abs(after - X[-1]) / unit).max(initial=0.0))
-            if size <= HALF and tail <= REST * np.abs(value).max():
+            # A power of the frame of this size proves that a response comes to rest.
+            if size <= 0.5 and tail <= REST * np.abs(value).max():
                 return _Rest(X, after, value, unit, gain, tail)
             if not np.isfinite(largest).all() or 2 * rows.size > most:
                 raise UsageError(

@@ -20,8 +20,6 @@ from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 
-MODES_AT_ONCE = 256  # modes that are followed through their frames at once
-
 
 @dataclass(frozen=True, slots=True)
 class AtPort:
@@ -54,7 +52,8 @@ def lines_at_ends(
         lines[end, row] = strongest_in_cut(loops.drawing, opened, place, omega, bound)
         return lines
     strongest = omega / (2 * np.pi)
-    few = 1 if name_of(question.along) in loops.drawing.timing else MODES_AT_ONCE
+    # Modes that are followed through their frames at once.
+    few = 1 if name_of(question.along) in loops.drawing.timing else 256
     p = np.where(p == 0, NEXT_TO_ZERO, p)
     for first in range(0, place.size, few):
         batch = slice(first, first + few)

@@ -19,7 +19,6 @@ from wavesweep.program.sweep.grid import Grid
 
 MOST_BUILT = 32
 LISTED, MOST_AXES = 6, 3  # values of a number, and numbers
-MOST_PORTS = 4  # ports that a sentence lists
 CONTINUOUS = "as physics does; a program holds its sums"
 FAVOURABLE = "optimistic default"  # in a sentence that rests on some
 NOMINAL_STEPS = "nominal steps"  # of what the program counts, whatever ticks take
@@ -161,7 +160,7 @@ def _continuous(spec) -> Iterator[str]:
     acting: dict[str, list[str]] = {}
     for factor, continuous in ports.items():
         shown = continuous
-        if len(continuous) > MOST_PORTS:
+        if len(continuous) > 4:  # ports that a sentence lists
             shown = [*continuous[:2], f"{len(continuous) - 2} other wires"]
         acting.setdefault(_listed(shown), []).append(factor)
     said = []

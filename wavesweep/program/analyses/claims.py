@@ -41,9 +41,6 @@ LINEAR_LOOP = (
 )
 OWN_NUMBERS = "with the spec's own numbers"
 WITH_FRAME = "frame"  # as a delay: in place with the next frame
-# letters of a scope that is named in full; of a longer one the table that has it is named
-LONGEST_SCOPE_TEXT = 76
-LENGTHS_LISTED = 6  # values
 PLAIN_FRACTION = 100  # the largest denominator of a probability that is written as a fraction
 SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 WIDEST = 120  # letters of a line
@@ -184,7 +181,7 @@ def listed_values(values: Iterable[float | str]) -> str:
     """Some values in words: in order, those of long lists by their number and ends."""
     texts = [each for each in values if isinstance(each, str)]
     numbers = sorted(each for each in values if not isinstance(each, str))
-    if len(numbers) > LENGTHS_LISTED:
+    if len(numbers) > 6:
         whole = numbers == list(range(int(numbers[0]), int(numbers[-1]) + 1))
         count = "" if whole else f"{len(numbers)} values from "
         return ", ".join([f"{count}{numbers[0]:g} to {numbers[-1]:g}", *texts])
@@ -549,7 +546,8 @@ class Scope:
     def _loops_of_a_line(self) -> str:
         """The same for a line, whose longest texts name the tables that have them."""
         loops = self.loops()
-        if len(loops) <= LONGEST_SCOPE_TEXT or self.run:
+        # In place of a longer scope the table that has it is named.
+        if len(loops) <= 76 or self.run:
             return loops
         late = [each for each in self.messages if not each.in_time]
         tables = []

@@ -12,19 +12,14 @@ from wavesweep.engine.response import Lifted, respond, static_response
 from wavesweep.program.analyses.spec_loops import loop_at_hand
 from wavesweep.program.spec import Spec
 
-BAND_HZ = (1.0, 3.0, 10.0)  # of a hand that explores a wall
 LOWEST_HZ, HIGHEST_HZ, POINTS, FINE = 1e-4, 100.0, 481, 81
 TENTH = 0.1  # of the stiffness at rest, what another may differ by and count as the same
-# of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a
-# rule
-SLOW_SHARE = 8e-4
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
 # of the impedance over the highest frequency, what a damping of 0 may be off by
 ZERO_DAMPING = 1e-9
 ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 # states; of more, hundreds of frequencies take minutes, and `bode` has those that are asked for
 MOST_FELT_STATES = 300
-KNOWN_IMPEDANCE = 1e-6  # relative error of an impedance that is shown
 
 
 def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
@@ -52,7 +47,8 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     if free is None:
         return None
     most = min(HIGHEST_HZ, 0.499 * loop.port.rate)
-    hertz = np.array([number for number in BAND_HZ if number <= most])
+    # Of a hand that explores a wall.
+    hertz = np.array([number for number in (1.0, 3.0, 10.0) if number <= most])
     *sizes, sure = _added(loop, free, hertz)
     felt = {
         name: [float(number) if ok else None for number, ok in zip(size, sure, strict=True)]
@@ -103,7 +99,7 @@ def _added(loop, free, hertz):
         off = (
             np.abs(walled.impedance) * walled.impedance_error + size_free * without.impedance_error
         )
-        return added, size_free, off <= KNOWN_IMPEDANCE * added
+        return added, size_free, off <= 1e-6 * added  # relative error of an impedance that is shown
 
 
 def sizes_in_words(band: Mapping[str, object] | None) -> list[str]:
@@ -145,7 +141,8 @@ def felt_at_rest(spec: Spec, loop) -> dict | None:
     admittance, stiffness = (value.ravel()[0].real for value in static_response(loop)[:2])
     if admittance == 0:
         return {"stiffness": None, "damping": None, "rigid": True}
-    damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
+    # A frequency so low that the impedance is that of a spring and a damper, as a rule.
+    damping = _damping(partial(respond, loop), 8e-4 * loop.port.rate / loop.frame.ticks)
     small = loop.order <= MOST_FELT_STATES
     if stiffness > 0 and small:
         band = felt_over_band(spec, loop, stiffness)

@@ -47,10 +47,6 @@ from wavesweep.program.sweep.job import (
 # Seconds per slice and squared order, measured: one polynomial per slice; dominance, along any
 # parameter but the wall, and for crowded poles of high order.
 BY_POLYNOMIAL, BY_DOMINANCE = 0.2e-6, 15e-6
-CROWDED_STATES = 24  # states
-VARIED = 1.001  # times its own value, another one of a number that varies
-STRUCTURES = 8  # of a sweep's loops, whose way is looked for
-MOST_PIECES_SAMPLED = 64  # pieces of a range, up to which one is a sample
 
 
 class Way(Enum):
@@ -263,7 +259,7 @@ def _sample(job):
         return job, 1
     ends = own_loop(spec, axis.path).breaks(axis.path, job.asked.span)
     middle = (len(ends) - 1) // 2
-    at = min(middle, MOST_PIECES_SAMPLED)
+    at = min(middle, 64)  # pieces of a range, up to which one is a sample
     longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
     piece = replace(axis, start=ends[at], stop=ends[at + 1])
     return replace(job, asked=replace(job.asked, axis=piece)), (len(ends) - 1) * longer
@@ -361,7 +357,8 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         orders = _orders_of_few(spec, query, changes, index.size, resolved)
         found = [(order, Way.CUT) for order in orders]
     if not found:
-        found = [_order_of(spec, loops.some([0]), axis) for loops in groups[:STRUCTURES]]
+        # Loops of a sweep whose way is looked for.
+        found = [_order_of(spec, loops.some([0]), axis) for loops in groups[:8]]
     orders, ways = zip(*found, strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
@@ -413,7 +410,7 @@ def expected_cost(order: int, way: Way) -> float:
     A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was
     stopped.
     """
-    if way is Way.CUT and order <= CROWDED_STATES:
+    if way is Way.CUT and order <= 24:  # of more states poles are crowded
         share = BY_POLYNOMIAL
     else:
         share = BY_DOMINANCE
@@ -450,7 +447,8 @@ def _like_own(spec, loops):
             and (first > 0, first < 0) == (value_of_spec > 0, value_of_spec < 0)
         ):
             like[path] = (
-                value_of_spec * np.array([1.0, VARIED]) if np.ndim(value) else value_of_spec
+                # A number that varies has another value beside its own.
+                value_of_spec * np.array([1.0, 1.001]) if np.ndim(value) else value_of_spec
             )
     return like
 

@@ -14,8 +14,6 @@ from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 from wavesweep.program.number_words import lasting
 
 SPAN_PLACES = 33  # inside a span, at which the modes are looked at, beside its ends
-# states of a loop whose modes are looked at: a tenth of a second at each place
-MOST_STATES_LOOKED_AT = 200
 STAYS = 1e-9  # distance of an eigenvalue from 1, up to which a mode neither grows nor decays
 
 Beyond = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
@@ -47,7 +45,8 @@ def mode_in_the_way(
         with suppress(IllPosedLoopError):
             loop = loops.changed({along: value}).read
             drawn, drift = loop.drawn(), loop.drift_of_frames()
-            if len(drift.remaining) > MOST_STATES_LOOKED_AT:
+            # Of more states a look at the modes takes over a tenth of a second at each place.
+            if len(drift.remaining) > 200:
                 return {}
             E = loop.frames(drift)
             names, (delta, shares) = named_modes(E.reshape(E.shape[-2:]), drawn, drift)

@@ -20,8 +20,6 @@ from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
 
 # distance from the unit circle, up to which a pole is on it: it is known to rounding
 ON_CIRCLE = 1e-6
-MOST_STATES_NAMED = 3  # states that are named of a mode
-LEAST_PARTICIPATION = 0.05  # share of a mode, below which a state is not named
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # of a pole of 0 or of 1
@@ -105,5 +103,6 @@ def _finite_or_missing(array: np.ndarray) -> np.ndarray:
 
 def leading(names: list[str], shares: np.ndarray) -> list[str]:
     """The names of the states that take part most in a mode, those with the largest share first."""
-    order = np.argsort(-shares, kind="stable")[:MOST_STATES_NAMED]
-    return [names[index] for index in order if shares[index] >= LEAST_PARTICIPATION]
+    order = np.argsort(-shares, kind="stable")[:3]  # states that are named of a mode
+    # Share of a mode, below which a state is not named.
+    return [names[index] for index in order if shares[index] >= 0.05]

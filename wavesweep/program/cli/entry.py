@@ -55,10 +55,6 @@ def verbosity() -> Verbosity:
     return click.get_current_context().find_root().obj or Verbosity()
 
 
-INTERRUPTED = 130
-# Python's own 700 makes it look through the classes of libraries again and again, for a tenth of the
-# time of a report.
-OBJECTS_UNTIL_COLLECTED = 30_000
 LEAST_MEMORY = 400e6  # bytes of address space, with which OpenBLAS and Arrow load
 # What the system says of a library for which there is no memory.
 NO_ROOM = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
@@ -243,7 +239,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # responses depend on the number.
         for name in ONE_THREAD:
             os.environ.setdefault(name, "1")
-        gc.set_threshold(OBJECTS_UNTIL_COLLECTED)
+        # Python's own 700 makes it look through the classes of libraries again and again, for a
+        # tenth of the time of a report.
+        gc.set_threshold(30_000)
         # A notebook names its own, and matplotlib does not even start if it cannot find it. No
         # window is ever opened here.
         os.environ.pop("MPLBACKEND", None)
@@ -296,7 +294,7 @@ def _line(error: BaseException) -> tuple[int, str]:
     """The exit code of an error, and what is said of it."""
     match error:
         case KeyboardInterrupt() | click.Abort():
-            return INTERRUPTED, _with_notes("Interrupted.", error)
+            return 130, _with_notes("Interrupted.", error)
         case Stopped():
             return error.exit_code, _with_notes(error.line, error)
         case SpecError():

@@ -12,7 +12,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import read_file, write_files
 
 LETTERS_SHOWN = 60  # of a name that is too long for a file, in its message
-LONGEST_SET = 80  # letters of what --set changes, in the name of a folder
 
 
 def own_folder(names: Iterable[str], overrides: Iterable[str]) -> Path:
@@ -22,7 +21,8 @@ def own_folder(names: Iterable[str], overrides: Iterable[str]) -> Path:
     If something was changed or cut off, a digest distinguishes such names.
     """
     stems, said = "+".join(names), ",".join(overrides)
-    plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:LONGEST_SET].rstrip(".")
+    # Letters of what --set changes, in the name of a folder.
+    plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:80].rstrip(".")
     digest = "" if plain == said else f"-{sha256(said.encode()).hexdigest()[:8]}"
     return Path("results", f"{stems},{plain}{digest}" if said else stems)
 

@@ -18,7 +18,6 @@ from wavesweep.program.reading.tables import tables
 from wavesweep.program.spec import describing
 from wavesweep.program.spec.describing import Description, default_of, meaning_of
 
-NARROWEST_MEANING = 24  # letters of a meaning in a line
 EACH_AXIS = (
     f"AXIS is one of {' '.join(SYMBOLS)} or the path of any other number, such as device.damping. It takes a list of\n"
     "values, or { start, stop, num, scale }."
@@ -84,7 +83,7 @@ def _table(keys: Mapping[str, Description]) -> Iterator[str]:
     across = get_terminal_size(
         (sys.maxsize, 0)
     ).columns  # what is no terminal has lines of any length
-    room = max(across - indent, NARROWEST_MEANING)
+    room = max(across - indent, 24)  # letters of a meaning in a line
     for (path, key), row in zip(keys.items(), rows, strict=True):
         if path.partition(".")[0] != table:
             yield from [""] * (table is not None)

@@ -17,21 +17,19 @@ from wavesweep.engine.errors import shortened
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 NARROWEST, WIDEST = 80, 100  # letters in a line
-SCHEMA_VERSION = 2  # of what --json prints; another one if a key goes away or changes its meaning
 FIRST_WORD = 5.0  # s after which a run says that it goes on
 MINUTE = 60.0  # s of work that are left, from which on that is said at once
 SHORTEST_ESTIMATE = 1.0  # s from which on an estimate is one, and a terminal has a bar
 LOOK_AT_PROGRESS = 0.5  # s
 WRITING = "writing"  # the activity of commands that have --no-plot
-OTHER_WORK = 300  # times as long for as much: another kind of work
-FIRST_REPORT = 5.0  # s of the first report from which on it is more than the start of workers
 
 
 def show_json(summary: Mapping[str, Any]) -> None:
     """Print the summary of a command as one JSON object on stdout."""
     import json
 
-    click.echo(json.dumps({"schema_version": SCHEMA_VERSION, **summary}, allow_nan=False))
+    # Another one if a key goes away or changes its meaning.
+    click.echo(json.dumps({"schema_version": 2, **summary}, allow_nan=False))
 
 
 def printable(text: str) -> str:
@@ -198,7 +196,8 @@ class Watch:
         """Whether a report is of another kind of work, as for every hand after the free device."""
         (began, before), (reported, so_far) = self._reports[0], self._reports[-1]
         as_long_before = (reported - began) * (done - so_far)
-        return (seconds - reported) * (so_far - before) > OTHER_WORK * as_long_before > 0
+        # Times as long for as much: another kind of work.
+        return (seconds - reported) * (so_far - before) > 300 * as_long_before > 0
 
     def note(self, text: str) -> None:
         """Take what the slice that is computed now has reached, for the next line."""
@@ -242,7 +241,8 @@ class Watch:
             return 0.0
         (began, before), (reported, done) = self._reports[0], self._reports[-1]
         if done == before or reported - began < (
-            SHORTEST_ESTIMATE if self._begun else max(SHORTEST_ESTIMATE, FIRST_REPORT)
+            # Seconds of the first report from which on it is more than the start of workers.
+            SHORTEST_ESTIMATE if self._begun else max(SHORTEST_ESTIMATE, 5.0)
         ):
             return 0.0
         step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much

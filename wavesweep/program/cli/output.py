@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 # commands that sweep all axes of [sweep]
 INTERVALS = ("zwidth", "stability-region", "zwidth-specs")
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
-# rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
-NOTABLE = 20_000
 MOST_CHANGES = 5  # of a spec that are listed
 
 
@@ -135,7 +133,9 @@ def _facts_of_run(specs: Sequence[Spec], kind: str, place: str) -> dict[str, Any
 def _written(tables: Sequence[Table], directory: Path, options: Options) -> list[Finished]:
     """Write the tables, with a bar if that takes long."""
     rows = max(table.rows for table in tables)
-    if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
+    # Rows, whose writing, and drawing, takes long enough that the bar of the work is not the last
+    # word.
+    if not options.quiet and rows >= 20_000 and sys.stderr.isatty():
         say(f"writing {rows:,} rows{' and the figure' if options.formats else ''}")
     with progress(options.quiet, WRITING):
         finished = [_finish(table, directory, options, table is tables[0]) for table in tables]

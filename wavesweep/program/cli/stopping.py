@@ -13,7 +13,6 @@ from wavesweep.program.platform_compat import HANGUP, STOPPING
 
 # Their messages; the exit code is 128 plus the number of the signal, as in a shell.
 STOPPED = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
-SOON_SECONDS = 0.01  # s
 
 
 class Stopped(BaseException):
@@ -83,7 +82,9 @@ def _sent_again(stopped: list[int], hook: Callable[[Any], object]) -> Callable[[
             return
         stopped.clear()
         timer = threading.Timer(
-            SOON_SECONDS, os.kill, (os.getpid(), failed.exc_value.exit_code - 128)
+            0.01,  # s
+            os.kill,
+            (os.getpid(), failed.exc_value.exit_code - 128),
         )
         timer.daemon = True
         timer.start()

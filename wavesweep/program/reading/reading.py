@@ -21,12 +21,10 @@ from wavesweep.program.platform_compat import READ
 from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.toml_errors import syntax_mistake
 
-# Patterns are compiled where they are used: most runs report no mistake.
-DEEPEST_TABLE = 16  # inline tables nested deeper than any key are stepped over
-MOST_SPEC_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
 UTF_8 = "text in UTF-8 (save the file in this encoding)"
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
+# Patterns are compiled where they are used: most runs report no mistake.
 PASSED = r"-|/dev/stdin|/dev/fd/(\d+)"  # files that are open already
 _STRING = (
     r'"""(?:\\.|[^\\])*?"""(?:"{0,2})'
@@ -64,7 +62,8 @@ def read_file(path: str) -> tuple[dict, Place]:
     Errors: UsageError if the file cannot be read or is too large, SpecError if it is not text in
     UTF-8 or not TOML.
     """
-    content = read_bytes(path, MOST_SPEC_BYTES)
+    # A hundred thousand numbers or more, read in about a second.
+    content = read_bytes(path, 2_000_000)
     try:
         text = content.removeprefix(codecs.BOM_UTF8).decode().replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -264,7 +263,7 @@ class _Scanner:
     def _record(self, value: int) -> None:
         """Keep the offset of the key and of its value; also of the tables that a dotted key makes
         on its way, of which the value is the key."""
-        if len(self.table) >= DEEPEST_TABLE:
+        if len(self.table) >= 16:  # tables nested deeper than any key are stepped over
             return
         for length in range(1, len(self.names)):
             path = (*self.table, *self.names[:length])

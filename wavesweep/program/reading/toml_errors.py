@@ -13,7 +13,6 @@ _MESSAGE = r"(?s)(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)
 _NUMBER = r"(?<![\w.])[+-]?\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _UNIT = r"(?!e\b)[A-Za-z%°µμΩ][^\s,\]}#=]*+(?!\s*=)"
 VALUE = 'a value: a number, a text in quotes such as "pmw", true, false, a list or a table'
-LONGEST_LINE = 1000  # longer lines are not examined
 # Slips, each a pattern of the line about the place at which tomllib stops, and what is expected in
 # place of it.
 _SLIPS = (
@@ -70,7 +69,7 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
         column = here.rfind(twice, 0, column) + 1 or column
         expected = "each key and each table once"
         rest = f"{twice} a second time"
-    elif len(here) <= LONGEST_LINE and (slip := _slip_at(here, column)):
+    elif len(here) <= 1000 and (slip := _slip_at(here, column)):  # longer lines are not examined
         column, expected, rest = slip
     problem = _shortened(rest if expected else reading)
     return Mistake(f"{name}:{line}:{column}", "", expected or "a TOML file", problem)

@@ -18,7 +18,6 @@ FIGURES = (".png", ".svg", ".pdf", ".eps")
 PACKAGE = ".datapackage.json"
 DESIGNS = r"[^/]+-\d\d\.toml"  # their names
 HEADER = "# A design that wavesweep found: "  # which they begin with
-LONGEST_LIST = 40  # characters of a list in a message
 LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
 
 
@@ -165,7 +164,7 @@ def _shown(values: Mapping[str, Any], key: str) -> str:
         return f"{{{', '.join(f'{name} = {_text(item)}' for name, item in value.items())}}}"
     if isinstance(value, list):
         text = f"[{', '.join(map(_text, value))}]"
-        if len(text) <= LONGEST_LIST:
+        if len(text) <= 40:  # characters of a list in a message
             return text
         return f"{len(value)} values"
     return _text(value)

@@ -21,8 +21,6 @@ from wavesweep.program.atomic_files import (
 from wavesweep.program.platform_compat import OPEN
 from wavesweep.program.results.folder import refuse_folders, refuse_unusable, remove_unfinished
 
-BETWEEN_LOOKS = 0.2  # s, while a run waits for a file that is a lock
-
 
 @contextmanager
 def at_work(
@@ -144,7 +142,7 @@ def _locked_by_name(holder: Path, wait: bool) -> Callable[[], None]:
                     raise _TakenError(
                         f" (the file system has no locks: if that process has ended, remove {holder})"
                     ) from None
-                time.sleep(BETWEEN_LOOKS)
+                time.sleep(0.2)  # s, while a run waits for a file that is a lock
         else:
             return lambda: None
 

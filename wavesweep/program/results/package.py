@@ -25,12 +25,10 @@ _MEDIA = {
     "pdf": "application/pdf",
     "eps": "application/postscript",
 }
-_HASH_BLOCK = 1 << 20
 OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
 OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
 BEST = "best"  # the folder of specs beside a table that has them
 LARGEST_PACKAGE = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
-MOST_DIFFERENCES = 5  # that are named
 _OF_COLUMN = ("name", "type", "unit", "description")
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
@@ -313,7 +311,7 @@ def package_differences(
     expected.pop("hash")
     entries = {name: value for name, value in content.items() if name != "hash"}
     places = list(_differences(entries, expected, ""))
-    yield from places[:MOST_DIFFERENCES]
+    yield from places[:5]
     if not places and package.read_text(encoding="utf-8") not in (
         _as_text(content),
         json.dumps(entries, indent=2) + "\n",
@@ -358,6 +356,6 @@ def file_facts(path: Path) -> dict[str, Any]:
     """Give the name of a file, its size in bytes and its SHA-256."""
     digest = hashlib.sha256()
     with open_file(path) as file:
-        while block := file.read(_HASH_BLOCK):
+        while block := file.read(1 << 20):
             digest.update(block)
     return {"path": path.name, "bytes": path.stat().st_size, "hash": f"sha256:{digest.hexdigest()}"}

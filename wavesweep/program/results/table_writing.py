@@ -56,7 +56,6 @@ from wavesweep.program.tables.table import Table
 
 # the name, in the folder of new files, of a file or folder whose place is needed
 REPLACED = "replaced"
-IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
 
 
 def publish(
@@ -253,7 +252,8 @@ def stream(table: Table, out: BinaryIO) -> None:
     Raises WavesweepError before the first byte if rows are unfit.
     """
     rows = _Rows.of(table)
-    with SpooledTemporaryFile(IN_MEMORY) as spooled:
+    # Bytes of a table for stdout; more go to a file without a name.
+    with SpooledTemporaryFile(1 << 26) as spooled:
         spooled.write(csv_header(rows.fields))
         spooled.writelines(map(csv_rows, rows.groups()))
         spooled.seek(0)

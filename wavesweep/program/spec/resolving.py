@@ -33,7 +33,6 @@ TWINS = {
     "rates.ratio": "rates.slow_hz",
     "rates.slow_hz": "rates.ratio",
 }  # which displace each other
-SAME_CUTOFF = 1e-12  # relative difference of the cutoffs that two machines find from the same edges
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +231,8 @@ def _resolve_filter(
         values[f"{path}.order"], values[f"{path}.cutoff_hz"] = of_edges
         if any(
             path_given in checked
-            and not math.isclose(checked[path_given], values[path_given], rel_tol=SAME_CUTOFF)
+            # Relative difference of the cutoffs that two machines find from the same edges.
+            and not math.isclose(checked[path_given], values[path_given], rel_tol=1e-12)
             for path_given in direct
         ):
             mistakes.refuse(leaf, path, either, "both, which differ")

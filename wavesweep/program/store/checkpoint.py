@@ -33,7 +33,6 @@ LOCK_SECONDS = 2.0  # s for a lock
 IN_USE = "; another program has it open: close it there, or give --restart to begin anew"
 OF_DISK = dict.fromkeys(("IOERR", "FULL", "CANTOPEN", "PERM", "NOMEM", "READONLY"), "")
 OF_DISK |= dict.fromkeys(("BUSY", "LOCKED", "PROTOCOL"), IN_USE)
-NEWEST = 2  # format that SQLite has
 OURS = 0x77617665  # application_id of the file
 TABLES = f"""
 BEGIN;
@@ -248,7 +247,8 @@ class FileCheckpoint:
         self._db = sqlite3.connect(
             address, timeout=LOCK_SECONDS, isolation_level=None, check_same_thread=False, uri=True
         )
-        if self.place and self.place.exists() and max(_formats(self.place), default=0) > NEWEST:
+        # Format that SQLite has.
+        if self.place and self.place.exists() and max(_formats(self.place), default=0) > 2:
             raise sqlite3.DatabaseError(
                 "a file of an unknown format"
             )  # SQLite would call it read-only

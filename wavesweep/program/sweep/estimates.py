@@ -12,13 +12,12 @@ from wavesweep.program.atomic_files import free_bytes
 from wavesweep.program.sweep.job import Job, cut_otherwise, naming_values
 from wavesweep.program.sweep.pools import timed
 
-AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
-
 
 def expected_bytes(job: Job) -> int:
     """Bytes of disk that the run needs at its end, before the finished chunks are removed,
     roughly."""
-    row = job.kind.row_bytes + AXIS_BYTES * len(job.grid.axes)
+    # An axis has 12 bytes in a row of CSV and Parquet file together.
+    row = job.kind.row_bytes + 12 * len(job.grid.axes)
     return int(job.kind.rows * (job.slices * job.dtype.itemsize + job.size * row))
 
 
@@ -46,16 +45,10 @@ def _size(count):
     return f"{count / 1e6:.3g} MB"
 
 
-PROBES = 6  # samples of the sweep
-# a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not
-# decide
-CHUNK_OVER_SAMPLE = 10
-FEW_DRAWN = 8  # loops of a sample that share no drawing
-LONGEST_SAMPLE = 0.1  # s; no further sample after that
 SLOW_SLICE = 1.0  # s of a slice, which its first call does not change by much
 
 
-def expected_seconds(job: Job, longest: float = LONGEST_SAMPLE) -> float:
+def expected_seconds(job: Job, longest: float = 0.1) -> float:  # s; no further sample after that
     """Seconds of a processor for the whole job, estimated from a small part of it; longest: for the
     samples, s.
 
@@ -101,15 +94,16 @@ def _seconds_of(task):
 def _samples(job):
     """The job in small chunks, and some of them, from its middle and its ends."""
     chunks = job.chunks
-    enough = max(1, chunks.deep * chunks.wide // CHUNK_OVER_SAMPLE)
+    # A tenth of a chunk, large enough that the overhead of a batch does not decide.
+    enough = max(1, chunks.deep * chunks.wide // 10)
     wide = min(chunks.points, enough)
     deep = max(1, enough // wide)
     if (
         2 * len(job.resolved) > chunks.loops
     ):  # nearly every loop is drawn for itself, and few of them show the time
-        deep = min(deep, FEW_DRAWN)
+        deep = min(deep, 8)  # loops of a sample that share no drawing
     small = cut_otherwise(job, deep=deep, wide=wide)
-    shares = np.linspace(0, 1, PROBES)[[3, 0, 5, 1, 4, 2]]  # slices at an end often take longer
+    shares = np.linspace(0, 1, 6)[[3, 0, 5, 1, 4, 2]]  # slices at an end often take longer
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
     return small, [small.chunks[number] for number in numbers]
 

@@ -32,9 +32,7 @@ from wavesweep.program.platform_compat import (
 
 # no module of the current folder, which Python would otherwise prefer to the standard library
 SAFE_PATH = "PYTHONSAFEPATH"
-IDLE = 60  # s after which the processes end if nothing follows
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
-WATCH = 0.5  # s between two looks at the parent
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
 
 
@@ -99,7 +97,7 @@ def settle_in(parent: int, folder: Path) -> None:
 
     def watch():
         while os.getppid() == parent:
-            time.sleep(WATCH)
+            time.sleep(0.5)  # s between two looks at the parent
         for _ in range(2):  # the other workers may leave a file meanwhile
             shutil.rmtree(folder, ignore_errors=True)
         os._exit(1)
@@ -123,7 +121,7 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
         "inner_max_num_threads": 1,  # of BLAS, since the matrices are small and the workers many
         "initializer": settle_in,
         "initargs": (os.getpid(), folder_of_chunks()),
-        "idle_worker_timeout": IDLE,
+        "idle_worker_timeout": 60,  # s after which the processes end if nothing follows
     }
     try:
         with parallel_config("loky", **options), started_here():

@@ -25,11 +25,6 @@ from wavesweep.program.sweep.job import Job, naming_values
 from wavesweep.program.sweep.progress_bar import Progress, reporting
 from wavesweep.program.sweep.workers import WORTH, Workers, choose, results
 
-LEAST_SECONDS = 1e-6  # s of a slice: none takes less
-LAYOUT = 5  # of the records
-# chunks of one slice whose time tells that of the others; the first also loads what these find loaded
-MEASURED_CHUNKS = 2
-IN_MEMORY = 1 << 26  # bytes of records, about; more go to a file without a name
 # combinations of a block of rows; 13 columns of them take some 15 MB, 22 of responses 25 MB
 ROWS_OF_BLOCK = 1 << 17
 
@@ -226,10 +221,11 @@ def checkpoint_of(
     of their identity are never mixed.
     """
     chunks = job.chunks
-    small = place is None and job.kind.rows * job.slices * job.dtype.itemsize <= IN_MEMORY
+    # Bytes of records, about; more go to a file without a name.
+    small = place is None and job.kind.rows * job.slices * job.dtype.itemsize <= 1 << 26
     if small or len(chunks) < 2:
         return MemoryCheckpoint()
-    identity = {"layout": LAYOUT, "spec_sha256": job.grid.spec.sha256, **versions()}
+    identity = {"layout": 5, "spec_sha256": job.grid.spec.sha256, **versions()}
     identity |= {"chunks": [chunks.loops, chunks.points, chunks.deep, chunks.wide], **job.identity}
     return FileCheckpoint(place, name, identity, job.dtype, force, warnings)
 
@@ -237,7 +233,7 @@ def checkpoint_of(
 def _expected(job, store, tally, report):
     """Seconds of work; not more than there are, and not measured, if already these are worth
     workers. Chunks of one slice are measured by computing the first two, which are kept."""
-    least = LEAST_SECONDS * job.slices - job.kind.ready
+    least = 1e-6 * job.slices - job.kind.ready  # s of a slice: none takes less
     if least > WORTH:
         return least
     if job.chunks.deep * job.chunks.wide > 1:
@@ -247,7 +243,9 @@ def _expected(job, store, tally, report):
     here = Workers(1, None, None, "measured")
     seconds = 0.0
     measured = 0
-    for number in missing[:MEASURED_CHUNKS]:
+    # Two chunks of one slice tell the time of the others; the first also loads what these find
+    # loaded.
+    for number in missing[:2]:
         before = tally.seconds
         compute(job, store, here, report, tally, range(number, number + 1))
         seconds = tally.seconds - before

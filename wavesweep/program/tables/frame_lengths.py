@@ -11,7 +11,6 @@ from wavesweep.program.number_words import rounded_up
 from wavesweep.program.tables.refuters import Refuters
 
 RATIO = "rates.ratio"
-BEGINS = 2e-3  # of the high end, up to where what is proved begins next to the low end of the range
 
 
 def varying_lengths(written: Mapping[str, Any]) -> tuple[int, ...]:
@@ -58,7 +57,8 @@ class DecidingLengths:
             low = float(columns["low"][row])
             high = float(columns["high"][row])
             refuters = Refuters.read(str(columns["counterexample"][row]))
-            from_start = low - span[0] <= BEGINS * abs(high - span[0])
+            # Of the high end, up to where what is proved begins next to the low end of the range.
+            from_start = low - span[0] <= 2e-3 * abs(high - span[0])
             self._add_end(low, columns["fails_below"][row], refuters.low, from_start)
             self._add_end(high, columns["fails_from"][row], refuters.high, high == span[1])
 

@@ -24,7 +24,6 @@ from wavesweep.program.tables.interval_summary import BEGINS_NEAR_ZERO
 from wavesweep.program.tables.kind import Line, Numbers, count
 from wavesweep.program.tables.refuters import in_a_sentence
 
-INDENT = 2  # spaces before the sentences about one of several kinds of rows
 STIFFNESS = ("N/m", "N*m/rad")
 ENDS = {
     "stability": "",
@@ -108,7 +107,10 @@ class Sentences:
             texts.append(self._largest())
         texts.append(self._least(upwards))
         fold = partial(
-            wrap, width=WIDEST - INDENT, subsequent_indent="    ", break_on_hyphens=False
+            wrap,
+            width=WIDEST - 2,  # with two spaces before those about one of several kinds of rows
+            subsequent_indent="    ",
+            break_on_hyphens=False,
         )
         return ["\n".join(fold(text)) for text in texts if text]
 

@@ -37,7 +37,6 @@ from wavesweep.simulation.running_blocks import DEPTH, FORCE, SEEN, SPEED, divid
 from wavesweep.simulation.tick_sums import arrived
 
 NUMBERS_IN_A_LINE = 40  # of a table in C
-LONGEST_COMMENT = 110  # letters of a line
 
 
 def exported(spec: Spec) -> dict[str, str]:
@@ -250,7 +249,7 @@ def _steps(steps: Steps) -> dict[str, Any]:
     places = {length: place for place, length in enumerate(steps.lengths)}
     lengths = ", ".join(map(str, steps.lengths))
     return {
-        "lengths": fill(lengths, LONGEST_COMMENT, subsequent_indent=" *   "),
+        "lengths": fill(lengths, 110, subsequent_indent=" *   "),  # letters of a line
         "nominal": over,
         "longest": longest,
         "length_of": _listed([places.get(ticks, -1) for ticks in range(longest + 1)]),
