@@ -73,7 +73,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     assert not rows["settled"].any()
     tally = IntervalSummary()
     tally.add(rows)
-    assert ("1 row of the box not proved (settled 0): a hand that the search missed may be unstable", True) in list(
+    assert ("1 row of the box not certified (settled 0): a hand that the search missed may be unstable", True) in list(
         interval_lines(tally.numbers({"slices": {}}))
     )
 

@@ -82,8 +82,8 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     ("doubt", "said"),
     [
         ("", "no stable K anywhere in the swept range"),
-        ("rounding", "no stable K found, but part of the swept range could not be decided"),
-        ("search", "no stable K found, but part of the swept range could not be decided"),
+        ("rounding", "no stable K found, but part of the swept range is not known"),
+        ("search", "no stable K found, but part of the swept range is not known"),
     ],
 )
 def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):

@@ -272,7 +272,7 @@ UNSETTLED = 0.02  # relative: between what is proved and what is refuted
 def verdict(run, said, again):
     said = said or again
     of_members(run, said.partition(": ")[0])
-    if found := re.search(r": (\w = .*, (?:met|as required) in .*?)(?:, which is not proved: .*)?$", said):
+    if found := re.search(r": (\w = .*, (?:met|as required) in .*?)(?:, which is not certified: .*)?$", said):
         hold(run, "  " + found[1].replace(", ", ": ", 1))
     case = run.case
     members = case.members if case.asks in ("numbers", *VARYING) else case.own()
@@ -448,7 +448,7 @@ def in_doubt(run, some=1, count=1, again=1):
 
 
 @shape(
-    rf"\s*{N} of {N} rows? not certified \(search {N}\) search: part of the range could not be searched with proof .*",
+    rf"\s*{N} of {N} rows? not certified \(search {N}\) search: of part of the range nothing could be proved .*",
     "stability-region",
 )
 def unsearched(run, some, count, again):
@@ -458,14 +458,14 @@ def unsearched(run, some, count, again):
 
 
 @shape(
-    rf"{N} rows? of for_all undecided: between what is proved and what is refuted more than 1 % is not known",
+    rf"more than 1 % between what is proved and what is refuted is not known in {N} rows? of for_all",
     "stability-region",
 )
 def unsettled(run, count):
     return count == sum(each.get("guarantee") == "for_all" and not each["settled"] for each in run.rows)
 
 
-@shape(rf"  (stable|met|as required) at (every|no) value searched: (\w) {N} to {N}", "check")
+@shape(rf"  (stable|met|as required) at (every|no) value in the range: (\w) {N} to {N}", "check")
 def searched(run, what, which, name, low, high):
     found = along(run, name, what != "stable")
     assert are_ends(low, high, found) if which == "every" else not found, found
@@ -625,7 +625,7 @@ def hold_share(run, share):
 
 
 @shape(r"mine: ((?:modes|responses|limits|margins|a run) with .*)")
-@shape(r"margins proved (for .*) \(for_all\)(?:, the delay margin checked)?:", "margins")
+@shape(r"margins proved (for .*) \(for_all\):", "margins")
 def assumed(run, said):
     return of_members(run, said)
 

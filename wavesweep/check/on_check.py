@@ -95,7 +95,7 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
                 span = span_in_words(limit["from"], limit["to"])
                 spans.append(f"{limit['name']} {span}{unit}")
         if spans:
-            yield 5, f"{said} searched: {', '.join(spans)}"
+            yield 5, f"{said} in the range: {', '.join(spans)}"
 
 
 def _limit(spec: Spec, limit: Facts) -> str:
@@ -145,7 +145,7 @@ def _stable_where(limit: Facts, unit: str) -> str:
     unbounded = limit["low"] is None and limit["high"] is None
     if limit["stopped"] and limit["certified"] and unbounded:
         span = span_in_words(limit["from"], limit["to"])
-        return f"known to be stable from {span}{unit}, searched no further"
+        return f"known to be stable from {span}{unit}, not known beyond"
     factors = _factors(limit) if limit["value"] else ""
     return f"stable {start} {end}{factors}{_beyond(limit, unit)}{proved}"
 

@@ -29,11 +29,11 @@ TEXT = 1000  # characters of a counterexample
 SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
 LINEAR = "the linear wall, in contact all the time"
 ON_CIRCLE = (
-    "multipliers of Zames and Falb, by linear programmes, checked on arcs of the unit circle "
+    "multipliers of Zames and Falb, by linear programmes, proved on arcs of the unit circle "
     "with bounds on all errors; refuted by a wall and a motion that repeats"
 )
 IN_FRAMES = (
-    "quadratic forms on a graph of frames, with what the wall stores, which fall in all frames, checked by Cholesky with "
+    "quadratic forms on a graph of frames, with what the wall stores, which fall in all frames, proved by Cholesky with "
     "bounds on all errors; refuted by a pattern of frames, or a wall and a motion that repeats in frames of one length"
 )
 CONTACT_RECORD = record_type(

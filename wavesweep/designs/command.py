@@ -14,7 +14,7 @@ from wavesweep.program.cli.study_commands import one_spec
     type=click.Choice(["vertices", "box"]),
     default="vertices",
     show_default=True,
-    help="The hands that the designs of the result are checked for. vertices: the values of [for_all] and values between "
+    help="The hands that the designs of the result are tried with. vertices: the values of [for_all] and values between "
     "them. box: every hand between the values of the operator there, which takes seconds for each design and device; the columns "
     "z_width_box and box_settled say what is left and whether it is proved.",
 )

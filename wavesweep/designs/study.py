@@ -461,7 +461,7 @@ def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
         expected = '[for_all] "operator.stiffness" = [...], or others of the operator'
         raise UsageError(f"hand box: expected {expected}, found none")
     if not any(wish.name == "z_width" for wish in spec.asking("design").design.wishes):
-        raise UsageError("hand box: expected the wish z_width, whose walls are checked, found none")
+        raise UsageError("hand box: expected the wish z_width, whose walls are proved, found none")
     box = {}
     for path in OPERATOR:
         values = (spec.values[path],)
@@ -734,7 +734,7 @@ def _notices(job):
             share = spec.for_all.proof(spec).from_share
             yield f"walls are proved from {100 * share:g} % of z_width on"
     if not _checked(job):
-        yield f"values between the ends of the ranges were not checked: with them there are more than {MOST_CHECKED} combinations"
+        yield f"values between the ends of the ranges were not tried: with them there are more than {MOST_CHECKED} combinations"
     if all(wish.kind.reads for wish in spec.design.wishes):
         alone = " and ".join(wish.name for wish in spec.design.wishes)
         yield f"{alone} depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"

@@ -227,7 +227,7 @@ def _notes(found: Numbers) -> Iterator[Line]:
     if found["bounds_hold_between"] < found["designs"]:
         missed = found["designs"] - found["bounds_hold_between"]
         yield (
-            f"{count(missed, 'design')} with a bound that does not hold between the ends of the ranges (column holds)",
+            f"{count(missed, 'design')} with a bound that is missed between the ends of the ranges (column holds)",
             True,
         )
 

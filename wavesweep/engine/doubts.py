@@ -14,7 +14,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
             "the counts of unstable eigenvalues do not fit the crossings that were found, or are not known everywhere"
         ),
         "crowded": "crossings or poles lie too close together to prove that none is missed",
-        "search": "part of the range could not be searched with proof",
+        "search": "of part of the range nothing could be proved",
         "overflow": (
             "the frame's matrix overflows or is lost in rounding, so part of the range, or the response, is not known"
         ),

@@ -52,7 +52,7 @@ class EveryHandGuarantee(Guarantee):
     own_felt = False
     kind = "passive"
     method = (
-        "stored energies at the nodes of an automaton of ticks, by a semidefinite program, checked by elimination in ball "
+        "stored energies at the nodes of an automaton of ticks, by a semidefinite program, proved by elimination in ball "
         "arithmetic; refuted by a pattern of frames and a motion of the hand that takes energy out for ever"
     )
 

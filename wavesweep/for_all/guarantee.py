@@ -18,7 +18,7 @@ ROWS = {
         "hands of the box",
         "#D55E00",
         2,
-        unsettled="{rows} of the box not proved (settled 0): a hand that the search missed may be unstable",
+        unsettled="{rows} of the box not certified (settled 0): a hand that the search missed may be unstable",
     ),
     "for_all": RowKind(
         "all numbers of [for_all], or all patterns of late and lost messages",

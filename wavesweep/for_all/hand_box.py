@@ -97,8 +97,8 @@ class BoxGuarantee(Guarantee):
     dtype = BOX_RECORD
     method = (
         "exact intervals of the hands found to matter, intersected; of these, quadratic forms that decrease in every cell of "
-        "hand and number, checked by Cholesky with bounds on all errors, prove what is a thousandth away from ends that hands "
-        "set; else searched"
+        "hand and number, proved by Cholesky with bounds on all errors, prove what is a thousandth away from ends that hands "
+        "set; else not certified"
     )
 
     @property

@@ -109,22 +109,22 @@ class ForAllGuarantee(Guarantee):
         """How the intervals are found, in a line."""
         if self.rules.at_random:
             return (
-                "quadratic forms at the nodes of the chain of losses or of frames, which decay on average, checked by Cholesky "
+                "quadratic forms at the nodes of the chain of losses or of frames, which decay on average, proved by Cholesky "
                 "with bounds on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
             )
         if self.rules.vary and self.rules.ranges:
             return (
                 "quadratic norms that depend on the numbers, on a graph of frames, in every part of the box of all numbers, "
-                "checked by Cholesky with bounds on all errors; refuted by numbers and a pattern of frames that grows"
+                "proved by Cholesky with bounds on all errors; refuted by numbers and a pattern of frames that grows"
             )
         if self.rules.vary:
             return (
-                "quadratic norms on a graph of frames, or of messages, in which all shrink, checked by Cholesky with bounds on "
+                "quadratic norms on a graph of frames, or of messages, in which all shrink, proved by Cholesky with bounds on "
                 "rounding; refuted by a pattern of frames, or of messages, that grows"
             )
         return (
             "a quadratic form in every cell of the box of all numbers, a polynomial of these, which decreases: the frame is "
-            "enclosed as a Taylor model, and the form checked by Cholesky with bounds on all errors; refuted by the exact "
+            "enclosed as a Taylor model, and the form proved by Cholesky with bounds on all errors; refuted by the exact "
             "intervals of the worst numbers found"
         )
 

@@ -93,7 +93,7 @@ def _tried(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
     )
     for point in found["worst"]:
         observed = "stable" if point["stable"] else "unstable"
-        ends = f"the model is {'stable at no' if point['stable'] else 'stable at every'} stiffness searched"
+        ends = f"the model is {'stable at no' if point['stable'] else 'stable at every'} stiffness in the range"
         if point["ratio"] is not None:
             ends = f"the model's nearest end is at {_short(point['computed'])}{stiffness}, {point['ratio']:.3g} times that"
         yield f"  {observed} at B_VE = {point['B_VE']:g}{damping}, K_VE = {_short(point['K_VE'])}{stiffness}: {ends}"

@@ -39,7 +39,7 @@ class LateTicksGuarantee(Guarantee):
         default_factory=lambda: offered("switched").FOR_ALL_RECORD, repr=False, compare=False
     )
     method = (
-        "quadratic norms at each tick of a frame, in which ticks of all lengths shrink, checked by Cholesky with bounds on all "
+        "quadratic norms at each tick of a frame, in which ticks of all lengths shrink, proved by Cholesky with bounds on all "
         "errors; refuted by a pattern of short and long ticks that grows"
     )
 

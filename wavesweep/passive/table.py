@@ -310,7 +310,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
             False,
         )
         if open_ := found["rows"] - found["ports_proved"] - found["unstable"]:
-            yield f"neither checked nor refuted at both ports: {count(open_, 'row')}", True
+            yield f"not known at both ports: {count(open_, 'row')}", True
     if found["unstable"]:
         yield (
             f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}",

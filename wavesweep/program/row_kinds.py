@@ -19,7 +19,7 @@ class RowKind:
     """Name and look of the rows of one kind; what they say of which loops their claim has.
 
     meaning: of its word in the column, `hand` or `guarantee`. legend, colour, line: in a figure;
-    line: place in `style.LINES`. unsettled: the warning about rows of which some are undecided,
+    line: place in `style.LINES`. unsettled: the warning about rows with settled 0,
     with {rows} and the {words} of their kinds.
     """
 
@@ -31,7 +31,9 @@ class RowKind:
     unsettled: str = ""
 
 
-OPEN_BETWEEN = "{rows} of {words} undecided: between what is proved and what is refuted more than 1 % is not known"
+OPEN_BETWEEN = (
+    "more than 1 % between what is proved and what is refuted is not known in {rows} of {words}"
+)
 COMPUTED: Mapping[str, RowKind] = {
     "free": RowKind("the device alone, without a hand", "free device"),
     "operator": RowKind("the spec's own operator", "operator", "#56B4E9", 1),
@@ -64,6 +66,6 @@ def words_of(column: str) -> dict[str, str]:
 
 
 def hands_offered() -> dict[str, str]:
-    """The words of --for-hands that the installed capabilities read, and what is guaranteed with
+    """The words of --for-hands that the installed capabilities read, and what is stable with
     each."""
     return {word: text for module in modules("guarantee") for word, text in module.HANDS.items()}

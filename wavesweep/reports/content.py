@@ -294,7 +294,7 @@ def _known(table: Table, *, doubtful: bool) -> str:
     said = [claim.of_intervals() for claim in claims]
     if len({*said}) == 1:
         return said[0]
-    return "The intervals are certified or checked, as each row says."
+    return "How the intervals are known stands in each row."
 
 
 def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[str]:

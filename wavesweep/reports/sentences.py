@@ -153,15 +153,14 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
 
 
 def _proof(row: Columns, claim: Claim) -> str:
-    """Whether a row is certified, proved by the checker of a guarantee, or checked."""
-    word = "proved" if claim.status is Status.PROVED else claim.vouched
+    """Whether a row is certified or proved."""
     if row["certified"]:
-        return word
+        return "proved" if claim.status is Status.PROVED else claim.vouched
     reason = row["doubt"]
     places = open_places({name: [value] for name, value in row.items()}, 0)
     if places:
         reason = f"{reason}, {open_in_words(places)}"
-    return f"not {word}: {reason}"
+    return f"{claim.in_doubt}: {reason}"
 
 
 def counterexamples(spec: Spec, table: Table) -> list[list[str]]:

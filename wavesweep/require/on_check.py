@@ -66,7 +66,7 @@ def facts(spec: Spec, own: Mapping[str, Any], *_: object) -> dict[str, Any]:
         unproved = "; ".join(DOUBTS[word].meaning for word in doubts)
         inside = any(low < value < high for low, high in ends)
         known = "was found to meet it" if inside else "was not found to meet it"
-        reason = f"{name} = {value:g} {known}, {met}, which is not proved: {unproved}"
+        reason = f"{name} = {value:g} {known}, {met}, which is not certified: {unproved}"
     claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
     return {"required": found, "claims": [claim]}
 

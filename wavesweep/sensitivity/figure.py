@@ -92,10 +92,8 @@ def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any
     notes += [f"Shown: {MOST_FIGURE_PANELS} of {drawn} ends."] if drawn > MOST_FIGURE_PANELS else []
     if not panels:
         doubts = ", ".join(facts.get("doubts") or ())
-        unknown = f"No end of an interval is known in the range searched ({doubts})."
-        notes += [
-            unknown if doubts else "Stability sets no end of an interval in the range searched."
-        ]
+        unknown = f"No end of an interval is known in the range ({doubts})."
+        notes += [unknown if doubts else "Stability sets no end of an interval in the range."]
     return notes
 
 

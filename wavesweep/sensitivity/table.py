@@ -232,7 +232,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
             True,
         )
     if spans and not found["ends"]:
-        yield f"stability sets no end of it in the range searched, {searched}", False
+        yield f"stability sets no end of it in the range, {searched}", False
     for end in found["ends"]:
         yield from _end_lines(name, end)
     yield from in_doubt(found["doubtful_rows"], found["rows"], "not certified", "derivative")

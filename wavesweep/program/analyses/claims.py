@@ -53,10 +53,9 @@ class Status(IntEnum):
     REFUTED = 0
     UNKNOWN = 1
     COMPUTED = 2
-    SEARCHED = 3
-    CHECKED = 4
-    CERTIFIED = 5
-    PROVED = 6
+    CHECKED = 3
+    CERTIFIED = 4
+    PROVED = 5
 
     @property
     def answer(self) -> str:
@@ -64,12 +63,13 @@ class Status(IntEnum):
         return {Status.REFUTED: "no", Status.UNKNOWN: "not known"}.get(self, "yes")
 
 
+IN_DOUBLES = "not certified (double precision)"
+SAMPLED = "not certified (sampled bounds)"
 HOW_KNOWN = {
     Status.REFUTED: "refuted",
     Status.UNKNOWN: "not known",
-    Status.COMPUTED: "computed in double precision, and not proved",
-    Status.SEARCHED: "searched, and not proved",
-    Status.CHECKED: "checked",
+    Status.COMPUTED: f"{IN_DOUBLES}, but for what a line says is",
+    Status.CHECKED: SAMPLED,
     Status.CERTIFIED: "certified, but for what a line says is not",
     Status.PROVED: "proved, but for what a line says is not",
 }
@@ -611,7 +611,7 @@ class Scope:
 class Claim:
     """What is known of the loops of a scope.
 
-    reason: what refutes it, why it is not known, or what of it is only checked, in words.
+    reason: what refutes it, or why it is not known, in words.
     """
 
     what: Property
@@ -632,11 +632,9 @@ class Claim:
                 return f"not known {words.question}{about}{because}"
             case Status.PROVED:
                 return f"{words.proved}{about}"
-            case Status.CERTIFIED:
-                return f"{words.holds}{about}, certified"
-            case Status.CHECKED:
-                return f"{words.holds}{about}, checked{because}"
-        return f"{words.holds}{about}"
+            case Status.COMPUTED:
+                return f"{words.holds}{about}, {IN_DOUBLES}"
+        return f"{words.holds}{about}, {self.vouched}"
 
     def failed(self) -> str:
         """That some of the loops do not have it."""
@@ -701,20 +699,18 @@ class Claim:
     @property
     def vouched(self) -> str:
         """What rows are that are known as the claim says."""
-        words = {Status.CHECKED: "checked", Status.SEARCHED: "proved"}
-        return words.get(self.status, "certified")
+        return SAMPLED if self.status is Status.CHECKED else "certified"
 
     @property
-    def guaranteed(self) -> bool:
-        """Whether it is of more than one loop, and proved or searched as such."""
-        return self.status in (Status.PROVED, Status.SEARCHED)
+    def in_doubt(self) -> str:
+        """What the other rows are."""
+        return "not known" if self.status is Status.CHECKED else "not certified"
 
     def of_row(self, *, certified: bool) -> Claim:
-        """The claim of a row: of one that is not certified a search alone knows what others are
-        proved for."""
+        """The claim of a row: one that is not certified has found what others are proved for."""
         if certified or self.status is not Status.PROVED:
             return self
-        return replace(self, status=Status.SEARCHED)
+        return replace(self, status=Status.COMPUTED)
 
     def value(self, name: str) -> str:
         """A value of a number that the rows have."""
@@ -734,7 +730,7 @@ class Claim:
         if undecided:
             found = f"no {self.value(name)} found"
             more = f"; {reason}" if reason else ""
-            return f"{found}, but part of the swept range could not be decided{more}"
+            return f"{found}, but part of the swept range is not known{more}"
         return f"no {self.what.value(name)} anywhere in the swept range{because}"
 
     def of_intervals(self) -> str:
@@ -751,7 +747,7 @@ class Claim:
         """
         if self.status is Status.PROVED:
             return f"{what} {rows}".rstrip()
-        comma = "," if " " in what else ""
+        comma = "," if " " in what + self.vouched else ""
         known = f"{comma} {self.vouched}" if certified else ""
         return what + known + (f", {rows}" if rows else "")
 
@@ -766,7 +762,7 @@ class Claim:
 
     def unless(self, known: bool) -> str:
         """What is added to a bound of a row of which that is not known; nothing to one that is."""
-        return "" if known else f", not {self.vouched}"
+        return "" if known else f", {self.in_doubt}"
 
 
 def known(claims: Iterable[Claim]) -> str:
@@ -798,7 +794,7 @@ def of_rows(facts: Mapping[str, Any], word: str, columns: Collection[str] = ()) 
     if "property" not in written:
         status = Status.CERTIFIED
         if row_kind(word).unsettled and "settled" in columns:
-            status = Status.PROVED if "fails_from" in columns else Status.SEARCHED
+            status = Status.PROVED if "fails_from" in columns else Status.COMPUTED
         return Claim(STABLE, Scope(), status)
     return Claim.read(written)
 

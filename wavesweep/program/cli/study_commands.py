@@ -21,7 +21,7 @@ for_hands = click.option(
     "for_hands",
     multiple=True,
     metavar="WORD",
-    help="Add the intervals that are guaranteed for hands, in a table of its own. "
+    help="Add the intervals for hands, in a table of its own. "
     + "".join(f"{word}: {text}. " for word, text in hands_offered().items())
     + "May be repeated. A slice takes from tenths of a second to some ten seconds.",
 )

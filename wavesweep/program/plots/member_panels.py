@@ -122,8 +122,8 @@ def _members_of_hands(
             continue
         claim = of_rows(facts, word, columns)
         name = row_kind(word).legend
-        if claim.of_row(certified=bool(rows["certified"].all())).status is Status.SEARCHED:
-            name += " (searched)"
+        if claim.status is Status.PROVED and not rows["certified"].all():
+            name += " (not all certified)"
         elif word not in COMPUTED and claim.scope.hands == OPERATOR and "operator" in kinds:
             name += " (operator)"
         drawn = _as_drawn(rows, claim)

@@ -382,7 +382,7 @@ def _proved_again(
     of_one = " of the spec's own numbers" if others else ""
     text = f"{parquet}: {len(picked)} of {len(certified)} certified slices{of_one} proved again in ball arithmetic: {counts['whole']} "
     text += f"confirmed on the whole range, {counts['ends']} at their ends and between them, {counts['refuted']} refuted, "
-    text += f"{counts['unsettled']} undecided{f' ({reasons})' if reasons else ''}"
+    text += f"{counts['unsettled']} not known{f' ({reasons})' if reasons else ''}"
     if others:
         text += f"; {others} of more than one loop not proved again"
     yield text, False

@@ -81,16 +81,20 @@ class Sentences:
             yield f"  {at}{': ' if at else ''}{self._along} {', '.join(parts)}"
 
     def certified(self) -> Line:
-        """The number of certified or checked rows, and the reasons of doubt about the others."""
+        """How many rows are known as the claim says, and the reasons of doubt about the others."""
         # Rows and not slices: an uncertified row names the interval that a user should not rely on.
         rows = self._numbers["rows"]
         doubts = self._numbers["doubts"]
-        vouched = self._numbers["vouched"]
+        vouched = self._claim.vouched
         if not doubts:
             said = "the only row is" if rows == 1 else f"all {count(rows, 'row')}"
             return f"{said} {vouched}", False
         reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
-        return f"{sum(doubts.values())} of {count(rows, 'row')} not {vouched} ({reasons})", True
+        doubted = sum(doubts.values())
+        said = f"{doubted} of {count(rows, 'row')} {self._claim.in_doubt} ({reasons})"
+        if doubted < rows and vouched != "certified":
+            said += f", the others {vouched}"
+        return said, True
 
     def reasons(self) -> Iterator[Line]:
         """Yield what each word of doubt means, and what helps."""
@@ -135,8 +139,7 @@ class Sentences:
 
     def _none(self) -> str:
         """That there is no interval, or none that could be found."""
-        searched = self._claim.status is Status.SEARCHED
-        undecided = bool(self._numbers["doubts"]) and not searched
+        undecided = bool(self._numbers["doubts"])
         reason = self._numbers.get("ruled_out") or self._in_the_way()
         if undecided:
             of_loop = self._numbers.get("conserves") and not self._numbers["required"]

@@ -247,7 +247,7 @@ class LoopSummary:
 
     def _ended_by(self, row: Mapping[str, Any]) -> str:
         """What ends the interval of a row: stability, the swept range, or nothing that is known."""
-        if self.claim.guaranteed:
+        if self._proved:
             if row["high"] == self._range[1]:
                 return "range"
             return "stability"
@@ -336,7 +336,7 @@ class IntervalSummary:
                 self._summaries[word] = LoopSummary(claim, word, self._axes, self._facts)
             summary = self._summaries[word]
             summary.add(rows)
-            if "settled" in rows and summary.claim.guaranteed:
+            if "settled" in rows and summary.claim.status is Status.PROVED:
                 self._unsettled[word] += int((~rows["settled"]).sum())
 
     def _of_spec(self, name: str, rows: Columns) -> LoopSummary:
