@@ -152,7 +152,7 @@ def test_what_is_not_known_is_not_called_uncertified(certified, said):
     spec = load(PD | {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}})
     table = intervals(spec)
     table.columns["certified"][:] = certified
-    found = content.ReportSection("", "", table, (("1 row of for_all undecided", True),), "<svg>", "", "")
+    found = content.ReportSection("", "", table, (("more than 1 % is not known in 1 row of for_all", True),), "<svg>", "", "")
     judged = Verdict((Claim(STABLE, own_scope(spec), Status.COMPUTED),))
     assert said in "".join(content._answer(spec, found, ("stable", False), judged))
 
