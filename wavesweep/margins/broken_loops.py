@@ -128,7 +128,8 @@ def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
     """The spec with a name in [signals] as the output of a block, and that output; another signal
     as it is.
 
-    The block is a gain of 1, which runs when the only block that reads it does, else in every tick.
+    The block is a gain of 1. It runs when all do that the name reads, which hold between their runs,
+    or else when all that read it do.
     """
     tables = spec.tables()
     named = tables.get("signals", {})
@@ -141,12 +142,17 @@ def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
     tables["block"][block] = gain
     named[signal] = output
     wires = load(tables).drawing.wires
+    sources = {_block_of(name) for name, _ in dict(wires)[f"{block}.u"]}
     readers = {_block_of(port) for port, terms in wires if output in dict(terms)}
-    if len(readers) == 1:
-        reader = tables["block"].get(readers.pop(), {})
-        for key in ("every", "phase"):
-            if key in reader:
-                gain[key] = reader[key]
+    in_each_tick = (1, 0)
+    clocks = {}
+    for name, keys in tables["block"].items():
+        if keys["type"] != "impulse":  # which is 0 between its runs
+            clocks[name] = (keys.get("every", 1), keys.get("phase", 0))
+    for blocks in (readers, sources):
+        own = {clocks.get(name, in_each_tick) for name in blocks}
+        if len(own) == 1 and own != {in_each_tick}:
+            gain["every"], gain["phase"] = own.pop()
     return load(tables), output
 
 
