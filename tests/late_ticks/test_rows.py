@@ -50,6 +50,12 @@ def test_check_says_for_which_ticks_the_loop_is_stable():
     assert "ticks of 1.2, 1.2, 1 ms" in refuted["questions"][0]["reason"]
 
 
+def test_a_tick_is_late_by_up_to_all_of_what_is_written():
+    tick = wavesweep.load(SPEC).tick
+    assert tick.interval(1000.0) == pytest.approx((0.001, 0.0012))
+    assert "1 to 1.2 ms" in tick.in_words(1000.0)
+
+
 @pytest.mark.parametrize(
     ("for_all", "words"),
     [

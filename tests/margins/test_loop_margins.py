@@ -261,6 +261,18 @@ def test_a_loop_of_a_plant_and_a_dead_time_is_cut_where_that_arrives_at_a_tick()
     assert held["gain_up"].value == pytest.approx(gain, rel=1e-9)
 
 
+def test_a_name_for_what_a_slow_block_holds_has_the_margins_of_that_block():
+    """Its samples are those of the block's runs, though a plant reads it in every tick."""
+    named = deepcopy(ARM_SPEC)
+    reader = next(port for port, text in named["wire"].items() if "net.y" in str(text))
+    named["signals"] = {**named.get("signals", {}), "sent": "net.y"}
+    named["wire"][reader] = named["wire"][reader].replace("net.y", "sent")
+    own, found = margins(ARM_SPEC, "net.y"), margins(named, "sent")
+    assert found.keys() == own.keys()
+    for name, margin in own.items():
+        assert found[name].value == pytest.approx(margin.value, rel=1e-7)
+
+
 @pytest.mark.parametrize(
     ("cut", "said"),
     [
