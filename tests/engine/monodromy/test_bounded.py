@@ -68,7 +68,7 @@ def test_a_sum_of_terms_within_bounds_is_within_one_that_is_little_more_than_the
     value = np.random.default_rng(terms).normal(size=terms)
     own = 1e-12 * np.abs(value)
     found = Bounded(value, own).sum(0)
-    off = abs(Fraction(float(found.value)) - sum(map(Fraction, (value + own).tolist())))
+    off = abs(Fraction(float(found.value)) - sum(map(Fraction, [*value.tolist(), *own.tolist()])))
     assert off <= Fraction(float(found.error))
     assert found.error <= 1.01 * own.sum() + 1.1 * terms * EPS * np.abs(value).sum()
 
