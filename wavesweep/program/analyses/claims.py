@@ -516,6 +516,7 @@ class Scope:
         frames["order"] = self.frames.order.name.lower()
         for name in ("lengths", "delays"):
             frames[name] = sorted(frames[name], key=str)
+        frames["chances"] = [[[*row] for row in rows] for rows in self.frames.chances]
         scope["numbers"] = [each._asdict() | {"values": [*each.values]} for each in self.numbers]
         scope["messages"] = [each._asdict() for each in self.messages]
         scope["tick"] = self.tick and self.tick._asdict()
