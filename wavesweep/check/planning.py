@@ -23,8 +23,6 @@ from wavesweep.program.sweep.estimates import duration, expected_bytes, expected
 from wavesweep.program.sweep.grid import make_grid, own_loop
 from wavesweep.program.sweep.workers import choose
 
-WHOLE_TICK = 1e-11  # ticks by which a dead time may differ from whole ones through rounding
-
 
 def plan(spec: Spec, estimated: bool = True) -> list[str]:
     """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys
@@ -278,7 +276,7 @@ def dead_times_in_series(spec: Spec) -> Iterator[str]:
     for name, tree in drawing.dead_times.items():
         held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
         first = tree.value(scalars(spec.values)) * drawing.rate(spec.values)
-        if not held or abs(first - round(first)) < WHOLE_TICK:
+        if not held or abs(first - round(first)) < 1e-11:  # whole but for rounding
             continue
         for other, other_tree in drawing.dead_times.items():
             if any(signal == f"{name}.y" for signal, _ in wires[f"{other}.u"]):

@@ -19,14 +19,21 @@ from wavesweep.engine.frames import LinearFractional, open_loops
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT
-from wavesweep.program.analyses.claims import AT_REST, PUSHES, Property, Scope, Status, own_scope
+from wavesweep.program.analyses.claims import (
+    AT_REST,
+    PUSHES,
+    SETTLED_WITHIN,
+    Property,
+    Scope,
+    Status,
+    own_scope,
+)
 from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import loops_of
 from wavesweep.program.tables.refuters import Refuters
 
 TEXT = 1000  # characters of a counterexample
-SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
 LINEAR = "the linear wall, in contact all the time"
 ON_CIRCLE = (
     "multipliers of Zames and Falb, by linear programmes, proved on arcs of the unit circle "

@@ -30,10 +30,9 @@ from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
-from wavesweep.for_all.plan import TWO_VALUES
+from wavesweep.for_all.plan import ANY_NUMBER, TWO_VALUES
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
-ANY_NUMBER = -1  # of messages in a row that are lost
 MOST_SYMBOLS = 600  # matrices, beyond which no norm would be found in a useful time
 NO_DRIFT = 1e-9  # of its terms: a change of what drifts below this is rounding
 # Where a channel takes what it shows, or what is in a register, apart from the number of a

@@ -23,7 +23,6 @@ SCATTERED, LEAST_SCATTERED = 256, 32  # members that are tried first, beside tho
 BEST, OTHERS = 4, 4  # of those, from which the climb goes on: the worst, and some of the next
 MOVES = 8  # of each in a step, half of them along some numbers alone
 LONGER, SHORTER = 2.0, 0.7  # the next step of one that has moved, and of one that has not
-DECADE = 10.0  # ratio of the ends of a range above which steps are factors
 OPERATIONS_OF_CLIMB = 3e8  # of a climb
 OF_A_MEMBER = 2e4  # operations beside those of its matrices
 EIGENVALUES = 25  # operations are so many times n^3
@@ -143,7 +142,8 @@ def on_edges_of(box: np.ndarray, count: int) -> np.ndarray:
 
 def _by_factors(box):
     """Which numbers are moved by factors."""
-    return (box[0] > 0) & (box[1] > DECADE * box[0])
+    # Steps in ranges of more than a decade are factors.
+    return (box[0] > 0) & (box[1] > 10.0 * box[0])
 
 
 def _numbers(box, units):

@@ -21,10 +21,19 @@ from wavesweep.engine.drawing import (
 )
 from wavesweep.engine.errors import Mistake, SpecError
 from wavesweep.for_all.loop_frames import Symbol
-from wavesweep.for_all.plan import FRAME, LATE, LOST, SHOW, THROUGH, TICK, Plan, Schedule
+from wavesweep.for_all.plan import (
+    ANY_NUMBER,
+    FRAME,
+    LATE,
+    LOST,
+    SHOW,
+    THROUGH,
+    TICK,
+    Plan,
+    Schedule,
+)
 from wavesweep.haptics.controller_page import loop_drawing
 
-ANY_NUMBER = -1  # of results in a row that are lost
 # as delays: results are in place when the blocks that show them run, by their phases
 IN_PHASE = (None,)
 RULED = "whose types have a rule for steps that vary (`wavesweep keys block`)"

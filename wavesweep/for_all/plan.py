@@ -23,6 +23,7 @@ from wavesweep.for_all.loop_frames import LoopFrames, Symbol, WrittenFrames
 
 TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
+ANY_NUMBER = -1  # of results, or of messages of a channel, in a row that are lost
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held
 # Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place
 # at once; one in which a result comes into place; an ordinary one; and the moment before the next

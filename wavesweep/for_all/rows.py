@@ -35,6 +35,7 @@ from wavesweep.for_all.varying import (
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import (
     MEAN_SQUARE,
+    SETTLED_WITHIN,
     STABLE,
     Claim,
     Property,
@@ -58,8 +59,6 @@ MOST_UNKNOWN = 5  # ranges
 TRIED_NEAR_REFUTED = 4e-3  # of an end that is refuted, how far from it a proof is tried
 # words in the column `guarantee` of rows that hold for more than the spec's own numbers
 GUARANTEES = ("for_all", "mean_square")
-# of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
-SETTLED_WITHIN = 1e-2
 # operations of a proof over ranges beside what varies, of each design that is looked at
 QUICK = 3e10
 FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on

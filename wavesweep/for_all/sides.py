@@ -10,8 +10,8 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.ranges import Covering
 
+INWARD = 1e-12  # of an end, or of a side, by which an end stays within what is proved
 LOGARITHMIC_SIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
-DECADE = 10.0  # the same for a number that may as well be 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,8 @@ def side_of(
     the loop is not analytic."""
     low, high = ends
     least, most = Loops(drawing, values).domain(path, (low, high))
-    if low > 0 and high > DECADE * low:
+    # The side of a number that may as well be 0 is logarithmic from a decade on.
+    if low > 0 and high > 10.0 * low:
         least = max(least, 0.0)
     if not (np.isfinite(least) and high - least > LOGARITHMIC_SIDE * (low - least) > 0):
         return Side(path)

@@ -23,6 +23,7 @@ from wavesweep.for_all.climb import climb, constant_growth, contradicted, corner
 from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.sides import (
+    INWARD,
     LOGARITHMIC_SIDE,
     LeftOpen,
     as_numbers,
@@ -38,7 +39,6 @@ SO_FAR = "%s proved from %.4g to %.4g so far (%.0f %% of the box)"
 MEMBERS_MET = 8  # unstable members that a climb has found, whose exact intervals are computed
 SAME_END = 1e-9  # relative: ends that are as near are found again
 OPERATIONS_OF_CASE = 3e11  # operations that the proofs of a case may take
-INWARD = 1e-12  # of an end, by which it stays within what is proved
 ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
 # of the high end, from which on is proved what begins at 0, where a mode may stand still: parts of a
 # box pile up there, 70 % of them below 1e-3

@@ -27,7 +27,6 @@ from wavesweep.for_all.channel_families import (
 )
 from wavesweep.for_all.climb import corners_of, growth_in_words, growth_on_average
 from wavesweep.for_all.frame_families import (
-    ANY_NUMBER,
     DELAY,
     IN_PHASE,
     RATIO,
@@ -51,7 +50,7 @@ from wavesweep.for_all.mean_square import (
 )
 from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
 from wavesweep.for_all.patterns import Word, growing_of, is_refuted, short_words
-from wavesweep.for_all.plan import FRAME, LOST, Plan
+from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.for_all.worst import OPERATIONS_OF_PROOFS as WORK_OVER

@@ -24,7 +24,7 @@ from wavesweep.for_all.patterns import (
     refuted_beyond,
 )
 from wavesweep.for_all.ranges import Box, cover, units_of
-from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, left_open
+from wavesweep.for_all.sides import INWARD, LeftOpen, as_numbers, as_sides, left_open
 
 # distance of proof and refutation that is aimed at, relative to the refuted number
 BRACKET_TOLERANCE = 0.01
@@ -34,7 +34,6 @@ POINTS_LOOKED_AT = 3  # points of a climb at which all words are searched
 SAME_FRAMES = 1e-3
 OPERATIONS_OF_PROOFS = 7e11  # operations of the proofs: about a minute
 UPWARD = 0.6  # part of the work for the way to the upper end
-INWARD = 1e-12  # of a side, by which the ends of a proof stay within it
 # ratio of the ends of the number between which units of the states are found
 UNITS = 64.0
 STRETCH = np.log(2)  # of the logarithm of the number: that of those with which a proof begins

@@ -21,6 +21,7 @@ from wavesweep.identification.fit import Fit, at_an_instant, by_prediction, fitt
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
 from wavesweep.identification.prediction import (
     FIT_LOGGER,
+    LIKELIER,
     ONE_WAY,
     Prediction,
     estimated_at,
@@ -41,7 +42,6 @@ SURE_SIGNIFICANCE = 8.0
 # less than amplifiers and sensors know of it: it widens the intervals by what it changes
 LEAST_LACKING = 1e-5
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
-LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
 LACKING = "fitted; whether the log has %s as well, %d of %d"
 

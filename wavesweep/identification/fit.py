@@ -24,7 +24,13 @@ from wavesweep.identification.model import (
     readings,
     sensitivities,
 )
-from wavesweep.identification.prediction import ONE_WAY, Prediction, StaticFriction, predicted
+from wavesweep.identification.prediction import (
+    ONE_WAY,
+    OUTLIER_SHARE,
+    Prediction,
+    StaticFriction,
+    predicted,
+)
 
 FIRST_ROWS = 5  # rows from which the initial velocity is guessed
 # times the noise of the readings or their step, above which an error is not that of an encoder
@@ -35,7 +41,6 @@ FITTING_ROUNDS = 3  # of least squares without outliers, and of the likelihood a
 # standard deviations from the median beyond which a reading is an outlier, if it is also two steps
 # off
 OUTLIER = 6.0
-OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
 SLOW_TURN = 0.005  # of the usual velocity, at which friction turns round to see what this changes
 
 

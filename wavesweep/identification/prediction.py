@@ -59,8 +59,8 @@ FILTERING = ("rate", "square", "share", "load_rate", "coupling_rate", "white", "
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
 # variances, white and of the walk, of the filters through which they are looked for
 FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))
-# logarithm of the odds by which two masses have to explain the innovations better than one, and
-# another round of the smoother better than the one before
+# logarithm of the odds by which two masses have to explain the innovations better than one, a model
+# with one more effect better than without, and a round of the smoother better than the one before
 LIKELIER = 15.0
 LARGEST = 1e150  # innovations that are squared
 OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not

@@ -14,13 +14,20 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.late_ticks.bracket import PROVED, REFUTED, Bracket, End, bracket, decided
 from wavesweep.late_ticks.tick_curves import TWO_VALUES, late_ticks
-from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status, Tick, own_scope
+from wavesweep.program.analyses.claims import (
+    SETTLED_WITHIN,
+    STABLE,
+    Claim,
+    Scope,
+    Status,
+    Tick,
+    own_scope,
+)
 from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
-SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 MOST_FRAME_PLACES = 256  # ticks in a frame
 STATUS = {PROVED: Status.PROVED, REFUTED: Status.REFUTED}

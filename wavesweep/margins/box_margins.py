@@ -35,6 +35,7 @@ from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import LARGEST_GAIN_FACTOR, BrokenLoop, Margin, disk_margins
 from wavesweep.program.analyses.claims import (
+    SETTLED_WITHIN,
     STABLE,
     Claim,
     Property,
@@ -45,7 +46,6 @@ from wavesweep.program.analyses.claims import (
 from wavesweep.program.spec import Axis, Spec
 
 TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proof is tried
-SETTLED_WITHIN = 1e-2  # of a margin, how far proof and refutation may be apart
 MOST_FRAMES = 32  # of delay that are proved one by one
 INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
 SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec

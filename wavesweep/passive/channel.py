@@ -179,7 +179,7 @@ class ChannelNorm:
     multiples of 2 pi/T_s. outward, inward: norms of the direction to the environments and of the
     direction back; if no signal joins them within the ports, the norm is the larger one.
     outward_omega, inward_omega: their frequencies. certified: no frequency exceeds the norm by more
-    than TOLERANCE, relative.
+    than NORM_TOLERANCE, relative.
     """
 
     norm: np.ndarray
@@ -192,7 +192,7 @@ class ChannelNorm:
 
     @property
     def passive(self) -> np.ndarray:
-        """Whether the channel gives out no more energy than it takes in, to within TOLERANCE."""
+        """Whether the channel gives out no more energy than it takes in, to within NORM_TOLERANCE."""
         return self.norm <= 1 + NORM_TOLERANCE
 
 

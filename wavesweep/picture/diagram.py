@@ -9,7 +9,7 @@ from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.layout import ROW, Box, Routes, dots, lay_out
 from wavesweep.picture.wiring import CONTINUOUS, Terms, Wiring, WiringPart, wiring_of_drawing
 from wavesweep.program.plots.labels import as_it_stands
-from wavesweep.program.plots.style import distinct_look, family_looks, figure, paler
+from wavesweep.program.plots.style import MOST_DISTINCT, distinct_look, family_looks, figure, paler
 from wavesweep.program.spec import Spec
 
 WIDEST_PICTURE = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
@@ -20,7 +20,6 @@ LONGEST_GAIN = 34  # characters of a gain
 PLAIN_PORTS = ("", "u", "y")
 NO_RATE = "0.35"
 BETWEEN = "continuous: acts between ticks too, as physics does"
-MOST_DISTINCT = 5  # rates with colours that are told apart by their hue
 MOST_WIRES = 500  # beyond which a picture is a black area that takes minutes
 
 

@@ -13,6 +13,7 @@ from wavesweep.picture.moments import Lane, Moments, in_ms, in_words, moments, t
 from wavesweep.program.plots.labels import as_it_stands
 from wavesweep.program.plots.style import (
     GRID,
+    MOST_DISTINCT,
     TWO_COLUMNS,
     distinct_look,
     family_looks,
@@ -32,8 +33,6 @@ MOST_LANES = 6
 BESIDE = 0.04  # share of the time shown that is drawn before and after it
 OTHERS = 0.3  # share of a lane's colour in bars beside the number shown
 PALE = 0.12  # the same while numbers are computed
-# rates with colours that are told apart by their hue, as in the picture of the loop
-MOST_DISTINCT = 5
 
 
 def has_moments(spec: Spec) -> bool:

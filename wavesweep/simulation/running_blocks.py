@@ -33,8 +33,6 @@ LOCAL_WAVE = "local wave"  # of the waves that come back to the device, that of 
 # of a controller's wires: a model of the contact, absent without one
 LOCAL = ("local_model.K_LM", "local_model.B_LM")
 SEEN = "seen "  # begins the numbers of outputs and named signals, which are shown and not read
-# of a number of ticks, how far from a whole one it may be: as a decimal of twelve digits
-WHOLE_TICK = 1e-11
 SAME_SHARE = 1e-12  # relative, of the shares of the wall's two numbers in two wires
 
 
@@ -589,7 +587,8 @@ def _part(block, known, tick, frames):
 def divided(ticks: float) -> tuple[int, float]:
     """Return a time in ticks as whole ticks less a share of one."""
     whole_ticks = round(ticks)
-    if abs(ticks - whole_ticks) > WHOLE_TICK * max(1.0, ticks):
+    # A decimal of twelve digits that is meant to be a whole number is one.
+    if abs(ticks - whole_ticks) > 1e-11 * max(1.0, ticks):
         whole_ticks = math.ceil(ticks)
     return whole_ticks, max(0.0, whole_ticks - ticks)
 

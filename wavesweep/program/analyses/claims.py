@@ -41,6 +41,7 @@ LINEAR_LOOP = (
 )
 OWN_NUMBERS = "with the spec's own numbers"
 WITH_FRAME = "frame"  # as a delay: in place with the next frame
+SETTLED_WITHIN = 1e-2  # of an end or a margin, how far proof and refutation may be apart
 PLAIN_FRACTION = 100  # the largest denominator of a probability that is written as a fraction
 SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 WIDEST = 120  # letters of a line

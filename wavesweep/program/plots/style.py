@@ -23,6 +23,7 @@ DOTS_PER_INCH = 200
 PANELS_APART = 8.0  # points, at least, between those of neighbouring panels
 IDEAL = "black"
 DOUBTFUL = "#d62728"
+MOST_DISTINCT = 5  # colours that are told apart by their hue
 FAINT_COLOUR = 0.35  # share of its colour that the curve of an unstable loop has
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 UNPROVED = {
