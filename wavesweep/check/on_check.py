@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.program.spec import Spec
 
-NEEDED, DETAIL = 1.5, 9.0
+NEEDED, DETAIL = 1.5, 9.0  # see above
 SEARCHED, OF_KEY = " (where the search starts)", " (where the range of the key ends)"
 
 

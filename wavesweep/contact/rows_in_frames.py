@@ -20,9 +20,9 @@ from wavesweep.engine.poles import count_outside
 
 BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
 # Shares of a wall that a proof goes down in a piece: the first, the largest, and the least one that is
-# tried; times the share after a piece that is proved, or is not.
+# tried.
 FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.003
-LONGER, SHORTER = 1.5, 0.4
+LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
 MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
 FREE = "no contact at all, the loop without a wall"
 

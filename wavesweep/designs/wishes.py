@@ -35,7 +35,7 @@ from wavesweep.program.sweep.grid import drawn_groups, frames_per_clock
 # less
 UNSEEN = 1e-4
 DENSE_POINTS = 8 * GAUSS_NODES  # points of a piece among which a least value is looked for
-BAND_HZ = (0.1, 10.0)
+BAND_HZ = (0.1, 10.0)  # of a wish without a band of its own
 POINTS_AT_ONCE = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
 DELAY = "environment.delay"

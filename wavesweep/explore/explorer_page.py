@@ -38,7 +38,7 @@ from wavesweep.program.plots.figure_marks import facts_of_marks
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Spec
 
-FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
+FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40  # of a preview along an axis
 SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
 MOST_OF_PLANE = 100  # the same if numbers of the axes of its plane have sliders too

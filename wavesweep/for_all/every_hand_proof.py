@@ -40,7 +40,7 @@ from wavesweep.for_all.patterns import shortest_through
 from wavesweep.for_all.plan import Plan
 from wavesweep.haptics.held_loop import device_of
 
-PROOF_BITS = 192
+PROOF_BITS = 192  # of the balls in which the proof is checked
 MOST_UNKNOWNS = 1500  # unknown numbers of the stored energies, which take some seconds
 X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
 LEAST = 0.01  # N*s/m

@@ -36,7 +36,7 @@ from wavesweep.for_all.norms import acting, packed, unpacked
 from wavesweep.for_all.plan import LOST as LOST_RESULT
 
 MOST_MOMENTS = 800  # second moments, whose operator is formed
-MOMENT_BISECTIONS = 60
+MOMENT_BISECTIONS = 60  # more halve no interval of doubles
 # Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its
 # largest last coefficient, and the least size at all of its points but two, relative to the
 # largest.

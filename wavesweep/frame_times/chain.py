@@ -2,7 +2,7 @@
 
 import numpy as np
 
-SHUFFLES = 199
+SHUFFLES = 199  # with the run itself 200: SIGNIFICANCE is two of them
 SIGNIFICANCE = 0.01  # share of shuffled runs, below which frames are not independent
 
 

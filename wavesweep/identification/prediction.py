@@ -53,7 +53,7 @@ SHARPEST, TURNING_TRIED = 1e-4, (1e-3, 0.01, 0.1, 0.3, 1.0, 3.0)
 BLOCKS = (10, 20)
 LARGE_INNOVATION = 3.0  # standard deviations beyond which an innovation is large
 CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
-NORMAL = 1.96
+NORMAL = 1.96  # standard deviations of 95 %
 # numbers on which the filter depends
 FILTERING = ("rate", "square", "share", "load_rate", "coupling_rate", "white", "drift")
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio

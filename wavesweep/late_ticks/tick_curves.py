@@ -35,7 +35,7 @@ from wavesweep.engine.sets import EnclosedLoop, Polynomials, Side, UnresolvedErr
 LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enclosed
 DEGREE = 2  # of the curves
 CURVE_ROUNDING = 1e-15  # of a length: more than the rounding of 1/rate and of a sum
-MOST_CELLS = 64
+MOST_CELLS = 64  # of lengths; curves of more are not made
 WIDE = "[for_all] tick: the times of a tick differ by too much to be enclosed"
 GONE_TERM = 2e-10  # of the largest entry of a row: more than entries that are set to zero can be
 TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it

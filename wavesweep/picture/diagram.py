@@ -13,7 +13,7 @@ from wavesweep.program.plots.style import MOST_DISTINCT, distinct_look, family_l
 from wavesweep.program.spec import Spec
 
 WIDEST_PICTURE = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
-PICTURE_MARGIN = 0.12
+PICTURE_MARGIN = 0.12  # inch
 TITLE, NAME, SMALL = 9.0, 8.0, 7.0  # points
 PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from it
 LONGEST_GAIN = 34  # characters of a gain

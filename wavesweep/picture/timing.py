@@ -29,7 +29,7 @@ from wavesweep.program.spec import Spec
 LANE, AGE, HEAD, ENDS = 0.44, 0.8, 0.55, 0.25
 COMPUTED, HELD = (0.08, 0.48), (0.52, 0.92)  # the bars of a number, from the top of its lane
 HELD_ALONE = (0.3, 0.7)  # that of one that is in place at once
-MOST_LANES = 6
+MOST_LANES = 6  # of a panel; a note says how many are not shown
 BESIDE = 0.04  # share of the time shown that is drawn before and after it
 OTHERS = 0.3  # share of a lane's colour in bars beside the number shown
 PALE = 0.12  # the same while numbers are computed

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 Source = Spec | str | Path | Mapping[str, Any]
 Span = tuple[float, float]
-MOST_ANSWERS = 16
+MOST_ANSWERS = 16  # that are kept
 MOST_ROWS_KEPT = 10_000  # of an answer: some 2 MB
 # The latest answers of `stable_intervals`: a figure, and the display of a notebook, ask again.
 _ANSWERS: dict[tuple[Spec, Axis, object, object], tuple[Columns, Mapping[str, Claim]]] = {}

@@ -22,7 +22,7 @@ from wavesweep.program.tables.kind import plain
 from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 
 MOST_NUMBER_BARS = 12  # numbers of a panel that have bars
-MOST_FIGURE_PANELS = 8
+MOST_FIGURE_PANELS = 8  # ends of intervals
 NO_ELASTICITY = 1e-9  # an elasticity up to which a number has no effect but that of rounding
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 _LOOKS = {  # of bars; the second is hatched, since its grey is much the same

@@ -31,7 +31,7 @@ from wavesweep.program.plots.style import (
 from wavesweep.program.tables.columns import signals_of
 from wavesweep.simulation.table import set_in
 
-_DETAIL_FRAMES = 40
+_DETAIL_FRAMES = 40  # that a detail shows
 FRAME = "length of the frame"  # in ticks, beside the columns
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 MATRICES = ("mass", "damping", "stiffness")
 MASS = ("mass", "through")  # the keys that the mass at the axes depends on
-MOST_AXES = 3
+MOST_AXES = 3  # a plant with more is one of type ss
 
 Rows = list[list[Any]]
 

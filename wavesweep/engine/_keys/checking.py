@@ -9,7 +9,7 @@ from typing import Any
 from wavesweep.engine._keys.key import LARGEST, SMALLEST, Key, Leaf, Place
 from wavesweep.engine.errors import Mistake
 
-LONGEST_SHOWN = 60
+LONGEST_SHOWN = 60  # letters of a value in a message
 SIZES = f"a number from {SMALLEST:g} to {LARGEST:g} in size, or 0"
 
 

@@ -32,7 +32,7 @@ from wavesweep.engine._loops.dead_time import SENSED
 from wavesweep.engine._loops.integrator_modes import RestEquations, rest_of_blocks
 from wavesweep.engine._loops.multirate import MultirateLoop
 
-PRIME = 2**61 - 1
+PRIME = 2**61 - 1  # of the field in which ranks are found
 Row = dict[str, int]  # unknown -> factor modulo PRIME
 
 

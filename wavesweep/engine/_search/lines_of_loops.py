@@ -29,11 +29,6 @@ from wavesweep.engine.doubles import EPS, LEAST_NORMAL, SHORT_SUM_ROUNDING
 from wavesweep.engine.loop import Loops
 
 STATES_AT_ONCE = 2**18  # numbers of states that are followed at once
-# How far from an eigenvalue its vectors are looked for, as they are not known at it: a part of its
-# size, and roundings of the entries.
-BESIDE_EIGENVALUE = 1e-10
-BESIDE_ROUNDINGS = 4
-FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
 NO_PARTICIPATION = 1e-9  # of the largest participation in a mode, up to which a state takes no part
 # of the energy of a mode, by which a line has to be behind the strongest one of one loop to be told
 # from it
@@ -733,9 +728,10 @@ def vectors_of(E, w):
     """
     # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is
     # not known.
-    step = BESIDE_EIGENVALUE * np.abs(w) + BESIDE_ROUNDINGS * EPS * np.abs(E).max((-1, -2))
+    # A part of its size, and roundings of the entries.
+    step = 1e-10 * np.abs(w) + 4 * EPS * np.abs(E).max((-1, -2))
     back = np.full(E.shape, np.nan + 0j)
-    for farther in FARTHER:
+    for farther in (1.0, 1e2, 1e4):  # times that, tried in turn
         rest = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
         if rest.size:
             back[rest] = inverse(

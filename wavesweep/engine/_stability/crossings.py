@@ -29,9 +29,6 @@ NEAR_SEED = 1e-4
 # of an angle: two roots that polish to angles so near to each other may have become one
 ONE_ROOT = 1e-13
 RESOLVENT_CHANGE = 0.1  # of a resolvent, what errors of entries may change it by
-# scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
-NEAREST = 1e-3
-FARTHEST = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +65,8 @@ def warp_scale(cut: LinearFractional, *, alone: bool = False):
         else:
             _, log_size = np.linalg.slogdet(cut.E)
         mean = np.exp(np.nan_to_num(log_size, neginf=-0.5 * n) / max(n, 1))
-    return np.clip(mean, NEAREST, FARTHEST)
+    # A scale of 1 would leave roots at infinity when the loop has pure delays.
+    return np.clip(mean, 1e-3, 0.6)
 
 
 def sampled_polynomial(

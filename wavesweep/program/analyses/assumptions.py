@@ -17,7 +17,7 @@ from wavesweep.program.spec import KEYS, Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import Grid
 
-MOST_BUILT = 32
+MOST_BUILT = 32  # values, the smallest ones, at which a loop is built
 LISTED, MOST_AXES = 6, 3  # values of a number, and numbers
 CONTINUOUS = "as physics does; a program holds its sums"
 FAVOURABLE = "optimistic default"  # in a sentence that rests on some

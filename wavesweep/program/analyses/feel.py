@@ -12,6 +12,7 @@ from wavesweep.engine.response import Lifted, respond, static_response
 from wavesweep.program.analyses.spec_loops import loop_at_hand
 from wavesweep.program.spec import Spec
 
+# a grid, and points of a finer one between two of it
 LOWEST_HZ, HIGHEST_HZ, POINTS, FINE = 1e-4, 100.0, 481, 81
 TENTH = 0.1  # of the stiffness at rest, what another may differ by and count as the same
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies

@@ -68,9 +68,6 @@ from wavesweep.program.tables.columns import unlike_units
 # hears which panel of how many is drawn
 PANELS_LOGGER = logging.getLogger("wavesweep.figure.panels")
 _APART = 0.8  # points between bars of two members at a value of x
-# points, their width
-_THIN = 0.8
-_THICK = 4.0
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 # share of the axis without intervals at its high end, from which it is not shown; and what is
 _EMPTY, _SHOWN_OF_EMPTY = 0.4, 0.1
@@ -246,7 +243,7 @@ def _side_by_side(curves: Sequence[PlaneCurve], room: float) -> list[Bars]:
     other."""
     in_bars = sum(not curve.gaps for curve in curves)
     # Bars fill at most 0.6 of the distance between two values of x.
-    width = float(np.clip(0.6 * room / max(in_bars, 1), _THIN, _THICK))
+    width = float(np.clip(0.6 * room / max(in_bars, 1), 0.8, 4.0))
     bars = []
     place = 0
     for curve in curves:

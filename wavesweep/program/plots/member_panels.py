@@ -35,10 +35,6 @@ from wavesweep.program.plots.style import (
 from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
-# Letters of a line of a bar's name: of what is guaranteed, in a narrow figure, and else.
-NARROW_LETTERS = 14
-GUARANTEE_LETTERS = 24
-WIDE_LETTERS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,8 +256,9 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
             _draw_stable_bar(axes, place, where(rows, row), colour)
-    short = GUARANTEE_LETTERS if is_narrow() else WIDE_LETTERS
-    names = [fill(member.name, NARROW_LETTERS if member.guarantee else short) for member in members]
+    # Letters of a line of a bar's name; of what is guaranteed 14.
+    short = 24 if is_narrow() else 60
+    names = [fill(member.name, 14 if member.guarantee else short) for member in members]
     if any(names):
         axes.set_yticks(range(len(names)), names)
     else:

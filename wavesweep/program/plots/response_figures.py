@@ -44,10 +44,6 @@ from wavesweep.program.plots.style import (
 )
 
 _MARKS = "osv^D<>p"
-# Degrees between neighbours: a step of the first beside one of the second, as no resonance has
-# between two of its samples, may be whole turns more.
-_TURN = 135.0
-_BESIDE_CURVES = 60.0
 Say = Callable[[str], None]
 _Response = tuple[str, dict[str, np.ndarray]]  # the values of the axes, in words, and the rows
 _TOO_FAST = (
@@ -254,7 +250,9 @@ def continued(degrees: np.ndarray) -> np.ndarray:
     degrees[places[1:]] = degrees[places[:1]] + np.cumsum(steps)
     sizes = np.pad(np.abs(steps), 1)
     larger_neighbour = np.maximum(sizes[:-2], sizes[2:])
-    fast = np.flatnonzero((sizes[1:-1] > _TURN) & (larger_neighbour > _BESIDE_CURVES))
+    # Degrees between neighbours: a step of the first beside one of the second, as no resonance has
+    # between two of its samples, may be whole turns more.
+    fast = np.flatnonzero((sizes[1:-1] > 135.0) & (larger_neighbour > 60.0))
     if fast.size:
         degrees[places[fast[0] + 1] :] = np.nan
     return degrees

@@ -32,8 +32,6 @@ from wavesweep.program.results.table_files import (
 from wavesweep.program.tables import HOMES, kind_named
 from wavesweep.program.tables.kind import Recompute
 
-ROWS_PROVED_AGAIN = 20
-SEED = 0
 # relative difference that counts as none if versions, or what is computed together, differ
 SAME_NUMBER = 1e-9
 # of packages and schemas that were changed
@@ -56,8 +54,8 @@ class Verification:
 
 def verify(
     directory: str | Path,
-    rows: int = ROWS_PROVED_AGAIN,
-    seed: int = SEED,
+    rows: int = 20,
+    seed: int = 0,
     prove: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verification:

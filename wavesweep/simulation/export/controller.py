@@ -21,7 +21,7 @@ from wavesweep.simulation.running_blocks import (
 from wavesweep.simulation.tick_sums import Line, Program, TickSums, arrived, besides
 
 MOST_PRODUCTS = 50_000  # in all programs together; each is a product in the source
-MOST_PROGRAMS = 1000
+MOST_PROGRAMS = 1000  # kinds of ticks
 
 
 class ExportedController(NamedTuple):
