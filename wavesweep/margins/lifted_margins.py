@@ -48,6 +48,7 @@ DISK_GAP = 1e-8  # relative, between a disk that is proved and one that is met a
 # refined
 GRID = 10_000
 NO_DRIFT_SEEN = 1e-8  # of the sizes of its terms, below which what is seen of a drift is rounding
+MODE_MET = 1e-6  # of a mode, from the place on the circle where it should be
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +179,7 @@ class LiftedLoop:
             factor = (2 * largest + 1) / (2 * largest - 1)
             modes = np.linalg.eigvals(np.nan_to_num(self.frames(factor).E))
         distance = np.abs(modes - on_circle(theta).reshape(-1, 1)).min(-1)
-        # Of a mode, from the place on the circle where it should be.
-        met = distance.reshape(theta.shape) <= 1e-6
+        met = distance.reshape(theta.shape) <= MODE_MET
         return np.where(met, size, 0.0)
 
     def frames(self, k) -> Frames:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from wavesweep.engine.intervals import Search
 
 SAME_END = 1e-9  # relative difference that two proofs of an end may have
+AS_ZERO = 1e-5  # share of the range: ends that are nearer to 0 are compared as if they were there
+PROVED_ALONE = 1e-6  # of an end, the distance to both sides in which it is proved alone
 Claim = tuple[float, float, float, float]  # an interval: low, high, low_omega, high_omega
 
 
@@ -42,8 +44,7 @@ def prove_again(
         return ProvedAgain(
             "refuted", f"its ends are not in order within {span[0]!r} and {span[1]!r}"
         )
-    # Of the range: ends that are nearer to 0 are compared as if they were there.
-    least = 1e-5 * (span[1] - span[0])
+    least = AS_ZERO * (span[1] - span[0])
     try:
         drift = loop.changed({search.along: np.array(span)}).drift_of_frames()
     except IllPosedLoopError:
@@ -80,8 +81,7 @@ def _pieces(claims, span, least):
     pieces = []
     for place in places:
         apart = min(abs(another - place) for another in places if another != place) / 2
-        # Of an end, the distance to both sides in which it is proved alone.
-        radius = min(1e-6 * max(abs(place), least), apart)
+        radius = min(PROVED_ALONE * max(abs(place), least), apart)
         pieces.append((max(place - radius, span[0]), min(place + radius, span[1])))
     return pieces
 

@@ -24,6 +24,7 @@ from wavesweep.prove.ball_polynomials import BallFamily, Budget
 from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
+CERTAIN_BITS = 52  # bits of an end or an angle that have to be certain
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +166,6 @@ def _double(value, span):
 
 
 def _sure(value):
-    if value.rel_accuracy_bits() < 52:  # bits that have to be certain
+    if value.rel_accuracy_bits() < CERTAIN_BITS:
         raise UndecidedError
     return float(value.mid())

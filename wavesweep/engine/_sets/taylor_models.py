@@ -34,9 +34,7 @@ GONE_EXPONENTIAL = 1e-15  # an exponential that is smaller need not be known
 MARKED = 1e-3  # of that interval: the terms that say on what it depends
 SERIES_BLOCK = 4  # of that series: powers above this one are products of its own
 OF_SUMS = 1e-9  # relative: more than the rounding of some products of matrices without signs
-SUMMED_NORM = 0.25  # norm of a matrix, up to which that series is summed
 SHRINKS_BY = 0.9  # norm up to which what an inverse leaves out has a geometric series
-BALANCED = 6  # sweeps of balancing
 # entries of an array, and pairs of a piece: a single `reduceat` takes less for fewer entries, and
 # where a piece has more pairs, as these are of few entries
 SMALL_ARRAY = 1 << 13
@@ -825,7 +823,8 @@ class Polynomials:
         ratio = units[..., None, :] / units[..., :, None]
         scaled = self.times(ratio)
         norm = scaled.whole.sum(-1).max(-1, initial=0.0)
-        halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, NEXT_TO_ZERO) / SUMMED_NORM)))
+        # The series is summed for norms up to a quarter.
+        halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, NEXT_TO_ZERO) / 0.25)))
         self.refuse(halvings > BALL_BITS)  # the norm is above 2^BALL_BITS: squares overflow
         squarings = int(halvings.max())
         scaled = scaled.times(0.5**squarings)
@@ -927,7 +926,7 @@ def _units(size):
     units = np.ones(size.shape[:-1])
     own = np.diagonal(size, axis1=-2, axis2=-1)
     with np.errstate(all="ignore"):
-        for _ in range(BALANCED):
+        for _ in range(6):  # sweeps of balancing
             before = units.copy()
             for i in range(size.shape[-1]):
                 unit = units[..., i]

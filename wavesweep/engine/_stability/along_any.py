@@ -22,10 +22,6 @@ BENT_AT = 10.0  # of a span, where a bent variable turns from one that is even t
 LOGARITHMIC_RATIO = 3.0  # ratio of the span's ends above which its logarithm is the variable
 END_ROUNDING = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
-# Of the span, where the units of the states are found; not the middle, which may be 0.
-TYPICAL_SHARES = (0.53, 0.37, 0.71, 0.013, 0.987)
-# of the polynomials of columns at a time, as far as their panels are two
-COLUMN_ENTRIES_AT_ONCE = 2**21
 
 
 def stable_along_any(
@@ -97,7 +93,8 @@ def regions_along_any(
     )
     in_middle = family.frames(np.zeros(1, int), np.array([(low + high) / 2]))
     order = Frames.of(in_middle).E.shape[-1]
-    few = max(1, COLUMN_ENTRIES_AT_ONCE // (2 * (DEGREES[-1] + 1) * order**2))
+    # Of the polynomials of columns at a time, as far as their panels are two.
+    few = max(1, 2**21 // (2 * (DEGREES[-1] + 1) * order**2))
     portions = []
     for first in range(0, family.columns, few):
         names = np.arange(first, min(first + few, family.columns))
@@ -253,7 +250,8 @@ class _InEvenUnits:
     @classmethod
     def of(cls, search: _Search, names) -> "_InEvenUnits":
         low, high = search.span
-        points = low + (high - low) * np.array(TYPICAL_SHARES)
+        # Of the span, where the units of the states are found; not the middle, which may be 0.
+        points = low + (high - low) * np.array((0.53, 0.37, 0.71, 0.013, 0.987))
         columns = names.size
         column = np.arange(columns)[:, None]
         sampled = search.at(search.family.frames, names[column], np.tile(points, (columns, 1)))

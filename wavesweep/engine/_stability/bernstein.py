@@ -10,10 +10,8 @@ from wavesweep.engine.doubles import EPS
 
 # coefficients; beyond, the change of basis costs more digits than the signs can spare
 MOST_COEFFICIENTS = 16
-PIECE_HALVINGS = 24  # a piece this small that shows nothing is left to another method
 # of a piece, where it is cut: not the middle, where symmetric loops put their roots
 PIECE_CUT_AT = 0.4921875
-NEWTON_OR_BISECTIONS = 60  # Newton needs some 5; bisection alone would need 30
 # of a piece, a step of Newton that is the last: its error is the square of that
 LAST_STEP_OF_PIECE = 1e-9
 
@@ -86,7 +84,7 @@ def _isolated(b, rounding, noise):
     pieces = _Pieces(np.arange(rows), np.full(rows, -1.0), np.full(rows, 1.0), b).some(complete)
     rounding = rounding[complete]
     found = []
-    for _ in range(PIECE_HALVINGS):
+    for _ in range(24):  # a piece this small that shows nothing is left to another method
         row, low, high, b = pieces
         level = noise[row]
         none = (b.min(0) > level + rounding) | (b.max(0) < -level - rounding)
@@ -142,7 +140,7 @@ def _single_root(b):
     low = np.zeros(count)
     high = np.ones(count)
     active = np.arange(count)
-    for _ in range(NEWTON_OR_BISECTIONS):
+    for _ in range(60):  # Newton needs some 5; bisection alone would need 30
         if not active.size:
             break
         now = t[active]

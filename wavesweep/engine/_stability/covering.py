@@ -41,10 +41,6 @@ MOST_TESTS = 1000  # of a column
 TESTS_OF_PANEL = 40  # and as many more for each of its panels
 MOST_ROUNDS = 150  # of all columns together
 FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
-# of the way that is wanted, tried in turn
-PARTS_OF_WAY = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)
-STRETCHES_PROVED_ALONE = 8  # stretches in doubt of a column, up to which each is proved by itself
-TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
 SHORTEST_STRETCH = 1e-3  # of what an end may be off: a stretch so short is given up
 UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside, see `Tiles`
@@ -249,7 +245,8 @@ def _traces(coefficients, x):
     m, k, n, _ = coefficients.shape
     T = chebyshev.chebvander(x, k - 1)
     traces = np.zeros((2, m, x.size))
-    portion = max(1, TRACED // (x.size * n * n))
+    # Entries of matrices at a time, of which traces are taken.
+    portion = max(1, 2**20 // (x.size * n * n))
     for first in range(0, m, portion):
         index = slice(first, first + portion)
         E = (T @ coefficients[index].reshape(-1, k, n * n)).reshape(-1, x.size, n, n)
@@ -529,7 +526,8 @@ class _Round:
         to_next = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(extent)
         first = np.where(radius == 1, np.fmin(1, to_next), 1.0)
         todo = np.flatnonzero((sign * (edge - ends) > 0) & ~self.toward[of])
-        for factor in PARTS_OF_WAY:
+        # Of the way that is wanted, tried in turn.
+        for factor in (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5):
             if not todo.size:
                 break
             test = of[todo]
@@ -582,7 +580,8 @@ def proved_by_balls(
     pairs = _in_doubt(joined, outer, attached)
     for column in different(joined.column[pairs[:, 0]]).tolist():
         of_column = pairs[joined.column[pairs[:, 0]] == column]
-        if len(of_column) > STRETCHES_PROVED_ALONE:
+        # Up to eight stretches in doubt of a column are each proved by themselves.
+        if len(of_column) > 8:
             of_column = np.array([[of_column[0, 0], of_column[-1, 1]]])
         for before, after in of_column.tolist():
             a = float(joined.high[before])

@@ -43,12 +43,9 @@ DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond the roundi
 # in which rows and columns are alike, and those that it asks for leave no digits to the vectors
 FLUSHED = 1e-150
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
-OFF_DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
-BLOCKED_STATES = 64  # states, beyond which a block makes tests shorter
 SMALLEST_EIGENVALUE = 0.2  # sizes of eigenvalues below it are alike for a block
 LARGEST_OF_BLOCK = 0.98  # and those beyond it are in none
 SLACK = 0.5  # share of what is left to 1 that a block leaves
-DOUBLINGS_OF_UNIT = 12  # of the terms of the series of its unit, 2^12 of them
 ADDED_TO_NORMS = 1e-150  # added to norms, whose squares may underflow
 
 
@@ -75,13 +72,13 @@ def eigenbasis(E) -> Eigenbasis:
     n = E.shape[-1]
     E = np.where(np.abs(E) < FLUSHED, 0.0, E)
     block = np.zeros(E.shape[:2], bool)
-    if n <= BLOCKED_STATES:
+    if n <= 64:  # of more states a block makes tests shorter
         X, Z = _vectors(E)
     else:
         X, Z = np.full((2, *E.shape), np.inf, complex)
     for at in _dependent(X, Z):
         X[at], Z[at], block[at] = _with_block(E[at])
-    for size in OFF_DEFECTIVE:
+    for size in (1e-14, 1e-10):  # of the largest entry, how far the matrix next to it is from it
         dependent = _dependent(X, Z)
         if not dependent.size:
             break
@@ -120,7 +117,7 @@ def _with_block(E):
     # The series P = sum over i of (N'/r)^i (N/r)^i, a power of two of its terms.
     power = N / (1 - (1 - size[k - 1]) * SLACK)
     P = np.eye(k, dtype=complex)
-    for _ in range(DOUBLINGS_OF_UNIT):
+    for _ in range(12):  # doublings of the terms of the series of its unit, 2^12 of them
         P = P + power.conj().T @ P @ power
         power = power @ power
     (alone,) = _orthonormal(w[None, order[k:]], X[None, :, order[k:]])

@@ -25,14 +25,11 @@ MOST_MISSED_OF_NOISY = 1e-8
 # unevenly
 PREDICTED = 100
 EXTENT = (PANEL_ELLIPSE + 1 / PANEL_ELLIPSE) / 2  # of its real axis
-PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
 BETWEEN_PLACES = 4.0  # times the bounds at these places: that at any other point of the panel
 # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to
 # the largest
 ENTRY_RATIO = 1e3
 NARROWEST_PANEL = 1e-9  # of the span: a panel this narrow that is not followed is given up
-FOLLOWED = 2**18  # entries of frames at the nodes of panels at a time
-MOST_PANELS_OF_COLUMN = 1024  # panels of a column, beyond which the rest is given up
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +159,8 @@ def panels_of(
     low, high = (np.full(columns, float(end)) for end in span)
     least = NARROWEST_PANEL * (span[1] - span[0])
     count = np.ones(columns, int)
-    few = max(1, FOLLOWED // ((DEGREES[-1] + 1) * order**2))
+    # Entries of frames at the nodes of panels at a time.
+    few = max(1, 2**18 // ((DEGREES[-1] + 1) * order**2))
     done = []
     lost = []
     while column.size:
@@ -191,7 +189,8 @@ def panels_of(
             done += followed
         np.add.at(count, column[~good], 1)
         narrow = hopeless | ~good & (
-            (high - low <= least) | (count[column] > MOST_PANELS_OF_COLUMN)
+            # Panels of a column, beyond which the rest is given up.
+            (high - low <= least) | (count[column] > 1024)
         )
         lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
         again = ~good & ~narrow
@@ -242,7 +241,8 @@ class _Spans(NamedTuple):
         n = A.shape[-1]
         x, _ = nodes(degree)
         rim, pivots = self.sample(index, RIM)
-        at = np.array(PLACES) * (degree // 2)
+        # Quarters of a panel, times two, at which errors of entries are bounded.
+        at = np.array((0, 1, 2)) * (degree // 2)
         exact, off = self.errors(self.column[index, None], self.places(index, x[at]))
         if not rim.shape[2:] == exact.shape[1:] == (n, n):
             return None

@@ -40,8 +40,6 @@ from wavesweep.engine._stability.entries import Panels
 
 # of half a panel, how far the proof may reach: the first that succeeds
 REACHES = 0.25 ** np.arange(25)
-# times, eigenvectors, of which those of a frame with uneven entries are known to a few digits
-REFINED = 2
 # The hypotheses of the proof above, without unit:
 MOST_TURNED = 0.1  # the most of |a|
 MOST_SPREAD_OF_SLOPE = 0.3  # the most of |s/b - 1|, up to |w| = WITHIN h |b|
@@ -103,7 +101,8 @@ class _BesideOne:
         n = panels.error.shape[-1]
         D, sizes, error, drift = expansions(panels, at, x, np.zeros(at.size), exact)
         X, Z, block = eigenbasis(D[:, 0])
-        for _ in range(REFINED):
+        # Eigenvectors of a frame with uneven entries are known to a few digits before.
+        for _ in range(2):
             X, Z = _refined(X, Z, D[:, 0])
         B = Z[:, None] @ D @ X[:, None]
         B0, B1, B2, B3 = np.abs(B).swapaxes(0, 1)

@@ -26,15 +26,12 @@ NUMBER_EXTENT = (NUMBER_ELLIPSE + 1 / NUMBER_ELLIPSE) / 2
 COARSE_PLACES = (-1.0, 0.0, 1.0)
 # largest error of the interpolant, relative to the smallest value seen
 LARGEST_INTERPOLANT_ERROR = 0.25
-MOST_GRID = 20_000  # nodes in all
 # ratio of the ends of a number above which it is divided at their geometric mean
 LOGARITHMIC_FROM = 3.0
 # logarithm of the factor by which each further number increases the error of an interpolant
 LOG_LEBESGUE = 0.7
 SHORTENED_BY = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
-HALVES = 9  # halvings of an interpolant, for each number
 MOST_PIECES = 4096
-LOG_STEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
 
 Box = np.ndarray
 """Low and high ends of some numbers, `(2, numbers)`."""
@@ -209,9 +206,10 @@ class _BoxProof:
         needed = np.log(4 / (NUMBER_ELLIPSE - 1) * far / allowed).max(1, initial=0.0)
         counts = np.ceil(1 + (needed + LOG_LEBESGUE * wide.size) / np.log(NUMBER_ELLIPSE))
         counts = np.clip(counts, LEAST_NODES, np.inf)
-        if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
+        if not (counts <= MOST_NODES).all() or counts.prod() > 20_000:  # nodes in all
             # Divide along the number along which the sizes on the other ellipses change most.
-            steep = np.isfinite(counts).all() and steps.max() > LOG_STEP
+            # A larger change of the logarithm from one coarse place to the next is steep.
+            steep = np.isfinite(counts).all() and steps.max() > 0.3
             return self._none, piece.divided(steps if steep else counts)
         return self._within(piece, [nodes(int(count)) for count in counts], scale, far)
 
@@ -352,7 +350,7 @@ def _positive(values, noise):
     low = np.full((1, dimensions), -1.0)
     high = np.full((1, dimensions), 1.0)
     over = tuple(range(1, dimensions + 1))
-    for _ in range(HALVES * dimensions):
+    for _ in range(9 * dimensions):  # halvings of an interpolant, for each number
         open_ = pieces.min(over) <= noise + rounding
         pieces = pieces[open_]
         low = low[open_]

@@ -32,24 +32,17 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows
 
 LONG_LINES = 24  # states of delay lines, from which on this costs less than eigenvalues
-FIRST_TURN = 1.0  # rad by which the longest line turns over an arc at first
-SPLITS = 12  # times that a box is halved before Newton's method looks for a crossing in it
-NEXT_SIZES = 4  # sizes of a box to the crossing next to it, at most
-STEPS_TO_CROSSING = 8  # towards that crossing
 CONVERGED_STEP = 1e-9  # of the last step, in parts of a panel
 BESIDE_CROSSING = 1e-7  # next to a crossing, in parts of a panel, where S is not singular
-MOST_TERMS_OF_SUM = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
 WANTED_WEIGHTS = 0.93  # of weights, what is wanted to be left of them
 SHRUNK_WEIGHTS = 0.95  # and what is left of them at most: room for rounding between the two
 # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
 SUM_ROUNDING = 256 * EPS
-LINE_ENTRIES_AT_ONCE = 2**19  # of what delay lines show, at a time
 LINKED = 0.75 * SUM_ROUNDING  # of a link of a delay line, which is 1
 # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one
 # crosses
 LARGER_CIRCLE = 1e-7
-COUNTED_AT = (0.5, 0.37, 0.71, 0.13, 0.91)  # of a stretch, where eigenvalues are counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +138,8 @@ class ReducedEquation:
     @property
     def portion(self) -> int:
         """Points at a time."""
-        return max(1, LINE_ENTRIES_AT_ONCE // (self.series.constant.shape[1] + self.n**2))
+        # Of what delay lines show, at a time.
+        return max(1, 2**19 // (self.series.constant.shape[1] + self.n**2))
 
     def split(self, flat):
         """A, and the entries of B and of C in each term, of rows of entries."""
@@ -256,11 +250,12 @@ class ReducedEquation:
     def crossings(self, boxes: _Boxes) -> _Crossings:
         """The crossings to which Newton's method leads from boxes next to them."""
         step = self.newton_step(boxes.panel, boxes.x, boxes.theta)
-        boxes = boxes.take((np.abs(step) <= NEXT_SIZES * np.stack([boxes.arc, boxes.wide])).all(0))
+        # Sizes of a box to the crossing next to it, at most.
+        boxes = boxes.take((np.abs(step) <= 4 * np.stack([boxes.arc, boxes.wide])).all(0))
         panel = boxes.panel
         x = boxes.x
         theta = boxes.theta
-        for _ in range(STEPS_TO_CROSSING):
+        for _ in range(8):  # steps towards that crossing
             step = self.newton_step(panel, x, theta)
             theta = theta + step[0]
             x = np.clip(x + step[1], -1, 1)
@@ -351,13 +346,14 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
     if not _same_lines(panels, lines):
         return None
     equation = ReducedEquation(panels, lines)
-    if equation.lag.size > MOST_TERMS_OF_SUM:
+    if equation.lag.size > 1000:  # terms of S
         return None
     pad = 4 * EPS * np.abs(span).max() / panels.half
     low = (panels.low - panels.middle) / panels.half - pad
     high = (panels.high - panels.middle) / panels.half + pad
     boxes = _around_circle(equation, np.arange(panels.low.size), low, high)
-    boxes = _left_open(equation, boxes, SPLITS)
+    # Halvings of a box before Newton's method looks for a crossing in it.
+    boxes = _left_open(equation, boxes, 12)
     if boxes is None:
         return None
     windows = _windows(panels, equation.crossings(boxes), span, slack)
@@ -388,7 +384,8 @@ def _same_lines(panels, lines):
 
 def _around_circle(equation, panel, low, high):
     """Boxes of parts of panels, with arcs of the upper half of the circle each."""
-    count = int(np.ceil(np.pi * equation.longest / (2 * FIRST_TURN)))
+    # Over an arc the longest line turns by one rad either way at first.
+    count = int(np.ceil(np.pi * equation.longest / 2))
     many = panel.size * count
     arcs = np.pi * np.arange(1, 2 * count, 2) / (2 * count)
     x = np.repeat((low + high) / 2, count)
@@ -490,7 +487,7 @@ def _counted(stretches, errors):
     far as a count is clear."""
     column, low, high = stretches
     outside = np.full(column.size, -1)
-    for share in COUNTED_AT:
+    for share in (0.5, 0.37, 0.71, 0.13, 0.91):  # of a stretch, where eigenvalues are counted
         at = np.flatnonzero(outside < 0)
         if not at.size:
             break

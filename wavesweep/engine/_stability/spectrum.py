@@ -15,7 +15,6 @@ CIRCLE_ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenv
 # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 BACKWARD = 16
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
-MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
 # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
 HIDING_ENTRY = 1e3
 BOUNDED_STATES = 100  # states, from which on a bound on a singular value stands for it
@@ -438,7 +437,8 @@ def _count_outside(E):
         order = np.argsort(distance[near], axis=-1)
         closest = np.take_along_axis(delta[near], order, axis=-1)
         far = np.take_along_axis(distance[near] >= NEIGHBOURHOOD, order, axis=-1)
-        far[:, :MEETING] = False
+        # Of the nearest ones four are examined, and all others in the neighbourhood.
+        far[:, :4] = False
         most = (~far).sum(-1).max()
         far = far[:, :most]
         balanced, units = balance(E[near])

@@ -23,7 +23,6 @@ from wavesweep.engine.doubts import Doubt
 # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof
 # needs
 MOST_POLYNOMIAL_STATES = 64
-FEW_WITHOUT_ARCS = 8  # states, up to which coefficients have the digits for all that arcs prove
 ROUGH_FRAME = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
@@ -170,7 +169,7 @@ def _methods(order: int) -> list:
     """The methods for loops of so many states, in their order."""
     if order > MOST_POLYNOMIAL_STATES:
         return [_by_arcs]
-    if order > FEW_WITHOUT_ARCS:
+    if order > 8:  # up to 8 states coefficients have the digits for all that arcs prove
         return [_by_polynomial, _by_polynomial_alone, _by_arcs]
     return [_by_polynomial, _by_polynomial_alone]
 
