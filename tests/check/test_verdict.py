@@ -9,6 +9,7 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.check import room_of_numbers as judging
 from wavesweep.check.verdict import verdict_lines
+from wavesweep.program.analyses.claims import own_scope
 from wavesweep.program.spec import SYMBOLS, load
 
 ROOT = Path(__file__).parents[2]
@@ -246,3 +247,14 @@ def test_a_dead_time_of_zero_is_searched_up_to_the_tick_in_which_stability_ends(
     limit = judging._limit(spec, "L", "numbers.L", judging.searched(spec, "L", "numbers.L"))
     assert limit["certified"]
     assert (limit["high"], limit["to"]) == pytest.approx((0.007, 0.008), rel=1e-9)
+
+
+@pytest.mark.asks("simulation")
+@pytest.mark.parametrize(("effect", "size", "word"), [("friction", 0.3, "friction"), ("resolution", 1e-4, "encoder")])
+def test_what_a_simulation_adds_and_the_answers_leave_out_is_said(effect, size, word):
+    plain = {"controller": {"kind": "dc"}, "simulate": {"friction": 0.0, "resolution": 0.0}}
+    loops = [wavesweep.compile(plain), wavesweep.compile(plain | {"simulate": plain["simulate"] | {effect: size}})]
+    one, other = (loop.simulate(np.ones(50))["x"].to_numpy() for loop in loops)
+    assert abs(one - other).max() > 1e-3 * abs(one).max()
+    assert len({float(loop.spectral_radius()) for loop in loops}) == 1
+    assert word in own_scope(loops[1].spec).walls_in_words()

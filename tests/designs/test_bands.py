@@ -33,8 +33,8 @@ def wished(ratio, gain, every=1, **wish):
     return evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.d": np.array([DAMPING])}, 100.0)
 
 
-def impedance(ratio, gain):
-    """The force over the position that it moves at many frequencies up to 10 Hz, the finer the nearer to a resonance.
+def impedance(ratio, gain, band=(0.1, 10.0)):
+    """The force over the position that it moves at many frequencies of a band (Hz), the finer the nearer to a resonance.
 
     The force is held over a tick. Resonances are the zeros of the position.
     """
@@ -46,12 +46,13 @@ def impedance(ratio, gain):
     zeros = eigvals(np.block([[A, B], [C, np.zeros((1, 1))]]), np.diag([1.0, 1, 1, 1, 0]))
     with np.errstate(divide="ignore", invalid="ignore"):
         zeros = np.log(zeros.astype(complex)) * 1e3
-    omega = [2 * np.pi * np.geomspace(0.1, 10, 2000)]
+    lowest, highest = 2 * np.pi * np.array(band)
+    omega = [np.geomspace(lowest, highest, 2000)]
     for zero in zeros[np.isfinite(zeros) & (zeros.imag > 1)]:
         away = -zero.real * np.geomspace(1e-2, 1e3, 100)
         omega.append(zero.imag + np.concatenate([-away, [0.0], away]))
     omega = np.concatenate(omega)
-    z = np.exp(1j * omega[(omega > 0.2 * np.pi) & (omega < 20 * np.pi)] * 1e-3)
+    z = np.exp(1j * omega[(omega >= lowest) & (omega <= highest)] * 1e-3)
     return 1 / (C @ np.linalg.solve(z[:, None, None] * np.eye(4) - A, B))[:, 0, 0]
 
 
@@ -60,6 +61,15 @@ def test_free_motion_is_that_at_a_resonance_which_hardly_decays(ratio, gain):
     found = wished(ratio, gain, free_motion={"at_most": 1000})["free_motion"]
     assert found.certified[0]
     assert found.value[0] == pytest.approx(np.abs(impedance(ratio, gain)).max(), rel=1e-4)
+
+
+@pytest.mark.parametrize("band", [(3.3, 6.0), (1.0, 3.0)])
+def test_free_motion_is_that_of_its_own_band(band):
+    """Above the resonance it is largest at the low end of the band, and below it at the high end."""
+    found = wished(1e-3, 10.0, free_motion={"at_most": 1000, "band_hz": [*band]})["free_motion"]
+    assert found.certified[0]
+    sizes = np.abs(impedance(1e-3, 10.0, band))
+    assert found.value[0] == pytest.approx(sizes.max(), rel=1e-4)
 
 
 def test_over_a_band_unstable_designs_alone_have_no_value():

@@ -17,9 +17,10 @@ from wavesweep.for_all import ranges as ranges_module
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames
-from wavesweep.for_all.on_check import facts
+from wavesweep.for_all.on_check import facts, lines
 from wavesweep.for_all.rows import ForAllGuarantee
 from wavesweep.for_all.varying import Rules
+from wavesweep.program.row_kinds import OPEN_BETWEEN
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 from wavesweep.program.tables.interval_table import intervals
@@ -102,6 +103,19 @@ def test_proofs_integrate_over_what_the_spec_says(step):
     varied = {"rates.ratio": {"values": [16, 20], "varying": True}}
     tables = FIG4 | {"environment": FIG4["environment"] | {"step": step}, "for_all": varied}
     assert Rules.of(load(tables)).elapsed == (step == "elapsed")
+
+
+def test_numbers_in_sentences_are_those_that_count():
+    """By which share an end is open, and which damping suffices: never less than what is proved."""
+    share = float(re.search(r"more than (\S+) %", OPEN_BETWEEN)[1]) / 100
+    assert for_all_module.is_near(1.0, 1 - 0.999 * share)
+    assert not for_all_module.is_near(1.0, 1 - 1.001 * share)
+    spec = load(FIG4 | {"for_all": {"rates.ratio": {"values": [16, 20], "varying": True}}})
+    for needed in (1.23456, 0.07, 12.3451):
+        found = {"needed": needed, "refuted": needed, "device": 20.0, "by": ""}
+        (said,) = (line for _, line in lines(spec, {"for_all": True, "every_hand": found}))
+        printed = float(re.search(r"(\S+) N\*s/m of damping suffice", said)[1])
+        assert needed <= printed <= needed * (1 + 1e-3)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep import results
 from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope
 from wavesweep.program.cli import main
 from wavesweep.program.number_words import rounded_down, rounded_up
@@ -120,6 +121,21 @@ def test_the_commands_of_a_report_give_its_tables_and_the_report(axis, tmp_path,
     assert len(hashes) == 3
     assert {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in hashes} == hashes
     assert Path("results/axis/report.html").read_text(encoding="utf-8") == page
+
+
+def test_a_report_tells_of_the_rows_that_verify_does_not_prove_again(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    sweep = {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}
+    of_all = {"J": {"start": 0.005, "stop": 0.006}}
+    Path("box.toml").write_text(as_toml(PD | {"sweep": sweep, "for_all": of_all}), encoding="utf-8")
+    assert main(["stability-region", "box.toml", "--no-plot", "--out", "found", "--quiet"]) == 0
+    table = results.read(Path("found/stability-region.csv"))
+    others = int((table["certified"] & (table["guarantee"] == "for_all")).sum())
+    capsys.readouterr()
+    assert main(["verify", "found", "--prove", "1"]) == 0
+    left, what = re.search(r"(\d+) (of more than one loop) not proved again", capsys.readouterr().out).groups()
+    assert int(left) == others > 0
+    assert f"rows {what.replace('of', 'for')} are not proved again" in content.SAME
 
 
 @pytest.mark.slow
