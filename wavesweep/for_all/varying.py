@@ -53,12 +53,11 @@ from wavesweep.for_all.patterns import Word, growing_of, is_refuted, short_words
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
+from wavesweep.for_all.worst import FROM_ZERO, LoopsOver, Refuted, bracket_over, decide_over
 from wavesweep.for_all.worst import OPERATIONS_OF_PROOFS as WORK_OVER
-from wavesweep.for_all.worst import LoopsOver, Refuted, bracket_over, decide_over
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
-RANGES_FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
 # what a proof has reached, which a command shows
@@ -305,12 +304,10 @@ def bracketed_over(
     start of a proof is found."""
     loops = _over(rules, values, along, ranges, span)
     low, high = about
-    zero = loops.sides[0].zero
-    least = zero + RANGES_FROM_ZERO * (high - zero)
     report = partial(PROOF_LOGGER.info, SO_FAR, rules.said + name_of(along))
     for share in STARTS:
         start = low + share * (high - low)
-        found = bracket_over(loops, start, span, least, rules.work, rules.begins, report)
+        found = bracket_over(loops, start, span, rules.work, rules.begins, report)
         if np.isfinite(found.low):
             below = _end(loops, found.below)
             above = _end(loops, found.above)
@@ -343,7 +340,7 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     whole = box
     if along:
         zero = min(0.0, span[0])
-        low = max(span[0], zero + RANGES_FROM_ZERO * (span[1] - zero))
+        low = max(span[0], zero + FROM_ZERO * (span[1] - zero))
         sides = [Side(along, zero), *sides]
         whole = np.column_stack([[low, span[1]], box])
     whole = as_sides(whole, sides)

@@ -29,6 +29,7 @@ from wavesweep.for_all.sides import INWARD, LeftOpen, as_numbers, as_sides, left
 # distance of proof and refutation that is aimed at, relative to the refuted number
 BRACKET_TOLERANCE = 0.01
 TOLERANCE_SHARE = 0.8  # of the tolerance, how far from the refuted number the proof ends
+FROM_ZERO = 1e-3  # of what is refuted, from which on is proved what begins at 0
 POINTS_LOOKED_AT = 3  # points of a climb at which all words are searched
 # relative: frames, or growths, that differ by less have the same words that grow first
 SAME_FRAMES = 1e-3
@@ -104,7 +105,6 @@ def bracket_over(
     loops: LoopsOver,
     start: float,
     limits: tuple[float, float],
-    least: float,
     work: float = OPERATIONS_OF_PROOFS,
     begins: float = 0.0,
     report: Report | None = None,
@@ -112,18 +112,19 @@ def bracket_over(
     """Return the numbers around a start, within limits, at which all loops of the box decay in
     every order of frames.
 
-    least: the lowest number that the proof aims at. work: operations of the proofs. begins: share
-    of the highest number that is proved, below which it does not go either. report: is called with
+    work: operations of the proofs. begins: share of the highest number that is proved, below which it
+    does not go, nor below FROM_ZERO of what is refuted. report: is called with
     the lowest and the highest number that are proved so far, and the percentage of the way up or
     down at which the proof is.
     """
-    limits = max(limits[0], least), limits[1]
+    first = loops.sides[0]
     above = _worst(loops, start, limits[1])
+    reached = above.x if above.word else limits[1]
+    limits = max(limits[0], first.zero + FROM_ZERO * (reached - first.zero)), limits[1]
     below = Refuted()
     if (loops.growth.of(np.insert(loops.starts, 0, limits[0], axis=1)) >= 1).any():
         below = _worst(loops, start, limits[0])
     follows = loops.follows
-    first = loops.sides[0]
     rounds = 3  # rounds of the search for refutations, after the proof has met one
     spent = 0.0
     open_ = None

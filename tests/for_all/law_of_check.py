@@ -1,0 +1,99 @@
+"""Whether the rows of random sets of loops and `check` of single values agree: `python -m tests.for_all.law_of_check 300`."""
+
+import sys
+
+import numpy as np
+
+from wavesweep.capabilities import offered
+from wavesweep.contact.verdict import of_wall
+from wavesweep.for_all.rows import verdict
+from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
+
+KINDS = ("list", "range", "box", "frames", "delays", "both", "lost", "contact", "contact of a list", "contact in frames")
+PLACES = (1.01e-3, 0.02, 0.2, 0.5, 0.8, 0.95, 0.985, 1.001, 1.02, 1.3)  # of what nothing refutes
+
+
+def random_set(seed):
+    """A spec with [for_all] of each kind in turn."""
+    rng = np.random.default_rng(seed)
+    kind = KINDS[seed % len(KINDS)]
+    ratio = int(rng.choice([4, 10, 20]))
+    spec = {
+        "controller": {"kind": "dc-slow" if kind == "contact in frames" else str(rng.choice(["pmw", "dc-slow"])), "b": 12.0},
+        "rates": {"ratio": ratio},
+        "environment": {
+            "integration": "explicit",
+            "delay": int(rng.integers(0, ratio + 1)),
+            "B_VE": float(rng.choice([0.5, 1, 2])),
+        },
+        "device": {"velocity": "difference", "mass": float(rng.uniform(0.07, 0.2)), "damping": float(rng.uniform(0.8, 2))},
+        "sweep": {"K_VE": {"start": 0, "stop": 20000}},
+    }
+    mass = {"start": 0.07, "stop": 0.07 * float(rng.uniform(1.1, 2.5))}
+    frames = {"values": sorted({ratio, ratio + int(rng.integers(1, 4)), 2 * ratio}), "varying": True}
+    rules = {
+        "list": {"device.mass": [0.08, 0.11, 0.15]},
+        "range": {"device.mass": mass},
+        "box": {"device.mass": mass, "operator.stiffness": {"start": 0, "stop": 300}},
+        "frames": {"rates.ratio": frames},
+        "delays": {"environment.delay": {"values": [0, ratio // 2, ratio], "varying": True}},
+        "both": {"rates.ratio": frames, "device.mass": mass},
+        "lost": {"lost": int(rng.integers(1, 3))},
+        "contact": {"contact": True},
+        "contact of a list": {"contact": True, "device.mass": [0.08, 0.15]},
+        "contact in frames": {"contact": True, "rates.ratio": frames},
+    }
+    return spec, rules[kind]
+
+
+def answer(spec, *, contact):
+    """What `check` says of the spec's own wall."""
+    if contact:
+        rules = offered("switched").Rules.of(spec) if spec.for_all else None
+        return of_wall(spec, rules)["verdict"]
+    return verdict(spec)["verdict"]
+
+
+def broken(seed):
+    """The values at which row and `check` differ, in words, and how many were asked."""
+    tables, rules = random_set(seed)
+    spec = load(tables | {"for_all": rules})
+    contact = bool(rules.get("contact"))
+    columns = intervals(spec, jobs=1).columns
+    rows = np.flatnonzero(columns["guarantee"] == ("contact" if contact else "for_all"))
+    row = {name: column[rows[0]] for name, column in columns.items()}
+    end = row["fails_from"] if row["fails_from"] > 0 else 20000.0
+    faults = []
+    for place in PLACES:
+        x = place * float(end)
+        if x > tables["sweep"]["K_VE"]["stop"]:
+            continue
+        said = answer(load(tables | {"for_all": rules}, [f"environment.K_VE={x!r}"]), contact=contact)
+        within = bool((columns["low"][rows] <= x).any() and ((columns["low"][rows] <= x) & (x <= columns["high"][rows])).any())
+        if said == "proved" and not within and place <= 0.99 and not row["left_open"]:
+            faults.append(f"{x:.6g} ({place} of {end:.6g}) is proved by check, and in no row")
+        if within and said != "proved":
+            faults.append(f"{x:.6g} ({place} of {end:.6g}) is in a row, and {said} by check")
+        if said == "proved" and not row["intervals"] and row["certified"]:
+            faults.append(f"{x:.6g} is proved by check where no value is said to be stable")
+    return faults, len(PLACES)
+
+
+def main():
+    """Print the faults of so many sets; 1 if there are any."""
+    count = int(sys.argv[1])
+    asked = 0
+    wrong = 0
+    for seed in range(count):
+        faults, places = broken(seed)
+        asked += places
+        wrong += bool(faults)
+        for fault in faults:
+            print(f"{seed} ({KINDS[seed % len(KINDS)]}): {fault}", flush=True)
+    print(f"{count} sets, {asked} values: {wrong} sets with faults")
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
