@@ -290,10 +290,9 @@ class _Ranges:
         """Whether all values of a piece are proved not to be passive, by what takes energy
         there."""
         covered = cover_of(self.loop, self.path)(
-            # Values of the number that the proof of a piece of a gap may take.
             way.witness(low, high),
             [[low], [high]],
-            300,
+            300,  # values of the number, at most
         )
         return covered is not None and not len(covered.open)
 
