@@ -55,6 +55,7 @@ def hold_spec(seed, others=OTHERS):
     assert len(lines[0]) <= WIDEST, lines[0]
     hold_verdict(case, verdict, lines[0])
     said = unfolded(lines[: lines.index("next:")] if "next:" in lines else lines)
+    said = [*unfolded(said[:2], "    "), *said[2:]]  # the verdict has the rest of a line at another indent
     for line in said:
         if re.search(r"\d", line):
             hold(run, line)
