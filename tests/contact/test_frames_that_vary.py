@@ -270,5 +270,5 @@ def test_a_row_goes_down_in_pieces_as_small_as_its_proofs_are():
     delays = {"values": [1, 2], "varying": True}
     tables["for_all"] = {"contact": True, "rates.ratio": frames, "environment.delay": delays}
     (row,) = rows_of(tables)
-    assert 138 < row["high"] < 141.08 < row["fails_from"]
+    assert 138 < row["high"] < 141.05 < row["fails_from"] < 145
     assert row["low"] <= 1e-3 * row["high"]
