@@ -52,7 +52,7 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if mark := item.get_closest_marker("sample"):
             sampled.setdefault(item.nodeid.partition("[")[0], (mark.args[0], []))[1].append(item)
-        if SLOW.intersection(item.fixturenames) or item.get_closest_marker("thorough"):
+        if SLOW.intersection(item.fixturenames):
             item.add_marker("slow")
         gone = {name for mark in item.iter_markers("asks") for name in mark.args} - THERE
         if gone or (MISSING and item.get_closest_marker("whole")):
