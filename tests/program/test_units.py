@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.identification.log import read_log
 from wavesweep.program.reading.units import column_named, converted, unit_in, unit_of
 from wavesweep.program.spec import load
 
@@ -93,7 +92,10 @@ def test_what_cannot_be_converted_is_refused_with_what_is_expected():
     assert converted(3.0, ("tq", "N-m"), "log.csv", "torque", {}, "N*m") == (3.0, "")
 
 
+@pytest.mark.asks("identification")
 def test_a_log_in_turns_a_minute_is_the_log_in_radians(tmp_path):
+    from wavesweep.identification.log import read_log
+
     rows = [(at / 1000, math.sin(at), math.cos(at)) for at in range(60)]
     for header, columns in (("time,torque,RPM", {"speed": "RPM"}), ("Time (s),Torque (N-m),Speed (r/min)", {})):
         path = tmp_path / "log.csv"
