@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.sets import Side
+from wavesweep.engine.sets import Side, UnresolvedError
 from wavesweep.for_all import ranges
-from wavesweep.for_all.frames_over import constant_frames
+from wavesweep.for_all.frames_over import FramesOver, constant_frames
 from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -22,6 +22,16 @@ BOX = np.array([[0.1, 50.0], [0.4, 200.0]])
 
 def frames_of_spring(order=8):
     return constant_frames(own_loop(load(SPRING)), SIDES, BOX, order)
+
+
+def test_a_frame_without_a_bound_is_divided_along_the_side_that_it_is_due_to(monkeypatch):
+    """The mass, although the side of the stiffness is 600 times as wide in its unit: a gain leaves nothing out."""
+
+    def no_bound(*_):
+        raise UnresolvedError(np.ones(1, bool), -1)
+
+    monkeypatch.setattr(FramesOver, "_frames", no_bound)
+    assert frames_of_spring().over(np.array([[[0.14, 55.0], [0.36, 195.0]]])) == [0]
 
 
 def test_cells_that_are_enclosed_together_are_what_each_of_them_is_alone():
