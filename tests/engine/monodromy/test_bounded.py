@@ -171,3 +171,12 @@ def test_blocks_are_as_high_and_wide_as_their_neighbours():
 def test_a_rounding_for_each_term():
     assert sum_rounding(1) >= EPS / 2
     assert sum_rounding(1000) >= 500 * EPS
+
+
+def test_an_infinite_bound_stays_unknown_without_a_warning():
+    """Times zero it is NaN, which is below no limit."""
+    unknown = Bounded(np.ones((3, 3)), np.full((3, 3), np.inf))
+    for right in (np.eye(3), np.ones((3, 3))):
+        assert not (unknown @ right).error.min() < np.inf
+        assert not Bounded.exact(right - np.eye(3)).then(unknown).error.min() < np.inf
+        assert not unknown.then(Bounded.exact(-right)).error.min() < np.inf

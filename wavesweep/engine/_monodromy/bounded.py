@@ -97,6 +97,7 @@ class Bounded(NamedTuple):
         """The product entry by entry; an array is exact."""
         return self._times(np.multiply, other, 1)
 
+    @np.errstate(invalid="ignore")  # infinite bounds, by which some BLAS multiply zeros
     def _times(self, times, other, terms):
         """With A within dA of a, and B within dB of b, `A B - a b = (A - a) B + a (B - b)` is at
         most
@@ -177,6 +178,7 @@ class Bounded(NamedTuple):
         error = (error + _neumann(off, error, size)) * (1 + EPS)
         return Bounded(X * column.mT, error * column.mT)
 
+    @np.errstate(invalid="ignore")  # as `_times`
     def then(self, later: Bounded) -> Bounded:
         """Return `(I + later)(I + self) - I`, the change by two in a row, from both changes.
 
