@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 
 import wavesweep
 from wavesweep.engine._drawing import delays_in_series
@@ -22,6 +23,7 @@ MASS = {"type": "mass", "mass": 0.2, "damping": 2.0}
 SPRUNG = {"type": "mass", "mass": 0.3, "damping": 2.0, "stiffness": 40.0}
 SUM = {"type": "tf", "num": [1.0], "den": [1.0, -1.0], "discrete": True}
 LOW_PASS = {"type": "butterworth", "order": 3, "cutoff_hz": 30.0}
+HOLD = {"type": "hold", "every": 6}
 FORCE = {"mass.f": "-K*d.y"}
 
 
@@ -35,6 +37,37 @@ def test_a_sum_behind_a_delay_is_stable_as_levin_and_may_say(steps):
     np.testing.assert_allclose(table.high, 2 * np.sin(np.pi / (2 * (2 * steps + 1))), rtol=1e-13)
 
 
+def edge_behind_ticks(ticks, hold, rate):
+    """The end of K of `x' = -K x` behind so many ticks and a hold of `hold` ticks, ticks = q hold + r:
+
+    (z - 1) z^(q+1) + K T ((hold - r) z + r) = 0, of which K is real first where the angles add up to half a turn.
+    """
+    q, r = divmod(ticks, hold)
+
+    def over(theta):
+        return (np.pi + theta) / 2 + (q + 1) * theta - np.angle((hold - r) * np.exp(1j * theta) + r) - np.pi
+
+    theta = scipy.optimize.brentq(over, 0, np.pi / (2 * q + 1), xtol=1e-16, rtol=1e-15)
+    return rate * 2 * np.sin(theta / 2) / abs((hold - r) * np.exp(1j * theta) + r)
+
+
+@pytest.mark.parametrize(("ticks", "hold"), [(100, 3), (401, 2), (997, 7)])
+def test_a_delay_beside_a_slower_hold_is_of_that_hold(ticks, hold):
+    """Before it, behind it, and on both sides of it, each with a phase of its own; certified from 0 on."""
+    wires = [{"d.u": "x.y", "h.u": "d.y", "x.u": "-K*h.y"}, {"h.u": "x.y", "d.u": "h.y", "x.u": "-K*d.y"}]
+    wires.append({"d.u": "x.y", "h.u": "d.y", "e.u": "h.y", "x.u": "-K*e.y"})
+    for way in wires:
+        split = 31 if "e.u" in way else 0
+        blocks = {"x": {"type": "tf", "num": [1.0], "den": [1.0, 0.0]}, "d": delay(ticks - split)}
+        blocks["h"] = {"type": "hold", "every": hold, "phase": 1}
+        if split:
+            blocks["e"] = delay(split)
+        table = wavesweep.compile(drawn(blocks, way)).stable_intervals("K", (0, 100))
+        assert table.certified.all()
+        assert table.low.tolist() == [0.0]
+        np.testing.assert_allclose(table.high, edge_behind_ticks(ticks, hold, 1000), rtol=1e-11)
+
+
 IN_SERIES = {
     "behind a mass": drawn({"mass": MASS, "d": delay(45)}, {"d.u": "mass.x", **FORCE}),
     "before a mass": drawn({"mass": SPRUNG, "d": delay(30)}, {"d.u": "K*mass.v + K*mass.x", "mass.f": "-d.y"}),
@@ -43,6 +76,10 @@ IN_SERIES = {
     ),
     "before a hold": drawn(
         {"mass": MASS, "d": delay(130), "h": {"type": "hold", "every": 4}}, {"d.u": "mass.x", "h.u": "d.y", "mass.f": "-K*h.y"}
+    ),
+    "in uneven phases": drawn(
+        {"mass": SPRUNG, "h": HOLD | {"every": 2, "phase": 1}, "d": delay(300), "e": delay(9, every=3, phase=2), "s": HOLD},
+        {"h.u": "mass.x", "d.u": "h.y", "e.u": "d.y", "s.u": "e.y", "mass.f": "-K*s.y"},
     ),
     "in slower ticks": drawn(
         {"mass": SPRUNG, "f": LOW_PASS, "h": {"type": "hold", "every": 6}, "d": delay(48, every=3)},
@@ -119,8 +156,8 @@ def frames_taken(tables, number="K"):
 
 
 def test_whole_frames_are_taken_where_every_way_passes_the_delay_once():
-    """Of a delay of 130 ticks in frames of 4, 32; none where a way leads past it, or back to it without the number."""
-    assert frames_taken(IN_SERIES["before a hold"]) == 32
+    """Of a delay of 130 ticks in frames of 4, 31; none where a way leads past it, or back to it without the number."""
+    assert frames_taken(IN_SERIES["before a hold"]) == 31
     assert frames_taken(IN_SERIES["in slower ticks"]) == 23
     assert frames_taken(IN_SERIES["two"]) == 24 + 8
     late = {"mass": MASS, "d": delay(90)}

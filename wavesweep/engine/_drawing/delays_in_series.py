@@ -1,5 +1,9 @@
 """Delays in series with a number: whole frames of them are z^-d on the circle, and no states.
 
+Of a delay whose readers all run at every n-th tick, or whose input changes at every n-th tick, one
+value in n counts. d = q n + r ticks of it are then r ticks of another phase, and q runs at every n-th
+tick: fewer states, and a number beside it acts once in n ticks.
+
 The ticks of a loop repeat after a frame, so what comes a frame later has the same effects, a frame
 later. Let every way from the product of a number to what the number multiplies pass a delay once.
 Then to take d whole frames from the delay multiplies that loop's response, from the product to what
@@ -11,10 +15,12 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import lcm
+from typing import NamedTuple
 
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import Drawing, scalars
+from wavesweep.engine._drawing.drawn_block import DrawnBlock
 from wavesweep.engine._drawing.expressions import ONE, Tree
 
 # frames, up to which the states of a delay take less time than a factor on the circle
@@ -34,6 +40,7 @@ def without_whole_frames(
     known = scalars(values)
     if sum(_steps(drawing, known).values()) <= FEW_FRAMES and not drawing.dead_times:
         return drawing, values, 0
+    drawing = _in_slower_ticks(drawing, known)
     ways = _Ways.without(drawing, known, numbers)
     every = {block.name: int(block.every.values(known)) for block in drawing.blocks}
     runs = {block.name: max(1, len(block.phases)) for block in drawing.blocks}
@@ -57,6 +64,53 @@ def without_whole_frames(
     if frames <= FEW_FRAMES:
         return drawing, values, 0
     return _with_keys(drawing, keys), {**values, **ticks}, frames
+
+
+class _Clock(NamedTuple):
+    """When a block runs: in the ticks `phase + every*j`."""
+
+    every: int
+    phase: int
+
+    @staticmethod
+    def of(block: DrawnBlock, known: Mapping[str, object]) -> "_Clock | None":
+        """The clock of a block, None if it runs at uneven ticks; known: numbers by name."""
+        every = int(block.every.values(known))
+        phases = block.phases or (int(block.phase.values(known)),)
+        return _Clock(every, phases[0] % every) if len(phases) == 1 else None
+
+
+def _in_slower_ticks(drawing, known):
+    """The drawing with delays at the ticks that count of them, see the heading."""
+    blocks = {block.name: block for block in drawing.blocks}
+    sources = defaultdict(set)
+    readers = defaultdict(set)
+    for port, terms in (*drawing.wires, *drawing.couplings):
+        for signal, _ in terms:
+            if _block_of(signal) in blocks:  # and no signal from outside
+                sources[_block_of(port)].add(_block_of(signal))
+                readers[_block_of(signal)].add(_block_of(port))
+    steps = _steps(drawing, known)
+    pending = list(steps)
+    while pending:
+        name = pending.pop()
+        own = _Clock.of(blocks[name], known)
+        for others, sign in ((readers[name], -1), (sources[name], 1)):
+            clocks = {_Clock.of(blocks[other], known) for other in others}
+            clock = clocks.pop() if len(clocks) == 1 else None
+            if not own or not clock or clock.every == own.every or clock.every % own.every:
+                continue
+            wait = sign * (own.phase - clock.phase) % own.every
+            runs, rest = divmod(wait + steps[name] * own.every, clock.every)
+            if not runs:
+                continue
+            steps[name] = runs
+            own = _Clock(clock.every, (clock.phase + sign * rest) % clock.every)
+            every, phase = (Tree.number(float(number)) for number in own)
+            keys = (("steps", Tree.number(float(runs))),)
+            blocks[name] = replace(blocks[name], keys=keys, every=every, phase=phase, phases=())
+            pending += (readers[name] | sources[name]) & steps.keys()
+    return replace(drawing, blocks=tuple(blocks.values()))
 
 
 def _whole_frames(steps, in_a_frame):

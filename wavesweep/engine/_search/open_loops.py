@@ -91,8 +91,8 @@ def open_loops(
     if not drawing.scalar_place(number):
         return None
     late = 0
+    whole = loops
     if shortened:
-        whole = loops
         *shorter, late = without_whole_frames(
             drawing, loops.values, *filter(None, (number, second))
         )
@@ -115,7 +115,7 @@ def open_loops(
         return None
     drawn = loops.drawn(number, second)
     port = find_port(drawn, drawing, (number, second), read) if find_port else None
-    if port and late:
+    if port and drawing != whole.drawing:
         return open_loops(whole, number, second, find_port=find_port, per_loop=per_loop)
     shown = (port.force, (port.reaction,)) if port else ("", ())
     with drawn.naming_blocks(), np.errstate(all="ignore"):
