@@ -113,9 +113,9 @@ def check(
     list(asked("on_check", "refuse", loaded))
     figures = _pictures(loaded) if plot else []
     places = _places(figures, out, loaded, overrides)
-    with progress(verbosity().quiet, "at work on the verdict") as report:
-        judged = _judged(loaded, run, overrides, whole, report)
-        files = [str(path) for path in _drawn(loaded, places)]
+    judged = _judged(loaded, run, overrides, whole, progress("at work on the verdict"))
+    progress("summing up")
+    files = [str(path) for path in _drawn(loaded, places)]
     if verbosity().as_json:
         _show_json(loaded, judged, files)
     if not _is_silent():  # some lines are computed as they are shown

@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, is_given, override, overwriting
 
 _TITLE = b": wavesweep explore</title>"  # of each page
@@ -81,6 +80,7 @@ def explore(
         return
     from wavesweep.explore.explorer_page import Page
     from wavesweep.explore.server import Server
+    from wavesweep.program.cli.messages import progress
 
     page = Page(loaded)
     try:
@@ -89,6 +89,7 @@ def explore(
         raise UsageError(
             f"--port {port}: {error.strerror}; expected a free port, or none for any"
         ) from error
+    progress(None)
     click.echo(f"{server.address} (Ctrl-C or closing the page ends it)", err=True)
     if browser and _has_screen():
         import threading
@@ -118,7 +119,6 @@ def _save(spec, target: Path, overwrite: bool) -> None:
     # A run that was killed may have put this very page in place, which is seen once it is computed.
     if target.exists() and not overwrite and _TITLE not in target.read_bytes():
         raise UsageError(f"{target}: the file exists; expected {expected}")
-    with progress(verbosity().quiet, less="fewer values in [sweep] take less") as report:
-        text = saved_page(spec, report)
+    text = saved_page(spec, progress(less="fewer values in [sweep] take less"))
     write_whole((target, text), overwrite=overwrite, expected=expected)
     click.echo(str(target), err=True)

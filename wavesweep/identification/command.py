@@ -146,7 +146,7 @@ def identify(
     from wavesweep.identification.table import identify
     from wavesweep.program import results
     from wavesweep.program.cli.file_places import write_whole
-    from wavesweep.program.cli.messages import progress, say, show_json, where
+    from wavesweep.program.cli.messages import WRITING, progress, say, show_json, where
     from wavesweep.program.csv_files import factors, pairs
     from wavesweep.program.tables import kind_named
 
@@ -162,10 +162,11 @@ def identify(
     target = Path(out) if out else directory / f"{product}.toml"
     _refuse_places(source, directory, target, named=bool(out))
     _refuse_foreign(target, given["overwrite"])
-    with progress(verbosity().quiet, "fitting"):
-        table = find()
+    progress("fitting")
+    table = find()
     place = results.place_of([source], directory)
     table = replace(table, facts={**table.facts, "spec_place": place})
+    progress(WRITING)
     if given["plot"]:
         from wavesweep.program import plots
 

@@ -113,9 +113,9 @@ def _produce(
         [],
         time.perf_counter(),
     )
-    with alone([last], directory, options), progress(options.quiet) as report:
+    with alone([last], directory, options):
         started = began
-        for table in tables(report):
+        for table in tables(progress()):
             if not options.to_stdout:
                 written = publish(
                     table, directory, options.overwrite, options.formats, locked=table.kind == last

@@ -86,7 +86,7 @@ def report(
         cut,
         for_hands,
         overrides,
-        at_work=lambda title: progress(verbosity().quiet, f"at work on {title}", less),
+        at_work=lambda title: progress(f"at work on {title}", less),
     )
     text = report(loaded, request)
     with made_folder(target.parent):

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -44,13 +43,13 @@ class ReportRequest:
 
     cut: the signal for the margins, by default the one at which the spec asks for them. hands: words for
     guarantees, see `hands_of`. overrides: the texts of --set that the spec was loaded with.
-    at_work: gives a context, for what is done in it, with a function of (done, total) or None.
+    at_work: is called with what is done from now on, and gives a function of (done, total) or None.
     """
 
     cut: str = ""
     hands: tuple[str, ...] = ()
     overrides: tuple[str, ...] = ()
-    at_work: Callable[[str], AbstractContextManager[Any]] = lambda _: nullcontext()
+    at_work: Callable[[str], Any] = lambda _: None
 
 
 @dataclass(frozen=True)
@@ -83,17 +82,17 @@ def report(spec: Spec, asked: ReportRequest) -> str:
     sections: dict[str, ReportSection] = {}
     missing = []
     for title, (command, make) in _tables(spec, asked).items():
-        with asked.at_work(title.lower()) as watch:
-            try:
-                sections[title] = _found(title, make(watch), f"wavesweep {command.format(name)}")
-            except WavesweepError as error:
-                text = str(error).replace(
-                    str(spec.source), f"{spec.name}.toml"
-                )  # the page leaves the folder of the spec
-                missing.append((f"{title}: {' '.join(text.split())}", False))
-    with asked.at_work("the spec's own numbers"):
-        swept = sections[INTERVALS].table.columns if INTERVALS in sections else {}
-        design_lines, judged, how_known = _own_lines(spec, swept)
+        watch = asked.at_work(title.lower())
+        try:
+            sections[title] = _found(title, make(watch), f"wavesweep {command.format(name)}")
+        except WavesweepError as error:
+            text = str(error).replace(
+                str(spec.source), f"{spec.name}.toml"
+            )  # the page leaves the folder of the spec
+            missing.append((f"{title}: {' '.join(text.split())}", False))
+    asked.at_work("the spec's own numbers")
+    swept = sections[INTERVALS].table.columns if INTERVALS in sections else {}
+    design_lines, judged, how_known = _own_lines(spec, swept)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))

@@ -1,11 +1,13 @@
 """Progress goes to a terminal and nowhere else; colours respect NO_COLOR."""
 
+import logging
 import os
 import pty
 import re
 import select
 import sys
-from contextlib import contextmanager
+import threading
+from contextlib import contextmanager, suppress
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,11 +15,6 @@ import pytest
 
 from wavesweep.program.cli import messages
 from wavesweep.program.sweep.job import Chunks
-
-
-@pytest.fixture(autouse=True)
-def a_bar_at_once(monkeypatch):
-    monkeypatch.setattr(messages, "SHORTEST_ESTIMATE", 0.0)
 
 
 @contextmanager
@@ -42,63 +39,88 @@ def terminal(monkeypatch):
     os.close(ours)
 
 
-def test_a_bar_moves_on_a_terminal(monkeypatch):
-    with terminal(monkeypatch) as said:
-        with messages.progress(quiet=False) as report:
-            report(1, 4)
-            report(4, 4)
-        assert "4/4" in said()
+@pytest.fixture
+def clock():
+    """A clock that stands still until it is set."""
+    return [0.0]
 
 
-def test_work_of_less_than_a_second_has_no_bar(monkeypatch):
-    monkeypatch.setattr(messages, "SHORTEST_ESTIMATE", 1e6)
-    with terminal(monkeypatch) as said:
-        with messages.progress(quiet=False) as report:
-            report(1, 4)
-            report(4, 4)
-        assert said() == ""
+def watched(clock, terminal=False):
+    """What is said of a command, at the times of the clock: no thread looks at it."""
+    return messages.Watch(terminal, clock=lambda: clock[0])
 
 
 @pytest.mark.parametrize("columns", [30, 60, 80, 200])
-def test_a_bar_fits_into_its_terminal(columns, monkeypatch):
+def test_a_bar_on_a_terminal_begins_after_a_second_and_fits_into_it_and_is_gone_in_the_end(columns, monkeypatch, clock):
     monkeypatch.setattr(messages, "_columns", lambda: columns)
     with terminal(monkeypatch) as said:
-        with messages.progress(quiet=False) as report:
-            for done in (1, 303_104, 2_000_000):
-                report(done, 2_000_000, done)
-        lines = re.sub(r"\x1b\[[?0-9;]*[a-zA-Z]", "", said()).replace("\n", "").split("\r")
-    assert any("2000000/2000000" in line for line in lines)
-    assert max(map(len, lines)) < max(columns, 45)  # the numbers alone take so many
-    assert any("certified" in line for line in lines) == (columns >= 80)
+        watch = watched(clock, terminal=True)
+        hear = watch.begin()
+        for second, done in enumerate((1, 303_104, 2_000_000)):
+            clock[0] = float(second)
+            hear(done, 2_500_000, done)
+            watch.look()
+        watch.begin(None)
+        bars = said().split(messages.START_OF_LINE)
+    assert bars[0] == bars[-1] == ""
+    assert len(bars) == 3  # after 2 s, and its end
+    assert len(bars[1]) < columns
+    assert ("[####" in bars[1]) == (columns >= 80)
+    assert ("2,000,000 certified" in bars[1]) == (columns > 30)
 
 
-@pytest.fixture
-def clock(monkeypatch):
-    """A clock that stands still until it is set, and no thread that looks at it."""
-    now = [0.0]
-    monkeypatch.setattr(messages, "Thread", lambda **_: SimpleNamespace(start=lambda: None))
-    return now
+def test_a_line_is_said_on_a_terminal_too_until_a_share_is_known(monkeypatch, clock):
+    with terminal(monkeypatch) as said:
+        watch = watched(clock, terminal=True)
+        watch.begin("fitting")
+        for half in range(21):
+            clock[0] = half / 2
+            watch.look()
+        assert said().splitlines() == ["still fitting after 5 s", "still fitting after 10 s"]
 
 
-def watched(clock, *given):
-    """What is said of work, at the times of the clock."""
-    return messages.Watch(*given, clock=lambda: clock[0])
-
-
-def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys, clock):
-    """A report each second for 1000 s, of which a checkpoint had the first 500 of 2000."""
-    watch = watched(clock, "", "fewer values take less")
-    for second in range(1001):
+def test_a_command_has_a_line_after_5_10_and_20_s_and_then_every_20_s(capsys, clock):
+    """Two parts, each of which begins before the time of the line, and reports of which a checkpoint had the first 500."""
+    watch = watched(clock)
+    for second in range(101):
         clock[0] = float(second)
-        watch.hear(min(500 + 2 * second, 2000), 2000, certified=0)
+        if second in (3, 45):
+            hear = watch.begin(*(("", "fewer take less") if second == 45 else ("fitting",)))
+        if second >= 45:
+            hear(500 + 2 * (second - 45), 2000, certified=0)
+        watch.look()
     out, err = capsys.readouterr()
     assert out == ""
+    done = {at: 500 + 2 * (at - 45) for at in (60, 80, 100)}
     assert err.splitlines() == [
-        f"{500 + 2 * at:,} of 2,000 done ({(500 + 2 * at) // 20} %) after {after}, about {left} left; fewer values take less"
-        for at, after, left in ((5, "5 s", "12 min"), (10, "10 s", "12 min"), (20, "20 s", "12 min"), (40, "40 s", "12 min"),
-                                (80, "80 s", "11 min"), (160, "3 min", "10 min"), (320, "5 min", "7 min"),
-                                (640, "11 min", "2 min"))
-    ]  # fmt: skip
+        *(f"still fitting after {at} s" for at in (5, 10, 20, 40)),
+        *(
+            f"{done[at]} of 2,000 done ({done[at] // 20} %), 0 certified after {after}, about 12 min left; fewer take less"
+            for at, after in ((60, "60 s"), (80, "80 s"), (100, "2 min"))
+        ),
+    ]
+
+
+def test_one_that_is_not_looked_at_for_long_says_one_line(capsys, clock):
+    watch = watched(clock)
+    for second in (0.0, 4.9, 300.0, 300.5, 319.0, 320.0):
+        clock[0] = second
+        watch.look()
+    assert capsys.readouterr().err.splitlines() == ["still at work after 5 min", "still at work after 5 min"]
+
+
+def test_no_thread_is_left_behind_and_nothing_is_said_if_quiet(capsys, monkeypatch):
+    monkeypatch.setattr(messages, "FIRST_WORD", 1e-6)
+    before = threading.enumerate()
+    for quiet in (False, True):
+        with suppress(KeyboardInterrupt), messages.speaking(quiet):
+            assert len(threading.enumerate()) == len(before) + (not quiet)
+            assert (messages.progress("fitting") is None) == quiet
+            logging.getLogger("wavesweep").warning("a worker died")
+            raise KeyboardInterrupt
+        assert threading.enumerate() == before
+        said = [] if quiet else ["still fitting after 0 s", "a worker died"]
+        assert capsys.readouterr().err.splitlines() == said
 
 
 def run_of(clock, watch, costs, chunk, kept=0, start=0.0, workers=2):
@@ -111,13 +133,15 @@ def run_of(clock, watch, costs, chunk, kept=0, start=0.0, workers=2):
         at = free.index(min(free))
         free[at] += each
         ends.append((free[at], size))
-    watch.hear(done, len(costs))
+    hear = watch.begin()
+    hear(done, len(costs))
     for end, size in sorted(ends):
         while clock[0] + 0.5 < end:  # as the thread looks
             clock[0] += 0.5
             watch.look()
         clock[0], done = end, done + size
-        watch.hear(done, len(costs))
+        hear(done, len(costs))
+        watch.look()
     return clock[0], max(seconds)
 
 
@@ -137,7 +161,7 @@ def test_the_time_that_is_left_is_right_within_a_factor_of_two(slices, chunk, ke
         "a quarter takes long": lambda share: np.where((share > 0.5) & (share < 0.75), 10.0, 1.0),
     }[cost]
     costs = shape(np.arange(slices) / slices)
-    watch = watched(clock, "", "")
+    watch = watched(clock)
     total, longest = run_of(clock, watch, 400 * costs / costs.sum(), chunk, kept, start)
     said = re.findall(r"after (\d+) (s|min|h), about ([\d.]+) (s|min|h) left", capsys.readouterr().err)
     assert len(said) >= 3
@@ -150,14 +174,15 @@ def test_the_time_that_is_left_is_right_within_a_factor_of_two(slices, chunk, ke
 
 def test_the_curves_of_a_figure_have_a_time_of_their_own(capsys, clock):
     """Three panels of which each takes 30 s, in rounds that take a third of that."""
-    watch = watched(clock, "writing", "")
-    drawn = messages._Drawn(watch.draw)
+    watch = watched(clock)
+    watch.begin(messages.WRITING)
     for second in range(0, 90, 10):
         clock[0] = float(second)
         panel, share = divmod(second / 30, 1)
         if not share:
-            drawn.hear(SimpleNamespace(name="wavesweep.figure.panels", args=(int(panel), 3)))
-        drawn.hear(SimpleNamespace(name="wavesweep.figure.curves", args=(share,)))
+            watch.work.note(SimpleNamespace(name="wavesweep.figure.panels", args=(int(panel), 3)))
+        watch.work.note(SimpleNamespace(name="wavesweep.figure.curves", args=(share,)))
+        watch.look()
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("writing: curves for the figure 1 of 3, which --no-plot leaves out (11 %) after 10 s")
     times = [re.search(r"after (\d+) s, about (\d+) s left", line) for line in said]

@@ -38,7 +38,7 @@ def mine(tmp_path, monkeypatch):
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_that_takes_long_says_that_it_is_at_work(command, wavesweep, monkeypatch):
     no_plot = ["--no-plot"] * (command not in ("check", "report"))
-    monkeypatch.setattr(messages, "FIRST_WORD", 0.0)
+    monkeypatch.setattr(messages, "FIRST_WORD", 1e-6)
     code, _, err = wavesweep(command, "mine.toml", *no_plot)
     assert code == 0
     assert "still at work" in err

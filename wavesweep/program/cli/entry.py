@@ -213,6 +213,8 @@ def group(context: click.Context) -> None:
     below belong to every command, and may stand anywhere in the line. Exit codes: 0 done, 1 failed,
     2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
     """
+    from wavesweep.program.cli.messages import speaking
+
     if memory_limit() < LEAST_MEMORY:
         raise WavesweepError(
             f"this process may take {memory_limit() / 1e6:.0f} MB of memory (ulimit -v), with which libraries crash or hang; "
@@ -222,6 +224,7 @@ def group(context: click.Context) -> None:
         raise click.UsageError(
             f"--json: {context.invoked_subcommand} prints no summary; leave it out"
         )
+    context.with_resource(speaking(verbosity().quiet))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

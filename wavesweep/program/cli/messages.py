@@ -4,7 +4,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import get_terminal_size
 from threading import Event, Lock, Thread
@@ -17,10 +17,14 @@ from wavesweep.engine.errors import shortened
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 NARROWEST, WIDEST = 80, 100  # letters in a line
-FIRST_WORD = 5.0  # s after which a run says that it goes on
-MINUTE = 60.0  # s of work that are left, from which on that is said at once
+FIRST_WORD, LONGEST_SILENCE = (
+    5.0,
+    20.0,
+)  # s after which a command says what it is at; twice as long each time, up to
+MINUTE = 60.0  # s of work that are left, from which on what would take less is said
 SHORTEST_ESTIMATE = 1.0  # s from which on an estimate is one, and a terminal has a bar
 LOOK_AT_PROGRESS = 0.5  # s
+START_OF_LINE = "\r\x1b[K"  # on a terminal: to its left end, and remove what stands there
 WRITING = "writing"  # the activity of commands that have --no-plot
 
 
@@ -48,263 +52,213 @@ def say(text: str, warning: bool = False) -> None:
     A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it).
     """
     text, plain = printable(text), not warning or os.environ.get("NO_COLOR")
+    for watch in _speaking:
+        watch.clear()
     with suppress(OSError):
         click.echo(text if plain else click.style(text, fg="yellow"), err=True)
 
 
-@contextmanager
-def progress(quiet: bool, doing: str = "", less: str = "") -> Iterator[Progress | None]:
-    """Yield a function of (done, total, certified) that takes reports of the work, which `Watch` says; None if quiet.
+def progress(doing: str | None = "", less: str = "") -> Progress | None:
+    """Begin another part of the command's work; gives what takes reports (done, total, certified) of it, None if nothing is said.
 
-    doing: the activity, if it is not computing. less: what would take less time.
+    doing: the activity, if it is not computing; None if nothing is done that a user waits for. less: what would take less time.
     """
-    with ExitStack() as opened:
-        opened.enter_context(_heard(quiet))
-        if quiet:
-            yield None
-            return
-        watch, over = (
-            Watch(doing, less, _bar(opened, doing) if sys.stderr.isatty() else None),
-            Event(),
-        )
-        watch.look()
-        opened.enter_context(
-            _listening("wavesweep.proof", lambda record: watch.note(record.getMessage()))
-        )
-        opened.enter_context(_listening("wavesweep.figure", _Drawn(watch.draw).hear))
-
-        def keep_looking() -> None:
-            while not over.wait(LOOK_AT_PROGRESS):
-                watch.look()
-
-        Thread(target=keep_looking, daemon=True).start()
-        try:
-            yield watch.hear
-        finally:
-            over.set()
-            watch.end()
-            with suppress(OSError):
-                opened.close()
+    return _speaking[-1].begin(doing, less) if _speaking else None
 
 
 @contextmanager
-def _heard(quiet: bool) -> Iterator[None]:
-    """Print the warnings of a run, such as workers that finish nothing."""
+def speaking(quiet: bool) -> Iterator[None]:
+    """Say what a command is at while it takes long, see `Watch`, and the warnings of its parts; nothing if quiet.
+
+    A thread looks at the work, of this process alone: workers say nothing.
+    """
     import logging
 
-    class Said(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            say("\n" * sys.stderr.isatty() + record.getMessage(), warning=True)
-
-    handler, logger = logging.NullHandler() if quiet else Said(), logging.getLogger("wavesweep")
-    logger.addHandler(handler)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-
-
-@contextmanager
-def _listening(name: str, hear: Callable[[Any], None]) -> Iterator[None]:
-    """Take what the parts of this process that are called so say of their work."""
-    import logging
+    watch, over, process = Watch(sys.stderr.isatty()), Event(), os.getpid()
 
     class Heard(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            hear(record)
+            if quiet:
+                return
+            if record.levelno >= logging.WARNING:
+                say(record.getMessage(), warning=True)
+            elif os.getpid() == process:
+                watch.work.note(record)
 
-    handler, logger = Heard(), logging.getLogger(name)
-    level, passed_on = logger.level, logger.propagate
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    logger.propagate = False
+    def keep_looking() -> None:
+        while not over.wait(LOOK_AT_PROGRESS):
+            watch.look()
+
+    heard, logger, thread = (
+        Heard(),
+        logging.getLogger("wavesweep"),
+        Thread(target=keep_looking, daemon=True),
+    )
+    level = logger.level
+    logger.addHandler(heard)
+    if not quiet:
+        logger.setLevel(logging.INFO)
+        _speaking.append(watch)
+        thread.start()
     try:
         yield
     finally:
-        logger.removeHandler(handler)
+        logger.removeHandler(heard)
         logger.setLevel(level)
-        logger.propagate = passed_on
+        if not quiet:
+            watch.begin(None)
+            over.set()
+            _speaking.remove(watch)
+            thread.join(LOOK_AT_PROGRESS)  # not for ever: nobody may read stderr
 
 
-class _Drawn:
-    """What the parts of a figure say of it: which panel is drawn, and which share of its further columns is computed."""
+class Work:
+    """A part of a command's work, and what is known of it.
 
-    def __init__(self, draw: Callable[[int, int, float], None]) -> None:
-        self._draw, self._panel, self._panels = draw, 0, 1
-
-    def hear(self, record: Any) -> None:
-        """Take a message of `interval_figures` or of `plane_columns`."""
-        share = 0.0
-        if record.name.endswith("panels"):
-            self._panel, self._panels = record.args
-        else:
-            (share,) = record.args
-        self._draw(self._panel, self._panels, share)
-
-
-class Watch:
-    """What is said of work while it is done, also if no report comes.
-
-    A line after FIRST_WORD seconds and then each time the work has taken twice as long; and one at
-    once if there is more than a minute left, when that is known. On a terminal a bar in their
-    place, as soon as there is a report.
-
-    doing, less: see `progress`. bar: moves the bar of a terminal. clock: gives the time in seconds.
+    doing, less: see `progress`. clock: gives the time in seconds.
     """
 
-    def __init__(
-        self,
-        doing: str,
-        less: str,
-        bar: Progress | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._doing, self._less, self._bar = doing, less, bar
-        self._clock, self._started, self._next = clock, clock(), FIRST_WORD
-        self._reports: list[tuple[float, int]] = []  # (seconds, done) of this phase of the work
-        self._total = 0
+    def __init__(self, doing: str | None, less: str, clock: Callable[[], float]) -> None:
+        self.doing, self._less, self._clock, self._started = doing, less, clock, clock()
+        self.reports: list[tuple[float, int]] = []  # (seconds, done), of equal kind
+        self._total = 1
         self._certified: int | None = None
-        self._estimated = False
-        self._ended = False
-        self._begun = (
-            False  # whether a report of this phase came from workers that were at work before
-        )
-        self._lock, self._note, self._figure = Lock(), "", ""
+        # whether a report came from workers that were at work before
+        self._begun = False
+        self._note, self._figure, self._panel = "", "", (0, 1)
 
     def hear(self, done: int, total: int, certified: int | None = None) -> None:
         """Take a report."""
-        with self._lock:
-            seconds = self._clock() - self._started
-            if self._reports and (
-                total != self._total or done < self._reports[-1][1] or self._is_other(seconds, done)
-            ):
-                self._reports = []  # another phase of the work
-                self._estimated = False
-                self._begun = False
-            self._reports.append((seconds, done))
-            # Neither what a checkpoint had nor the time in which workers start says how fast the
-            # work is.
-            while len(self._reports) > 2 and (self._reports[1][0] < seconds / 6 or not self._begun):
-                del self._reports[0]
-                self._begun = True
-            self._total = total
-            self._certified = certified
-            self._note = ""
-        self.look()
+        seconds, reports = self._clock() - self._started, self.reports
+        if reports and (
+            total != self._total or done < reports[-1][1] or self._is_other(seconds, done)
+        ):
+            reports = []
+            self._begun = False
+        reports = [*reports, (seconds, done)]
+        # Neither what a checkpoint had nor the time in which workers start says how fast the
+        # work is.
+        while len(reports) > 2 and (reports[1][0] < seconds / 6 or not self._begun):
+            del reports[0]
+            self._begun = True
+        self._total = total
+        self._certified = certified
+        self._note = ""
+        self.reports = reports  # last: another thread reads it
 
     def _is_other(self, seconds: float, done: int) -> bool:
         """Whether a report is of another kind of work, as for every hand after the free device."""
-        (began, before), (reported, so_far) = self._reports[0], self._reports[-1]
+        (began, before), (reported, so_far) = self.reports[0], self.reports[-1]
         as_long_before = (reported - began) * (done - so_far)
         # Times as long for as much: another kind of work.
         return (seconds - reported) * (so_far - before) > 300 * as_long_before > 0
 
-    def note(self, text: str) -> None:
-        """Take what the slice that is computed now has reached, for the next line."""
-        with self._lock:
-            self._note = f"; {text}"
-
-    def draw(self, panel: int, panels: int, share: float) -> None:
-        """Take which share of the curves of which panel of a figure, counted from 0, is computed."""
+    def note(self, record: Any) -> None:
+        """Take a message of a part: how far a proof or a fit is, which panel of a figure is drawn (of `interval_figures`),
+        or which share of its further columns is computed (of `plane_columns`)."""
+        if not record.name.startswith("wavesweep.figure"):
+            self._note = f"; {record.getMessage()}"
+            return
+        share = 0.0
+        if record.name.endswith("panels"):
+            self._panel = record.args
+        else:
+            (share,) = record.args
+        panel, panels = self._panel
         which = f" {panel + 1} of {panels}" if panels > 1 else ""
-        without = ", which --no-plot leaves out" if self._doing == WRITING else ""
+        without = ", which --no-plot leaves out" if self.doing == WRITING else ""
         self._figure = f"curves for the figure{which}{without}"
         self.hear(round(100 * (panel + share) / panels), 100)
 
-    def look(self) -> None:
-        """Say what is to be said by now."""
-        with self._lock:
-            seconds = self._clock() - self._started
-            if self._ended:
-                return
-            left = self._left(seconds)
-            if not self._estimated and left > MINUTE and seconds >= FIRST_WORD:
-                self._estimated, self._next = True, 2 * seconds
-                say(
-                    "\n" * (self._bar is not None and seconds > SHORTEST_ESTIMATE)
-                    + self._line(seconds, left)
-                )
-            elif (self._bar is None or not self._reports) and seconds >= self._next:
-                self._next = 2 * seconds
-                say(self._line(seconds, left))
-            if self._bar and self._reports and seconds > SHORTEST_ESTIMATE:
-                self._bar(self._reports[-1][1], self._total, self._certified, left)
+    def share(self) -> float:
+        """Which share is done."""
+        return self.reports[-1][1] / self._total
 
-    def end(self) -> None:
-        """Say nothing more."""
-        with self._lock:
-            self._ended = True
-
-    def _left(self, seconds: float) -> float:
+    def _left(self, reports: list[tuple[float, int]], seconds: float) -> float:
         """Seconds that are left, about; 0 if that is not known."""
-        if not self._reports:
-            return 0.0
-        (began, before), (reported, done) = self._reports[0], self._reports[-1]
+        (began, before), (reported, done) = reports[0], reports[-1]
         if done == before or reported - began < (
             # Seconds of the first report from which on it is more than the start of workers.
             SHORTEST_ESTIMATE if self._begun else max(SHORTEST_ESTIMATE, 5.0)
         ):
             return 0.0
-        step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much
+        step = (done - before) / (len(reports) - 1)  # what comes next is about as much
         seconds_each = max(
             (reported - began) / (done - before), (seconds - began) / (done - before + step)
         )
         rest = seconds_each * (self._total - done)
         return max(rest - (seconds - reported), min(rest, seconds_each * step) / 2)
 
-    def _line(self, seconds: float, left: float) -> str:
-        after = f"after {_duration(seconds)}{self._note}"
-        if not self._reports:
-            return f"still {self._doing or 'at work'} {after}"
-        done, total, doing = (
-            self._reports[-1][1],
-            self._total,
-            f"{self._doing}: " if self._doing else "",
-        )
+    def line(self, seconds: float) -> str:
+        """What is done; seconds: that the command has taken."""
+        after, reports = f"after {_duration(seconds)}{self._note}", self.reports
+        if not reports:
+            return f"still {self.doing or 'at work'} {after}"
+        done, total = reports[-1][1], self._total
+        doing = f"{self.doing}: " if self.doing else ""
         if done >= total:
             return f"{doing}all {total:,} done {after}; what follows from them is still to come"
+        left = self._left(reports, self._clock() - self._started)
         less = f"; {self._less}" if self._less and left > MINUTE else ""
         what = self._figure or f"{done:,} of {total:,} done"
-        return f"{doing}{what} ({100 * done // total} %) {after}" + (
+        certified = "" if self._certified is None else f", {self._certified:,} certified"
+        return f"{doing}{what} ({100 * done // total} %){certified} {after}" + (
             f", about {_duration(left)} left{less}" if left > LOOK_AT_PROGRESS else ""
         )
 
 
-def _bar(opened: ExitStack, doing: str) -> Progress:
-    bars: list[Any] = []
+class Watch:
+    """What is said of a command's work while it is done: a line after FIRST_WORD seconds, and then each time it has taken
+    twice as long or LONGEST_SILENCE longer. On a terminal, once a share is known, a bar in their place.
 
-    def move(done: int, total: int, certified: int | None = None, left: float = 0.0) -> None:
-        # The terminal may be gone, which is no reason to stop the work.
-        with suppress(OSError):
-            # It would go to stdout.
-            if not bars:
-                # A longer line would scroll.
-                room = _columns() - len(f"{doing}  []  {total}/{total}  about 99 min left ")
-                rates = len(f"  999,999/s  {total:,} certified")
-                width = min(max(room - rates if room > rates else room, 1), WIDEST_BAR)
-                opening = click.progressbar(
-                    length=total,
-                    width=width,
-                    file=sys.stderr,
-                    show_pos=True,
-                    show_eta=False,
-                    label=doing,
-                    item_show_func=lambda text: text,
-                )
-                bars.append(opened.enter_context(opening))
-                bars.append((done, time.monotonic(), room > rates))
-            bar, (first, started, shown) = bars
-            seconds = time.monotonic() - started
-            rate = (done - first) / seconds if seconds > 1 else 0.0  # without a checkpoint's
-            if rate > 1 / 120:
-                said = [f"{rate:,.0f}/s" if rate > 9.5 else f"{60 * rate:,.0f}/min"]
-            else:
-                said = []
-            said += [] if certified is None else [f"{certified:,} certified"]
-            time_left = [f"about {_duration(left)} left"] if left > LOOK_AT_PROGRESS else []
-            bar.update(done - bar.pos, "  ".join([*time_left, *said * shown]))
+    terminal: whether stderr is one. clock: gives the time in seconds.
+    """
 
-    return move
+    def __init__(self, terminal: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
+        self._terminal, self._clock, self._started = terminal, clock, clock()
+        self._next, self._lock, self._has_bar = FIRST_WORD, Lock(), False
+        self.work = Work("", "", clock)
+
+    def begin(self, doing: str | None = "", less: str = "") -> Progress:
+        """Begin another part, see `progress`."""
+        with self._lock:
+            self.work = Work(doing, less, self._clock)
+            self.clear()
+        self.look()
+        return self.work.hear
+
+    def look(self) -> None:
+        """Say what is to be said by now."""
+        seconds = self._clock() - self._started
+        with self._lock:
+            if self.work.doing is None:
+                return
+            if self._terminal and self.work.reports:
+                if seconds > SHORTEST_ESTIMATE:
+                    self._draw(seconds)
+            elif seconds >= self._next:
+                while seconds >= self._next:
+                    self._next += min(self._next, LONGEST_SILENCE)
+                say(self.work.line(seconds))
+
+    def _draw(self, seconds: float) -> None:
+        line, columns = printable(self.work.line(seconds)), _columns()
+        room = min(columns - len(line) - 4, WIDEST_BAR)
+        filled = round(room * self.work.share())
+        bar = f"[{'#' * filled:-<{room}}] {line}" if room > 5 else line[: columns - 1]
+        self._has_bar = True
+        with suppress(OSError):  # the terminal may be gone, which is no reason to stop the work
+            click.echo(f"{START_OF_LINE}{bar}", err=True, nl=False)
+
+    def clear(self) -> None:
+        """Take the bar from the terminal."""
+        if self._has_bar:
+            self._has_bar = False
+            with suppress(OSError):
+                click.echo(START_OF_LINE, err=True, nl=False)
+
+
+_speaking: list[Watch] = []  # the command that runs
 
 
 def _columns() -> int:

@@ -79,8 +79,8 @@ def produce(
             checkpoint = None
         else:
             checkpoint = checkpoint_of(kinds[0], specs, options)
-        with progress(options.quiet, less=less) as report:
-            tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
+        report = progress(less=less)
+        tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
         before = None
         if options.to_folder and not options.silent:
             before = results.existing_facts(tables[0].kind, directory)
@@ -94,6 +94,7 @@ def produce(
                 results.discard(kind, directory)  # of another spec, it would pass for this run's
     if options.silent:
         return
+    progress("summing up")
     changed = []
     if before and before.get("spec_place") == place:
         changed = results.changes(before, tables[0].facts)
@@ -131,14 +132,9 @@ def _facts_of_run(specs: Sequence[Spec], kind: str, place: str) -> dict[str, Any
 
 
 def _written(tables: Sequence[Table], directory: Path, options: Options) -> list[Finished]:
-    """Write the tables, with a bar if that takes long."""
-    rows = max(table.rows for table in tables)
-    # Rows, whose writing, and drawing, takes long enough that the bar of the work is not the last
-    # word.
-    if not options.quiet and rows >= 20_000 and sys.stderr.isatty():
-        say(f"writing {rows:,} rows{' and the figure' if options.formats else ''}")
-    with progress(options.quiet, WRITING):
-        finished = [_finish(table, directory, options, table is tables[0]) for table in tables]
+    """Write the tables."""
+    progress(WRITING)
+    finished = [_finish(table, directory, options, table is tables[0]) for table in tables]
     if not options.to_folder and not options.quiet:
         for table in tables[1:]:
             say(

@@ -43,10 +43,8 @@ def command(directory: str, prove: int) -> int:
     from wavesweep.program.cli.messages import printable, progress, say, show_json
     from wavesweep.program.results.verification import verify
 
-    with progress(
-        verbosity().quiet, "computing rows again", "--prove with fewer slices takes less"
-    ) as report:
-        verified = verify(directory, prove=prove, progress=report)
+    report = progress("computing rows again", "--prove with fewer slices takes less")
+    verified = verify(directory, prove=prove, progress=report)
     if verbosity().as_json:
         summary = {
             "command": "verify",
