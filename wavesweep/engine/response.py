@@ -9,7 +9,6 @@ if TYPE_CHECKING:
         Route,
         port_of_loops,
         ports_of_batch,
-        varied_rates,
     )
     from wavesweep.engine._response.gain import gain_of
     from wavesweep.engine._response.lifted import Lifted, held_over_frame, over_frame
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 else:
     __getattr__ = on_demand(
         {
-            "_response.at_hand": ("Route", "port_of_loops", "ports_of_batch", "varied_rates"),
+            "_response.at_hand": ("Route", "port_of_loops", "ports_of_batch"),
             "_response.gain": ("gain_of",),
             "_response.lifted": ("Lifted", "held_over_frame", "over_frame"),
             "_response.peak": ("PeakGain", "l1_norm"),

@@ -16,7 +16,7 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import Opened, by_zeros
 from wavesweep.engine.intervals import AtPort, Question, record_type
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.rows import different, distinct_rows
+from wavesweep.engine.rows import different
 from wavesweep.haptics.resting import DcGain, frame_dcgain, shows_at_rest, tick_dcgain
 
 FELT = ("felt_low", "felt_high")
@@ -67,28 +67,17 @@ def _fill_felt(felt, loops):
     unknown = np.flatnonzero(np.isnan(felt))
     if not unknown.size:
         return
-    from wavesweep.engine.response import varied_rates
+    from wavesweep.engine.response import Lifted, ports_of_batch, static_response
 
-    rates = varied_rates(loops)
-    if (
-        drift.varying and rates
-    ):  # what drifts may depend on the rate: the loops of each one by themselves
-        of_unknown = {path: rate[unknown] for path, rate in rates.items()}
-        first, of = distinct_rows(of_unknown, unknown.size)
-        for number, at in enumerate(unknown[first].tolist()):
-            members = unknown[of == number]
-            values = {path: rate[at].item() for path, rate in rates.items()}
-            felt[members] = felt_of(loops.some(members).changed(values), members.size)
-        return
-    from wavesweep.engine.response import Lifted, Port, static_response
-
-    if unknown.size < size:
-        drawn = loops.some(unknown).drawn()
-    with drawn.naming_blocks():
-        response = static_response(Lifted.of(Port.of(drawn, ports, drift)))
-    felt[unknown] = np.where(
-        response.impedance_error <= KNOWN_STIFFNESS, response.impedance.real, np.nan
-    )
+    for members, port in ports_of_batch(loops.some(unknown), unknown.size):
+        response = static_response(Lifted.of(port))
+        found = np.where(
+            response.impedance_error <= KNOWN_STIFFNESS, response.impedance.real, np.nan
+        )
+        felt[unknown[members]] = found
+        if size > 1 and port.rest().going:  # one may stand still where those about it go on
+            for at in unknown[members][np.isnan(found)].tolist():
+                felt[at] = felt_of(loops.some([at]), 1)[0]
 
 
 def hand_in_frame(

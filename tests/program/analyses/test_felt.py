@@ -83,6 +83,30 @@ def test_of_rates_that_do_not_divide_it_is_the_impedance_towards_0_hz(slow_hz):
     assert list(responses.doubt) == ["", ""]
 
 
+def beside_a_tilted_wall(angle, n):
+    """A mass in a plane, pushed along z against a flat wall whose normal is at an angle to x."""
+    return {
+        "rates": {"tick_hz": 1000}, "numbers": {"phi": angle, "K": 50.0, "B": 1.0, "n": {"value": n, "unit": "ticks"}},
+        "block": {
+            "device": {"type": "mass_matrix", "axes": ["x", "z"], "mass": [[0.2, 0], [0, 0.2]], "damping": [[2, 0], [0, 2]]},
+            "wall": {"type": "wall", "nx": "cos(phi)", "ny": "sin(phi)", "K": "K", "B": "B", "every": "n", "late": "n"},
+        },
+        "wire": {"wall.x": "device.x", "wall.y": "device.z", "device.fx": "-wall.fx", "device.fz": "hand - wall.fy"},
+        "ports": {"hand": {"force": "hand", "displacement": "device.z"}, "wall": {"stiffness": "K", "damping": "B"}},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("n", [1, 11])
+def test_a_hand_that_slides_along_a_wall_feels_nothing_at_rest(n):
+    """At rest `K n n' u` is the hand's force (0, 1), which for a normal n beside the axis is so for no u."""
+    angles = {np.pi / 2: 50.0, 1.5707963: 0.0, 1.5708: 0.0, 1.0: 0.0}
+    together = wavesweep.compile(beside_a_tilted_wall(1.0, n)).stable_intervals("K", (0.0, 50.0), phi=[*angles])
+    for (angle, felt), in_batch in zip(angles.items(), together.felt_high, strict=True):
+        loop = wavesweep.compile(beside_a_tilted_wall(angle, n))
+        alone = loop.stable_intervals("K", (0.0, 50.0)).felt_high[0]
+        assert [in_batch, alone, loop.response([0.0]).impedance_re[0]] == pytest.approx([felt] * 3, rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.whole

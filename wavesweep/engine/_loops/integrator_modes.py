@@ -28,6 +28,7 @@ from wavesweep.engine._loops.dead_time import SENSED
 from wavesweep.engine._loops.definitions import at_rest, tf_at_rest
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._loops.values import keys_with
+from wavesweep.engine.doubles import UNIT_ROUNDING
 
 # Types of firmware with sums that may count for ever if no other block reads them: an impulse reads
 # changes of its sum alone, and the integral of a `pi` or `pid`, which are a `tf`, may have no gain.
@@ -79,7 +80,11 @@ def value_in_fractions(
             return value + value / 2**100
         return value
     if operation in FUNCTIONS:
-        return Fraction(getattr(math, operation)(float(first)))
+        angle = float(first)
+        result = getattr(math, operation)(angle)
+        if operation in ("sin", "cos", "tan") and abs(result) <= UNIT_ROUNDING * abs(angle):
+            return Fraction(0)  # of the angle's nearest double or decimal
+        return Fraction(result)
     if operation == "**":
         return _power(first, *others)
     return _OPERATIONS[operation](first, *others)
@@ -98,8 +103,8 @@ class RestEquations:
     sum that is 0. rows: other sums that are 0: each port less the sum that is connected to it.
     outputs: each as a sum. states: each as the unknown that it is, or as a sum of input ports that
     it follows. A block may have more ports than its equations, behind theirs: those by which a
-    number is taken out of it. wires: of each port, the outputs that it reads, with their gains.
-    sums: states that may count for ever if nothing reads them, each with the register that shows
+    number is taken out of it. wires: of each port, the outputs that it reads, with their gains;
+    outside: what else it reads. sums: states that may count for ever if nothing reads them, each with the register that shows
     it, or "". plants: names of the blocks that move by themselves; None if it is not known which
     do.
     """
@@ -107,6 +112,7 @@ class RestEquations:
     def __init__(self) -> None:
         self.rows: list[Sum] = []
         self.wires: dict[str, Sum] = {}
+        self.outside: dict[str, Sum] = {}
         self.sums: dict[str, str] = {}
         self.plants: set[str] | None = None
         self.changes: dict[str, Sum] = {}
@@ -149,9 +155,10 @@ class RestEquations:
         for port, row in zip(block.outputs, D, strict=False):
             self.outputs[f"{block.name}.{port}"] = _sum_of(inputs, row)
 
-    def connect(self) -> None:
-        """Connect ports with the outputs that they read, so that each less its sum is 0, and let
-        sums that nothing reads count for ever: that these do not change is left out."""
+    def connect(self, force: str = "") -> None:
+        """Connect ports with the outputs that they read, and with a force from outside, so that
+        each less its sum is 0, and let sums that nothing reads count for ever: that these do not
+        change is left out."""
         unit = decimal(1.0)
         for state, register in self.sums.items():
             if register:
@@ -159,6 +166,9 @@ class RestEquations:
         self.rows = []
         for port, terms in self.wires.items():
             less = {signal: -gain for signal, gain in terms.items()}
+            by_force = self.outside.get(port, {}).get(force)
+            if by_force:
+                less[force] = -by_force
             self.rows.append(_substituted({port: unit} | less, self.outputs))
         for state in self.sums:
             if not any(state in row for row in (*self.changes.values(), *self.rows)):
@@ -303,6 +313,18 @@ def shifts(
     return in_doubles
 
 
+def rests(drawn: MultirateLoop, names: Collection[str], force: str) -> bool | None:
+    """Return whether some blocks of a loop can stand still under a constant force from outside,
+    which is so if their equations at rest have a solution in which it is not 0; None where numbers
+    are not known as fractions."""
+    try:
+        rest = rest_of_blocks(drawn, names)
+        rest.connect(force)
+        return any(force in solution for solution in rest.null_space())
+    except (ArithmeticError, ValueError):
+        return None
+
+
 def _without(shifted: Sum, shift: Sum, lead: str) -> Sum:
     """Another shift, from which so much of this one is taken that it does not move the lead."""
     share = shifted.get(lead, 0)
@@ -388,14 +410,17 @@ def _of_entries(drawn, blocks) -> RestEquations:
         _add_by_entries(rest, block)
 
     def traced(signal, factor):
-        terms = {signal: factor} if signal in rest.outputs else {}
+        terms = {signal: factor} if signal in rest.outputs or signal in drawn.inputs else {}
         for source, gain in drawn.sums.get(signal, {}).items():
             for name, value in traced(source, factor * Fraction(np.ravel(gain)[0].real)).items():
                 terms[name] = terms.get(name, 0) + value
         return terms
 
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-    rest.wires = {port: traced(port, decimal(1.0)) for port in ports}
+    for port in ports:
+        read = traced(port, decimal(1.0))
+        rest.outside[port] = {name: read.pop(name) for name in drawn.inputs if name in read}
+        rest.wires[port] = read
     return rest
 
 
@@ -440,7 +465,7 @@ def equations_of(
                 ]
                 for state in block.states:
                     rest.sums[f"{block.name}.{state}"] = shown[0] if shown else ""
-    rest.wires = _wires_at_rest(drawing, rest.outputs.keys(), value, blocks)
+    rest.wires, rest.outside = _wires_at_rest(drawing, rest.outputs.keys(), value, blocks)
     return rest
 
 
@@ -449,21 +474,22 @@ def _clock(block):
     return block.every.text, block.phase.text, block.phases
 
 
-def _wires_at_rest(drawing, outputs, value, blocks) -> dict[str, Sum]:
-    """Input port of each of the blocks -> outputs that it reads, with their gains. value: of a
-    tree, in fractions."""
+def _wires_at_rest(drawing, outputs, value, blocks) -> tuple[dict[str, Sum], dict[str, Sum]]:
+    """Input port of each of the blocks -> outputs that it reads, with their gains, and -> what
+    else it reads. value: of a tree, in fractions."""
     sensed = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}
     inside = drawing.inside
     wires: dict[str, Sum] = {}
     for block in blocks:
         wires |= {f"{block.name}.{port}": {} for port in block.inputs}
+    outside: dict[str, Sum] = {port: {} for port in wires}
     for port, terms in (*drawing.wires, *drawing.couplings):  # at rest, holds have no effect
         for name, gain in terms:
             reader = inside.get(port, port)
             if (name, port) in sensed:  # what a dead time reads of a plant is what it is at rest
                 reader = f"{port.removesuffix('u')}{SENSED}"
             signal = inside.get(name, name)
-            row = wires.get(reader)
-            if row is not None and signal in outputs:
+            row = (wires if signal in outputs else outside).get(reader)
+            if row is not None:
                 row[signal] = row.get(signal, 0) + value(gain)
-    return wires
+    return wires, outside

@@ -95,7 +95,7 @@ class MarginalModes:
     def _of(drawn, twin, watched):
         """The drift, the blocks that it is of, and its shifts in both drawings."""
         held = drawn.held(watched)
-        alive = _alive(drawn, watched)
+        alive = living_blocks(drawn, watched)
         names = []
         idle = []
         for scheduled in drawn.placed:
@@ -244,7 +244,7 @@ def _same_shape(shift, other):
     return True
 
 
-def _alive(drawn, watched):
+def living_blocks(drawn: MultirateLoop, watched: Sequence[str]) -> set[str]:
     """The blocks that something reads, a hand's port among others, or that a force from outside
     moves, and what acts on them.
 

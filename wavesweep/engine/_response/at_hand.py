@@ -8,6 +8,8 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import path_of
 from wavesweep.engine._loops.from_drawing import OUTPUT, Ports
+from wavesweep.engine._loops.integrator_modes import rests
+from wavesweep.engine._monodromy.drift import living_blocks
 from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine._response.port import Port
 from wavesweep.engine._response.static import dcgain
@@ -63,5 +65,6 @@ def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects
 def _at_rest(twin, ports, drift):
     """What a constant force of the hand does in the end, in a loop of the same structure."""
+    still = rests(twin, living_blocks(twin, ports.signals), ports.force)
     with np.errstate(all="ignore"):
-        return dcgain(Lifted.of(Port.of(twin, ports, drift)))[2]
+        return dcgain(Lifted.of(Port.of(twin, ports, drift)), still)[2]

@@ -99,13 +99,14 @@ class AtRest:
     rigid: np.ndarray
 
 
-def dcgain(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
+def dcgain(loop: Lifted, rests: bool | None = None) -> tuple[np.ndarray, np.ndarray, AtRest]:
     """Return position (m) and force against the hand (N) at rest under 1 N, and bounds on their
     errors, `(2, ...)` each.
 
     Of loops whose position moves on these are the changes in a tick. Also returned is what the
     force does in the end: it follows from the structure if the port knows it, or else from the
-    bounds on errors.
+    bounds on errors, and of one loop from whether it can stand still, if that is known (see
+    `integrator_modes.rests`): a loop that cannot moves on along what drifts in it.
 
     With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of
     the outputs of a frame are expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. A
@@ -130,11 +131,17 @@ def dcgain(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
         shown = np.where(rest.going, moved, force)
         silent = rest.silent & ~_is_sure(shown)
         rigid = rest.rigid & ~_is_sure(position)
-        rest = AtRest(rest.going, silent, rigid)
+        vague = rest.going & _is_nothing(moving) & (loop.lost.size > 1)  # what one loop does not do
+        moved = np.where(vague, np.nan, moved)
+        rest = AtRest(rest.going, silent & ~vague, rigid)
         position = np.where(_is_nothing(moving), position, np.nan)  # it may be going
     else:
         stays = _is_nothing(moving)
         going = np.abs(changes.value) > changes.error + NO_DISPLACEMENT * changes.size
+        if rests is not None:
+            alone = loop.port.drifts == 1 == loop.port.moves.shape[-1]
+            stays = np.full(stays.shape, rests or not loop.port.drifts)
+            going = ~stays & (alone | _is_sure(moving))
         no_force = _is_nothing(force) & (force[1] <= ZERO_OF_TERMS) & (len(outputs) > 1)
         silent = np.where(going, _is_nothing(moved), no_force)
         no_position = _is_nothing(position) & (position[1] <= ZERO_OF_TERMS * outputs[0].slope.size)
