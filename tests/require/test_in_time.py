@@ -76,6 +76,56 @@ def test_responses_of_an_integrator_have_closed_forms(measure, level, low, high)
     assert (row.low, row.high) == (pytest.approx(low, rel=1e-8), pytest.approx(high, rel=1e-8))
 
 
+LAG = {
+    "rates": {"tick_hz": 1 / T},
+    "numbers": {"K": 0.3},
+    "block": {"x": {"type": "ss", "discrete": True, "A": [[0.5]], "B": [[1]], "C": [[1]]}},
+    "wire": {"x.u": "ref - K*x.y"},
+    "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "x.y"}},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("levels", "low", "high"),
+    [
+        ({"step_settling": 6 * T}, -(0.02 ** (1 / 6)), 0.02 ** (1 / 6)),
+        ({"overshoot": 0.2, "rms": 1.3}, -((1 - 1 / 1.69) ** 0.5), 0.2),
+    ],
+)
+def test_nothing_is_open_where_modes_are_slow_or_where_another_requirement_refutes(levels, low, high):
+    """A mode of 0.5 - K overshoots by as much as it is below 0, which is not known next to 1."""
+    loop = wavesweep.compile(LAG)
+    (row,) = loop.stable_intervals(
+        "K", (-1, 2), require={name: {**ENDS, "at_most": level} for name, level in levels.items()}
+    ).itertuples()
+    assert row.certified
+    assert (row.low, row.high) == (pytest.approx(0.5 + low, rel=1e-8), pytest.approx(0.5 + high, rel=1e-8))
+
+
+@pytest.mark.slow
+def test_noise_in_a_stiff_mass_is_refuted_up_to_the_end_of_stability():
+    """`x'' + 13 x' + (22 + 100 K z^-3) x = w`, with no spring at K = -0.22; against a march at the end found."""
+    mass = {"type": "mass", "mass": 1.0, "damping": 13.0, "stiffness": 22.0}
+    tables = {
+        "rates": {"tick_hz": 10},
+        "numbers": {"K": 0.3},
+        "block": {"x": mass, "h": {"type": "delay", "steps": 3}},
+        "wire": {"h.u": "x.x", "x.f": "ref - 100*K*h.y"},
+        "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "x.x"}},
+    }
+    (row,) = wavesweep.compile(tables).stable_intervals("K", (-1, 0), require={"rms": {**ENDS, "at_most": 0.0138}}).itertuples()
+    assert row.certified
+    over = expm(0.1 * np.array([[0, 1, 0], [-22, -13, 1], [0, 0, 0]]))
+    state = np.array([0.0, 0.0, 1.0])
+    places = [0.0] * 4
+    for _ in range(4000):
+        state = over @ state
+        places.append(state[0])
+        state[2] = -100 * row.low * places[-4]
+    assert np.linalg.norm(places) == pytest.approx(0.0138, rel=1e-8)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("measure", "level"), [("overshoot", 0.2), ("step_settling", 0.23), ("rms", 0.7)])
 def test_ends_of_several_rates_are_those_of_marches(measure, level):

@@ -37,7 +37,7 @@ MOST_DOUBLINGS = 48  # of frames in which noise has acted
 KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
 BAND = 0.02  # of the end of a step, in which it has settled
 # of the end of a step, which samples may be off; the first of these that their bound is below
-UNSURE = 10.0 ** np.arange(-10, -1, 0.5)
+UNSURE = 10.0 ** np.arange(-13, -1, 0.75)
 
 
 class Enclosed(NamedTuple):
@@ -88,15 +88,26 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
     with a bound on its error.
 
     `X_2N = X_N + A^N X_N (A^N)'`. What misses in the equation in the middle, at most r u u', is
-    below n r times a diagonal with u^2, of n states, and so is what it does to X.
+    below n r times a diagonal with u^2, of n states, and so is what it does to X. What N frames of noise leave is
+    less than what all do.
     """
     E, G, O, T = (matrix for matrix, _ in maps)
+    e, g, o, t = (each.part(slice(None), 0).real for each in maps)
     n = E.shape[-1]
     ticks = T.shape[-1]
+    low = np.zeros(len(E))
     with np.errstate(all="ignore"):
         X = G @ G.mT
         power = E  # A^N - 1
+        so_far = g @ g.mT
+        rough = e
         for _ in range(MOST_DOUBLINGS):
+            moved = _moved(((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2)))
+            seen = ((o @ so_far) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
+            low = np.fmax(low, seen.value - seen.error - moved)
+            over_frames = Bounded.exact(np.eye(n)) + rough
+            so_far = so_far + over_frames @ so_far @ over_frames.mT
+            rough = rough.then(rough)
             X = 2 * X + X @ power.mT + power @ X + power @ X @ power.mT
             power = 2 * power + power @ power
             size = _largest_on(power + np.eye(n))
@@ -110,7 +121,6 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
         shown = (_largest_on(O) @ u[..., None])[..., 0]
         rest = q**2 / (1 - q**2) * most * (shown**2).sum(-1)
 
-        e, g, o, t = (each.part(slice(None), 0).real for each in maps)
         middle = Bounded.exact(middle)
         changed = e @ middle
         missed = (g @ g.mT + changed + changed.mT + changed @ e.mT).size
@@ -120,10 +130,9 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
 
         total = ((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2))
         unsure = _moved(total) + more + found.error
-        low = np.maximum(found.value - unsure, 0.0) / ticks
+        low = np.fmax(low, found.value - unsure) / ticks
         high = (found.value + unsure + np.where(q < 1, rest, np.inf)) / ticks
-    known = np.isfinite(low) & np.isfinite(high)
-    return Enclosed(np.where(known, low, 0.0), np.where(known, high, np.inf))
+    return Enclosed(low, np.where(np.isfinite(high), high, np.inf))
 
 
 def _summed(E, u):
@@ -210,7 +219,7 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
             again = np.where(seen.most > level, np.minimum(again, 2 * count), again)
         if (found.decided(level) | (count >= np.minimum(last, again))).all():
             looked_at = count * O[:, :, :, 0].size // len(O) * X.shape[-1]
-            slow &= ~found.decided(level) & (again > count)
+            slow &= ~found.decided(level) & (again > count) & seen.known
             return found._replace(slow=slow, looked_at=looked_at)
         power = 2 * power + power @ power
         count = 2 * count
@@ -257,8 +266,8 @@ class _Step:
         self.settling = settling
         self.steps = steps
         self.final = ends[0].mean(-1)
-        self.least = np.abs(self.final[:, 0]) - _moved(self.final)
-        self.known = (self.least > 0) & ~poles_inside(self.final[..., None])
+        self.inverse = _largest_on(1 / self.final)
+        self.known = np.isfinite(self.inverse) & ~poles_inside(self.final[..., None])
         self.ends = ends[0] / self.final[..., None]
         self.off = ends[1][:, 0].max(-1)
         self.largest = np.ones(len(self.ends))
@@ -300,7 +309,7 @@ class _Step:
         low, _, low_known = self._of_bound(self.low, rest.off_so_far)
         self.most, _, _ = self._of_bound(self.high, rest.off_so_far)
         high, unsure, high_known = self._of_bound(self.high, rest.off)
-        later = moved + unsure[:, None] + rest.largest / self.least[:, None]
+        later = moved + unsure[:, None] + rest.largest * self.inverse[:, None]
         if self.settling:
             high = np.where((np.abs(middle - 1) + later).max(-1) <= BAND, high, np.inf)
         else:

@@ -209,7 +209,7 @@ class Require(KeyValues):
             gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
         if "margins.disk" in self:
             gains += (CutBound(self["margins.cut"], 1 / self["margins.disk"], 0.5),)
-        for measure in MEASURES:
+        for measure in reversed(MEASURES):
             if f"{measure}.at_most" in self:
                 gains += (TimeBound(measure, *(self[f"{measure}.{name}"] for name in NEEDED)),)
         for margin in (FACTOR_GAIN, FACTOR_PHASE):
