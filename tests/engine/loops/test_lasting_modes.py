@@ -88,3 +88,9 @@ FLIP = {"type": "ss", "A": [[-1.0]], "B": [[1.0]], "C": [[1.0]], "D": [[0.0]], "
 def test_an_oscillation_that_is_back_after_a_frame_is_no_drift(blocks, wires, force):
     """Nor is a mass that coasts, of which the velocity alone is read."""
     assert not rows_of(blocks, wires, force).certified.any()
+
+
+def test_an_output_that_sees_pulses_changes_no_pole():
+    tables = PULSES | {"ports": {"outputs": {"seen": "prev(pulse.y)"}}}
+    radius, with_output = (wavesweep.compile(each).spectral_radius() for each in (PULSES, tables))
+    assert with_output == pytest.approx(radius, rel=1e-12)

@@ -12,10 +12,10 @@ is a drift if it is there for all P, Q and q, so that nothing but the rest of th
 (An oscillation that comes back after a frame has it for some of them alone.) Pulses of an `impulse`
 are what they are: its input in the tick in which it runs, and 0 in all others.
 
-A shift W that no tick changes, and that no body and no signal outside sees, is of sums of which
-changes alone are read, as that of an `impulse` or before a `difference`. Such a sum may count for
-ever while another drift stands still. So drifts are modes of M in which it does not matter where
-these sums are: x with `(M - I) x` in W.
+A shift W that no tick changes, and that no body and no hand sees, is of sums of which changes alone
+are read, as that of an `impulse` or before a `difference`. Such a sum may count for ever while
+another drift stands still. So drifts are modes of M in which it does not matter where these sums
+are: x with `(M - I) x` in W. What outputs see does not count: they act on nothing.
 
 Both counts are ranks. They are computed for numbers P, Q and q drawn at random, modulo a prime
 number: a rank that is not the largest one there is the root of a polynomial that is not zero. Of
@@ -29,6 +29,7 @@ from fractions import Fraction
 from random import Random
 
 from wavesweep.engine._loops.dead_time import SENSED
+from wavesweep.engine._loops.from_drawing import POSITION, REACTION
 from wavesweep.engine._loops.integrator_modes import RestEquations, rest_of_blocks
 from wavesweep.engine._loops.multirate import MultirateLoop
 
@@ -175,7 +176,7 @@ class _AnyLoop:
             return 0
         identity = nmod_mat(n, n, [int(i == j) for i in range(n) for j in range(n)], PRIME)
         ticks = []
-        unseen = []  # rows that are 0 for a shift that no tick changes and nothing outside sees
+        unseen = []  # rows that are 0 for a shift that no tick changes and no hand sees
         for running in sets:
             tick, outside = self._tick({self.drawn.placed[index].block.name for index in running})
             ticks.append(tick)
@@ -197,7 +198,7 @@ class _AnyLoop:
         return len(self.registers) + sums + n - rank
 
     def _tick(self, running):
-        """The states after a tick in which these blocks run, and what is read outside of blocks:
+        """The states after a tick in which these blocks run, and what the hand's port reads:
         each a matrix over the states before it."""
         ports: dict[str, int] = {}
         for block in self.blocks:
@@ -236,13 +237,11 @@ class _AnyLoop:
                 _add(row, self.changes[name], 1)
             after.append(row)
         outside = []
-        for junction, terms in self.drawn.sums.items():
-            if junction not in self.wires:
-                row = {}
-                for signal in terms:
-                    for source in self.drawn.sources(signal) & shown.keys():
-                        _add(row, shown[source], self._number())
-                outside.append(row)
+        for signal in (POSITION, REACTION):
+            row = {}
+            for source in self.drawn.sources(signal) & shown.keys():
+                _add(row, shown[source], self._number())
+            outside.append(row)
         return over_states(after), over_states(outside)
 
     def _matrices(self, rows, ports):
