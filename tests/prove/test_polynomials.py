@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
 
-pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
-from stress.drawings import monodromy
+pytest.importorskip("wavesweep.simulation", reason="support.monodromy runs loops by it")
 from support.drawn import random_network, random_tables
+from support.monodromy import monodromy
 
 import wavesweep
 from wavesweep.prove.ball_crossings import count_outside, crossings

@@ -6,10 +6,10 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
-from stress.drawings import SPANS
+pytest.importorskip("wavesweep.simulation", reason="support.monodromy runs loops by it")
 from support.certified import Witness
 from support.drawn import ARM, CORNER, JOINT, NETWORK, NEXT_TO_ONE, PD, WALL, as_blocks, random_feedback, random_tables
+from support.monodromy import SPANS
 from support.plants import bodies
 from support.specs import random_values
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
-from stress.drawings import NUMBERS, SPANS, monodromy, verdict
+pytest.importorskip("wavesweep.simulation", reason="support.monodromy runs loops by it")
 from support.drawn import random_feedback, random_tables
+from support.monodromy import NUMBERS, SPANS, monodromy, verdict
 from support.specs import KINDS, nested, random_values
 
 import wavesweep

@@ -1,10 +1,10 @@
-"""Claims about ranges of a number that loops read through expressions with peaks, poles and steps of any width."""
+"""Claims about a number that loops read through expressions with peaks, poles and steps of any width."""
 
 import numpy as np
 
 import wavesweep
 from support.expressions import expression
-from support.members import NO_HAND, Claim, Pushed, hand_of, margins_for_all, radius_of, word_of
+from support.members import NO_HAND, Claim, Pushed, hand_of, radius_of
 
 
 def loop_of(rng, third=1):
@@ -65,57 +65,3 @@ def mean_alone(rng):
 def mean_hands(rng):
     """Values of such a number with which a loop is stable for every passive hand."""
     return along(rng, "passive")
-
-
-def _over(q, tables, **more):
-    tables["for_all"] = {"q": dict(zip(("start", "stop"), q.span, strict=True)), **more}
-    top = tables["numbers"]["K"]
-    tables["sweep"] = {"along": "K", "K": {"start": 0, "stop": 3 * top}}
-    return tables
-
-
-def mean_range(rng):
-    """A range of such a number, perhaps with frames that vary or messages that are lost beside it."""
-    loop, every, q = loop_of(rng), rates(rng), expression(rng)
-    beside = str(rng.choice(["", "", "", "frames", "messages"]))
-    if beside:
-        every = [2, 2] if beside == "frames" else [every[0], every[0]]
-    K = wall_of(rng, loop, every)
-    tables = tables_of(loop, every, q)
-    tables["numbers"]["K"] = K
-    tables = _over(q, tables)
-    if beside == "frames":
-        tables["numbers"]["n"] = 2
-        for name in {"h", "s"} & tables["block"].keys():
-            tables["block"][name]["every"] = "n"
-        tables["for_all"]["n"] = {"values": [2, 3], "varying": True}
-    if beside == "messages":
-        tables["block"]["h"] |= {"type": "channel", "lost": 1}
-
-    def member(rng, value):
-        value, own = value * q.at(place := q.q(rng)), {"q": place}
-        if beside == "frames":
-            word = word_of(rng, [2, 3])
-            return radius_of(loop.march(value, [(ticks, True) for ticks in word])), own | {"word": word}
-        if beside == "messages":
-            late = [None if i % 2 and rng.random() < 0.7 else 0 for i in range(int(rng.integers(1, 6)))]
-            late[-1] = 0
-            return radius_of(loop.of_messages(value, late, *every)), own | {"late": late}
-        return radius_of(loop.at_rates(value, *every)), own
-
-    return Claim(tables, "K", "", member, f"mean range {beside} {q.text}")
-
-
-def mean_margins(rng):
-    """Gain and phase of the wall that a loop may lose for every value of such a number."""
-    loop, every, q = loop_of(rng), rates(rng), expression(rng)
-    K = wall_of(rng, loop, every) / 3
-    tables = tables_of(loop, every, q)
-    tables["numbers"]["K"] = K
-    tables = _over(q, tables)
-
-    def member(rng, value, name):
-        factor = np.exp(1j * np.radians(value)) if name == "phase" else value
-        return radius_of(loop.at_rates(K * q.at(place := q.q(rng)) * factor, *every)), {"q": place, "margin": name}
-
-    return Claim(tables, "K", "", member, f"mean margins {q.text}", rows_of=margins_for_all)

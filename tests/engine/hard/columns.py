@@ -11,7 +11,7 @@ import numpy as np
 
 FAMILIES = tomllib.loads((Path(__file__).parent / "families.toml").read_text(encoding="utf-8"))
 EXPECTED = Path(__file__).parent / "expected.csv"
-HEAD = ("column", "ends", "answer", "eigenvalue_problems", "ball_operations", "lane")
+HEAD = ("column", "ends", "answer", "eigenvalue_problems", "ball_operations")
 UPDATE = bool(os.environ.get("WAVESWEEP_UPDATE"))
 IN_KEYS = {"b": "controller", "B_VE": "environment"}  # tables of the keys of a built-in controller
 
@@ -42,7 +42,7 @@ def expected():
 
 
 def update(column, **cells):
-    """Write cells of a row anew; rows are in the order of the families. The lane of a new one is set by hand, if it is slow."""
+    """Write cells of a row anew; rows are in the order of the families. The ends of a new one are set by hand."""
     rows = expected()
     rows[column] = dict.fromkeys(HEAD, "") | rows.get(column, {}) | {"column": column} | cells
     with EXPECTED.open("w", encoding="utf-8", newline="") as file:
@@ -54,11 +54,6 @@ def update(column, **cells):
 def ends_of(text):
     """Intervals from a cell."""
     return [tuple(map(float, part.split(" to "))) for part in text.split("; ") if part]
-
-
-def text_of(ends):
-    """Intervals as a cell."""
-    return "; ".join(f"{low!r} to {high!r}" for low, high in ends)
 
 
 class Counted:

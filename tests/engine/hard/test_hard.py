@@ -1,16 +1,15 @@
 """Columns that can fail: each is certified with the right ends, or is in doubt as it was.
 
-`expected.csv` has the right ends of each, from `witness.py`; what is answered: certified, a word of doubt, or the name of an
-error; what the answer took; and "slow" if that is more than a seventh of a second. `WAVESWEEP_UPDATE=1` writes these anew:
-a certificate that is gained has to be written there, one that is lost is a fault.
+`expected.csv` has the right ends of each, which were the roots of its characteristic equation in ball arithmetic; what is
+answered: certified, a word of doubt, or the name of an error; and what the answer took. `WAVESWEEP_UPDATE=1` writes answers
+anew: a certificate that is gained has to be written there, one that is lost is a fault.
 """
 
 import numpy as np
 import pytest
 
 pytest.importorskip("wavesweep.prove", reason="what is answered is what doubles and balls prove together")
-from hard.columns import UPDATE, Counted, ends_of, expected, questions, text_of, update
-from hard.witness import Column
+from hard.columns import UPDATE, Counted, ends_of, expected, questions, update
 
 import wavesweep
 
@@ -20,13 +19,8 @@ SAME = 1e-9  # of an end, and 1e-12 of the range: what docs/accuracy.md promises
 MORE = 2  # times as much work as was needed once
 
 
-def columns():
-    slow = {name for name, row in EXPECTED.items() if row["lane"] == "slow"}
-    return [pytest.param(name, marks=[pytest.mark.slow] * (name in slow)) for name in QUESTIONS]
-
-
 @pytest.mark.sample(40)
-@pytest.mark.parametrize("name", columns())
+@pytest.mark.parametrize("name", QUESTIONS)
 def test_a_column_is_answered_as_well_as_before(name, monkeypatch):
     _, _, spec, span = QUESTIONS[name]
     counted, rows = Counted(monkeypatch), []
@@ -48,15 +42,3 @@ def test_a_column_is_answered_as_well_as_before(name, monkeypatch):
         assert found == pytest.approx(known, rel=SAME, abs=slack)
     assert answer == row["answer"], "if it is gained, WAVESWEEP_UPDATE=1 writes it; if it is lost, that is a fault"
     assert all(amount <= MORE * float(row[cell]) + 100 for cell, amount in work.items()), work
-
-
-@pytest.mark.sample(4)
-@pytest.mark.parametrize("name", QUESTIONS)
-def test_the_right_ends_are_those_of_the_characteristic_equation(name):
-    family, numbers, _, span = QUESTIONS[name]
-    ends = Column(family, numbers, span).ends()
-    if UPDATE:
-        update(name, ends=text_of(ends))
-    row = expected()[name] if UPDATE else EXPECTED[name]
-    right = [end for pair in ends_of(row["ends"]) for end in pair]
-    assert [end for pair in ends for end in pair] == pytest.approx(right, rel=1e-13, abs=1e-15)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stress.drawings import verdict
+from support.monodromy import verdict
 
 import wavesweep
 from wavesweep.program.spec import load
