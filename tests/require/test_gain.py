@@ -600,6 +600,38 @@ def test_a_gain_that_holds_from_a_wall_of_zero_on_begins_there(controller, stop,
 
 
 @pytest.mark.slow
+def test_a_disk_margin_holds_from_a_drift_on_that_lies_within_the_range():
+    """A mass under a hold of 4 ticks, whose force comes 3 ticks later: against its own samples on the circle."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 1.0},
+        "block": {
+            "p": {"type": "mass", "mass": 0.2, "damping": 2.0},
+            "h": {"type": "hold", "every": 4},
+            "d": {"type": "delay", "steps": 3},
+        },
+        "wire": {"h.u": "p.x", "d.u": "h.y", "p.f": "w - K*d.y"},
+        "ports": {"inputs": {"w": "w"}, "outputs": {"x": "p.x"}},
+    }
+    require = {"margins": {"cut": "h.y", "disk": 0.8}}
+    (row,) = wavesweep.compile(tables).stable_intervals("K", (-20, 300), require=require).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    flow = np.array([[0, 1, 0], [0, -10, 5], [0, 0, 0]])
+    late, last = expm(0.003 * flow), expm(0.001 * flow)
+    A = last[:2, :2] @ late[:2, :2]
+
+    def distance(theta):
+        z = np.exp(1j * theta)
+        push = last[:2, :2] @ late[:2, 2] / z + last[:2, 2]
+        L = row.high * np.linalg.solve(z * np.eye(2) - A, push)[0]
+        return -abs(1 / (1 + L) - 0.5)
+
+    best = min(np.linspace(0.001, np.pi, 4000), key=distance)
+    found = minimize_scalar(distance, bounds=(best - 0.001, best + 0.001), method="bounded", options={"xatol": 1e-9})
+    assert -found.fun == pytest.approx(1 / 0.8, rel=1e-7)
+
+
+@pytest.mark.slow
 def test_a_gain_that_is_too_large_next_to_a_wall_of_zero_does_not_begin_there():
     """The largest gain is 0.4 at any resonance, 1 over the damping of the device and of the wall."""
     sweep = {"K_VE": {"start": 0, "stop": 5000}, "require": {"gain": {"from": "f_h", "to": "v", "at_most": 0.399}}}

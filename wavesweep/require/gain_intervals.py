@@ -38,6 +38,9 @@ def along_gain(
     neighbourhood decides. Accuracy: ends to END_EXACTNESS. Errors: UsageError if the signal moves
     without end, and for a band or a loop that the gain cannot be had of.
     """
+    first = np.nanmin(stable.low, initial=np.inf)
+    if domain.span[0] < first == 0 < domain.span[1]:  # as is that of an integrator
+        domain = domain._replace(span=(0.0, domain.span[1]))
     span = domain.span
     period = domain.period
     size = period.size
