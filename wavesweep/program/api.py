@@ -49,7 +49,9 @@ Span = tuple[float, float]
 MOST_ANSWERS = 16  # that are kept
 MOST_ROWS_KEPT = 10_000  # of an answer: some 2 MB
 # The latest answers of `stable_intervals`: a figure, and the display of a notebook, ask again.
-_ANSWERS: dict[tuple[Spec, Axis, object, object], tuple[Columns, Mapping[str, Claim]]] = {}
+_ANSWERS: dict[
+    tuple[Spec, Axis, object, object], tuple[Columns, dict[str, str], dict[str, Any]]
+] = {}
 
 
 @overload
@@ -247,17 +249,17 @@ class Loop:
 
         grid, axis = self._asked(along, span, axes)
         required = None if require is None else value_of("sweep.require", require)
-        job = job_over(grid, axis, require=required)
         asked_axes = tuple((name, tuple(np.ravel(values))) for name, values in axes.items())
         question = (self.spec, axis, repr(required and required.written()), asked_axes)
         answer = _ANSWERS.get(question)
         if answer is None:
-            answer = intervals.of_calls(job, progress)
+            job = job_over(grid, axis, require=required)
+            answer = self._table("zwidth", *intervals.of_calls(job, progress))
             if len(answer[0]["low"]) <= MOST_ROWS_KEPT:
                 _ANSWERS[question] = answer
         if len(_ANSWERS) > MOST_ANSWERS:
             del _ANSWERS[next(iter(_ANSWERS))]
-        return self._frame("zwidth", *answer)
+        return frame(*answer)
 
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
         """Largest eigenvalue modulus per frame, without drift, over the product of the axes given.
@@ -505,10 +507,16 @@ class Loop:
         return control.ss(*matrices, period, inputs=names, outputs=list(shown.values()))
 
     def _frame(self, kind: str, columns: Columns, claims: Mapping[str, Claim]) -> DataFrame:
+        return frame(*self._table(kind, columns, claims))
+
+    def _table(
+        self, kind: str, columns: Columns, claims: Mapping[str, Claim]
+    ) -> tuple[Columns, dict[str, str], dict[str, Any]]:
+        """What a DataFrame is made of, see `frame`."""
         columns = kind_named(kind).completed(columns)
         along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
         units = _units(self.spec, kind, tuple(columns), along)
-        return frame(columns, units, {word: claim.fact() for word, claim in claims.items()})
+        return columns, units, {word: claim.fact() for word, claim in claims.items()}
 
     def _read(self, spec: Spec) -> frozenset[str]:
         if spec is self.spec:

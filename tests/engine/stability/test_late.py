@@ -104,8 +104,10 @@ def both_ways(monkeypatch, tables, along, span, **asked):
     for few in (delays_in_series.FEW_FRAMES, np.inf):
         monkeypatch.setattr(delays_in_series, "FEW_FRAMES", few)
         open_loops.remembered_loops.cache_clear()
+        open_loops.remembered_slices.cache_clear()
         found.append(wavesweep.compile(tables).stable_intervals(along, span, **asked))
     open_loops.remembered_loops.cache_clear()
+    open_loops.remembered_slices.cache_clear()
     assert shapes[0][-1] < 20 < shapes[-1][-1]
     return found
 

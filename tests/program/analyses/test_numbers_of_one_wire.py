@@ -31,6 +31,7 @@ def opened(monkeypatch):
         open_loops, "open_frame", lambda *given, **how: made.append(open_loops.BESIDE in given[3]) or frame(*given, **how)
     )
     open_loops.remembered_loops.cache_clear()
+    open_loops.remembered_slices.cache_clear()
     return made
 
 

@@ -85,8 +85,8 @@ def balance(E: np.ndarray, thorough: bool = False) -> tuple[np.ndarray, np.ndarr
     for _ in range(THOROUGH_SWEEPS if thorough else 3):  # sweeps over the states
         changed = False
         for k in index:
-            row = size[:, k, :].sum(-1)
-            column = size[:, :, k].sum(-1)
+            row = np.add.reduce(size[:, k, :], -1)
+            column = np.add.reduce(size[:, :, k], -1)
             factor = np.exp2(np.round(np.log2(row / column) / 2))
             factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
             if (factor == 1).all():

@@ -157,20 +157,9 @@ class Opened:
         find_port: see `open_loops`. Errors: IllPosedLoopError if the loops have no solution without
         the number.
         """
-        path = _fixed_beside(loops, number)
-        for swapped in (False, True) if path else ():
-            with suppress(IllPosedLoopError):
-                opened = _without(loops, number, size, path, swapped, find_port=find_port)
-                if opened and opened.loops.cut:
-                    # Loops of direct terms that the second number closes have to have solutions.
-                    direct = opened.loops.frame.D[..., int(not swapped), 0]
-                    direct = np.broadcast_to(direct, (int(opened.loop_of.max()) + 1,))[
-                        opened.loop_of
-                    ]
-                    through = opened.second * direct
-                    if (1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all():
-                        return opened
-        return _without(loops, number, size, find_port=find_port)
+        if size <= REMEMBERED_LOOPS:
+            return remembered_slices(loops.drawing, loops.items, number, size, find_port)
+        return _opened(loops, number, size, find_port)
 
     @staticmethod
     def of_each(
@@ -178,6 +167,29 @@ class Opened:
     ) -> "Opened | None":
         """`of` slices that have a loop each, with bounds on rounding of its own."""
         return _without(loops, number, size, alone=True, find_port=find_port)
+
+
+@lru_cache(maxsize=8)  # what a call takes is estimated before it is done
+def remembered_slices(drawing, items, number, size, find_port):
+    """`_opened` of few slices; items: their numbers, in tuples over the loops."""
+    values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
+    return _opened(Loops(drawing, values), number, size, find_port)
+
+
+def _opened(loops, number, size, find_port):
+    """See `Opened.of`."""
+    path = _fixed_beside(loops, number)
+    for swapped in (False, True) if path else ():
+        with suppress(IllPosedLoopError):
+            opened = _without(loops, number, size, path, swapped, find_port=find_port)
+            if opened and opened.loops.cut:
+                # Loops of direct terms that the second number closes have to have solutions.
+                direct = opened.loops.frame.D[..., int(not swapped), 0]
+                direct = np.broadcast_to(direct, (int(opened.loop_of.max()) + 1,))[opened.loop_of]
+                through = opened.second * direct
+                if (1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all():
+                    return opened
+    return _without(loops, number, size, find_port=find_port)
 
 
 def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:

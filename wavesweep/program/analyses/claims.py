@@ -8,7 +8,7 @@ narrower plan does not cover what the spec asks, and is then no answer.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from fractions import Fraction
 from math import lcm
@@ -512,8 +512,9 @@ class Scope:
 
     def written(self) -> dict[str, Any]:
         """The scope as JSON has it."""
-        scope = asdict(self)
-        frames = scope["frames"]
+        scope = {name: getattr(self, name) for name in self.__slots__}
+        frames = {name: getattr(self.frames, name) for name in self.frames.__slots__}
+        scope["frames"] = frames
         frames["order"] = self.frames.order.name.lower()
         for name in ("lengths", "delays"):
             frames[name] = sorted(frames[name], key=str)
