@@ -5,7 +5,6 @@ import numpy as np
 # from 1 to the next double: twice what rounding moves a result by at most
 EPS = np.finfo(float).eps
 UNIT_ROUNDING = EPS / 2  # relative, what rounding moves a result by at most
-SHORT_SUM_ROUNDING = 2 * EPS  # of a short sum of products, relative to the sum of their sizes
 ENTRY_ROUNDING = 4 * EPS  # of the terms of the entries of a block, relative
 # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
 CANCELLED_SUM = 64 * EPS

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.engine._loops.block import frozen
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._state_space import StateSpace
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 FIRST, SECOND = "first", "second"  # the two numbers; of a wall, stiffness and damping
 VELOCITY, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
@@ -218,29 +218,20 @@ class LinearFractional:
         return A
 
     def errors_of_closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
-        """Return bounds on the errors of the entries of `closed`, `(..., order, order)`, to
-        first order."""
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        """Return bounds on the errors of the entries of `closed`, `(..., order, order)`."""
+        with np.errstate(all="ignore"):
             K = np.asarray(K, float)[..., None, None]
             F = np.asarray(F, float)[..., None, None]
-            of_x = self.D[..., OFFSET : OFFSET + 1, :]
-            of_v = self.D[..., VELOCITY : VELOCITY + 1, :]
-            through = np.abs(1 - K * of_x - F * of_v)
-            K = np.abs(K)
-            F = np.abs(F)
-            size = replace(self, **{name: np.abs(getattr(self, name)) for name in MATRICES})
-            _, B, x, v = size.with_integrator()
-            dE, dB, dx, dv = self.errors_with_integrator()
-            d_of_x = self.dD[..., OFFSET : OFFSET + 1, :]
-            d_of_v = self.dD[..., VELOCITY : VELOCITY + 1, :]
-            off = K * d_of_x + F * d_of_v
+            parts = zip(self.with_integrator(), self.errors_with_integrator(), strict=True)
+            E, B, x, v = (Bounded(*np.broadcast_arrays(*pair)) for pair in parts)
+            D = Bounded(self.D, self.dD)
+            of_x = D.part(..., slice(OFFSET, OFFSET + 1), slice(None))
+            of_v = D.part(..., slice(VELOCITY, VELOCITY + 1), slice(None))
+            read = x * K + v * F
+            through = of_x * K + of_v * F
             if self.late:
-                rounding = SHORT_SUM_ROUNDING * (K * x + F * v)
-                unsure = SHORT_SUM_ROUNDING * (K * np.abs(of_x) + F * np.abs(of_v))
-                return self._late(dE, dB, K * dx + F * dv + rounding, off + unsure, 0.0)
-            read = (K * x + F * v) / through
-            unsure = (K * dx + F * dv) / through
-            return dE + dB * read + B * (unsure + read * (off / through + SHORT_SUM_ROUNDING))
+                return self._late(E.error, B.error, read.error, through.error, 0.0)
+            return (E + B * read.over(Bounded.exact(1.0) - through)).error
 
     def _late(self, E, B, read, through, passed_on):
         """The loop with `late` states behind it, through which the product of the numbers goes: the

@@ -11,6 +11,7 @@ from wavesweep.engine._loops.from_drawing import POSITION, REACTION
 from wavesweep.engine._loops.integrator_modes import shifts
 from wavesweep.engine._loops.lasting_modes import lasting_modes
 from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, known_frames
 from wavesweep.engine._monodromy.product import (
     product_with_errors,
@@ -19,7 +20,7 @@ from wavesweep.engine._monodromy.product import (
 )
 from wavesweep.engine._monodromy.rounding import balance, measured_frame, radius_hidden
 from wavesweep.engine._monodromy.unit_circle import solve
-from wavesweep.engine.doubles import CANCELLED_SUM, EPS, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import CANCELLED_SUM, EPS
 
 # relative difference of a factor between two loops below which it does not depend on their numbers
 SAME_FACTOR = 1e-12
@@ -429,31 +430,24 @@ def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray
         over="ignore", invalid="ignore"
     ):  # a frame that overflows is for the caller to see
         if sizes is not None:
-            return _errors_without(E, sizes, np.abs(V), leads, rest)
+            return _errors_without(Bounded(E, sizes), V, leads, rest)
         return E[..., rest[:, None], rest] - V @ E[..., leads[:, None], rest]
 
 
-def _errors_without(E, dE, V, leads, rest):
-    """Return bounds on the errors of `without_drift`; dE: of E; V: the sizes of the factors.
+def _errors_without(E, V, leads, rest):
+    """Return bounds on the errors of `without_drift`; E: with bounds on its errors.
 
-    To first order V changes by A^+ (dA V + dE_S), of A = E_R with rows of equal size, which is
-    solved for V; the solution adds to each column its rounding, relative to the size of the column
-    (Householder).
+    V misses the equations `E_R V = -E_S` by no more than `missed`, of any E within the bounds, and
+    a left inverse of E_R takes that to what V itself is off by, to first order.
     """
-    size = np.abs(E[..., rest]).max(-1, keepdims=True)
+    R = E.part(..., rest)
+    missed = (R @ V + E.part(..., leads)).size
+    size = np.abs(R.value).max(-1, keepdims=True)
     size = np.where(size > 0, size, 1.0)
-    A = E[..., rest] / size
-    S = E[..., leads] / size
-    dA = dE[..., rest] / size
-    dS = dE[..., leads] / size
-    of_A = rest.size * SHORT_SUM_ROUNDING * np.linalg.norm(A, axis=-2, keepdims=True)
-    of_S = rest.size * SHORT_SUM_ROUNDING * np.linalg.norm(S, axis=-2, keepdims=True)
-    inverse = np.linalg.pinv(np.nan_to_num(A))
-    dV = np.abs(inverse) @ ((dA + of_A) @ V + dS + of_S)
-    E_SR = E[..., leads[:, None], rest]
-    dE_SR = dE[..., leads[:, None], rest]
-    of_leads = V @ dE_SR + dV @ np.abs(E_SR)
-    return dE[..., rest[:, None], rest] + of_leads
+    inverse = np.linalg.pinv(np.nan_to_num(R.value / size)) / size.mT
+    factors = Bounded(V, np.abs(inverse) @ missed)
+    kept = E.part(..., rest[:, None], rest)
+    return (kept - factors @ E.part(..., leads[:, None], rest)).error
 
 
 def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:

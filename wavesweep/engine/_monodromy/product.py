@@ -15,7 +15,7 @@ from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.components import strong_components
-from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.rows import different
 
 # ticks, or stretches of them, one after the other, over which errors are summed up
@@ -262,13 +262,13 @@ def _after_with_errors(ramp, over, first, second):
     both = _after(ramp, P, Q)
     n = size_P.shape[-2]
     # Zeros add no rounding: those of delays make rows of few terms.
-    terms = int(np.count_nonzero(size_Q[..., :n], -1).max(initial=0)) + 2
+    terms = int(np.count_nonzero(size_Q[..., :n], -1).max(initial=0)) + 2 + ramp
     rounding = sum_rounding(terms, np.iscomplexobj(both[0]))
     rounding = rounding * (size_P + size_Q + size_Q[..., :n] @ size_P)
     dE = whole_Q[..., :n] @ dP + dQ[..., :n] @ whole_P + rounding
     dE[..., n:] += dQ[..., n:]
     if ramp:
-        dE[..., -1] += P[1] * (dQ[..., -2] + SHORT_SUM_ROUNDING * size_Q[..., -2])
+        dE[..., -1] += P[1] * (dQ[..., -2] + sum_rounding(2) * size_Q[..., -2])
     return both, *_largest(over, both[0]), dE
 
 

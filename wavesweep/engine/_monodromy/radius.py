@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._monodromy.cut import ADVANCE, LinearFractional
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 
 def within(E: np.ndarray, radius) -> np.ndarray:
@@ -26,10 +26,11 @@ def within(E: np.ndarray, radius) -> np.ndarray:
 
 
 def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
-    """Return bounds on the errors of the entries of `within`; dE: of those of E."""
+    """Return bounds on the errors of the entries of `within`, each of three roundings; dE: of those
+    of E."""
     r = np.asarray(radius)[..., None, None]
     with np.errstate(over="ignore", invalid="ignore"):
-        return (dE + SHORT_SUM_ROUNDING * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
+        return (dE + sum_rounding(3) * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
 
 
 def cut_within(cut: LinearFractional, radius) -> LinearFractional:
@@ -47,13 +48,15 @@ def cut_within(cut: LinearFractional, radius) -> LinearFractional:
     D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         E, dE = within(E, radius), errors_within(E, dE, radius)
-        B, dB = B / r, (dB + SHORT_SUM_ROUNDING * np.abs(B)) / r
+        B, dB = B / r, (dB + sum_rounding(1) * np.abs(B)) / r
         if cut.late:
             grown = r**-cut.late
             x = x * grown
             v = v * grown
             D = D * grown
-            rounding = cut.late * SHORT_SUM_ROUNDING
+            rounding = sum_rounding(
+                cut.late + 3
+            )  # of the power, which is not more than a product's
             dx = dx * grown + rounding * np.abs(x)
             dv = dv * grown + rounding * np.abs(v)
             dD = dD * grown + rounding * np.abs(D)

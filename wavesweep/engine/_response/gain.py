@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wavesweep.engine._monodromy.bounded import Bounded
+from wavesweep.engine._monodromy.bounded import Bounded, sum_rounding
 from wavesweep.engine._response.lifted import Lifted, Stretch
 from wavesweep.engine._response.static import LOST_DIGITS
 from wavesweep.engine._response.steady import respond
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import EPS
 
 DENSE_TICKS = 64  # ticks up to which singular values of the full matrix are quicker
 
@@ -52,10 +52,11 @@ class Gain:
             self.left, self.corner = np.linalg.qr(O)
             self.right, entry = np.linalg.qr(G.mT)
             self.entry = entry.mT[..., None, :, :]
-            # of a column's length, what is lost by factors in its place
-            factoring = 2 * self.n * SHORT_SUM_ROUNDING
-            self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
-            of_entry = factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1))
+            # lengths of what factors miss of columns
+            missed_O = Bounded.exact(self.left) @ self.corner - Bounded.exact(O)
+            missed_G = Bounded.exact(self.right) @ entry - Bounded.exact(G.mT)
+            self.of_O = np.sqrt((missed_O.size**2).sum(-2))[..., None, :, None]
+            of_entry = np.sqrt((missed_G.size**2).sum(-2)) + np.sqrt((dG**2).sum(-1))
             self.of_entry = of_entry[..., None, :, None]
             self.of_map = norm_of_errors(self.frame)
 
@@ -79,7 +80,8 @@ class Gain:
             for start in range(0, bounded.size, width):
                 index = bounded[start : start + width]
                 value, error = self._at(self.loop.circle(frequency[index]).frame)
-                off = error / value + self.n * SHORT_SUM_ROUNDING
+                # of singular values, whose error LAPACK bounds by a modest multiple of the size
+                off = error / value + ticks * EPS
                 good = (off < LOST_DIGITS) & ~self.lost[..., None]
                 gain[..., index] = np.where(good, value, np.nan)
                 relative[..., index] = np.where(good, off, np.nan)
@@ -101,9 +103,12 @@ class Gain:
         core = self.corner[..., None, :, :] @ X
         finite = np.isfinite(core).all((-1, -2))
         core = np.where(finite[..., None, None], core, 0)
+        left = self.left[..., None, :, :]
+        right = self.right.mT[..., None, :, :]
+        size = norm_of_product(np.abs(left), np.abs(core) @ np.abs(right))
+        error = error + sum_rounding(2 * n + 1, of_complex=True) * size
         if self.frame.ticks <= DENSE_TICKS:
-            right = self.right.mT[..., None, :, :]
-            H = self.left[..., None, :, :] @ core @ right
+            H = left @ core @ right
             H += self.frame.impulse_map()[..., None, :, :]
             value = _largest_singular_value(H)
         else:

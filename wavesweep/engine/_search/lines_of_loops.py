@@ -14,6 +14,7 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import Drawing
 from wavesweep.engine._loops.from_drawing import PRODUCT
+from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._monodromy.cut import LinearFractional
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
@@ -25,7 +26,7 @@ from wavesweep.engine._search.open_loops import Opened, OpenLoops
 from wavesweep.engine._search.question import RequiredRegion
 from wavesweep.engine._stability.boundary import times
 from wavesweep.engine._stability.spectrum import eigenvalues
-from wavesweep.engine.doubles import EPS, LEAST_NORMAL, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import ENTRY_ROUNDING, EPS, LEAST_NORMAL
 from wavesweep.engine.loop import Loops
 
 STATES_AT_ONCE = 2**18  # numbers of states that are followed at once
@@ -393,7 +394,7 @@ class _Bordered(NamedTuple):
         B[..., :k, k:] = beside[:, None, None]
         B[..., k:, :k] = below[:, None, None]
         middle = B[:, 0, 0]
-        rounding = SHORT_SUM_ROUNDING * size * np.abs(middle)
+        rounding = sum_rounding(size + 1, of_complex=True) * np.abs(middle)
         rounding[:, :k, :k] += dE
         change = np.array(rounding)
         change[:, :k, :k] += margin * np.abs(E - E[:, :1]).max(1)
@@ -527,7 +528,9 @@ def _shown_on_panels(frames: _FramesOnPanels, rows, vectors, s, in_disc, margin)
         off += (at_once * np.abs(weight[:, 0, :, 0])) ** 2
         here = np.abs(state[:, 0].reshape(n, size, circle, modes)[:, :, 0])
         rounded = np.abs(in_middle_of_tick) @ rounded
-        rounded += SHORT_SUM_ROUNDING * size * (frames.sizes[kind] @ here)
+        rounded += (ENTRY_ROUNDING + sum_rounding(size, of_complex=True)) * (
+            frames.sizes[kind] @ here
+        )
         since = in_middle_of_tick @ since
         state = frames.maps[kind] @ state
         weight = weight * decay
