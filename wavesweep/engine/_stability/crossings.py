@@ -193,10 +193,18 @@ def _errors_of_entries(cut, along, w, unit, fixed, solved):
     """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`,
     infinite if not known.
 
-    unit, fixed, solved: sizes of these terms, `(loops, points)`. With the resolvent R and the
-    bounds dE, the resolvent for E + X is `R (1 - X R)^-1`, of which no entry is larger than those
-    of `N |R|`, `N = (1 - |R| dE)^-1`. docs/proof.md, "Entries that are known to few digits", has
-    the bounds dG and q.
+    unit, fixed, solved: sizes of these terms, `(loops, points)`. For errors X, Y, W, V of E, B, C, D,
+    with bounds dE, dB, dC, dD, let `R = (w - E)^-1` and `N = (1 - |R| dE)^-1`, which is not negative
+    and bounds `(1 - R X)^-1` entry by entry if the spectral radius of `|R| dE` is below 1. Then
+    `|C R'| <= c = |C R| + |C R| dE N |R|` for the resolvent R' of E + X, and G is off by at most
+
+        dG = c (dE |R B| + dB) + dC (|R B| + N |R| (dE |R B| + dB)) + dD.
+
+    All terms have the pole polynomial as a factor, which X multiplies by `det(1 - R X)`. Its
+    logarithm is minus the sum of `tr((R X)^k)/k`, so its square is between 1/q and q, `q = det(1 -
+    |R| dE)^-2`. So a product `a b*` of two terms that are off by da and db moves by at most `q (|a|
+    db + da |b| + da db) + (q - 1) |a| |b|`. The difference of two such polynomials is one of the
+    same degree, so its coefficients are at most twice its largest sample.
     """
     dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
     one = np.eye(cut.E.shape[-1])
