@@ -142,10 +142,13 @@ def test_a_march_of_its_own_comes_to_rest_where_it_is_proved(delay, high, refute
         assert np.abs(force[-40:]).max() > np.abs(force[400:440]).max()
 
 
-@pytest.mark.parametrize("lengths", [LENGTHS, [19, 20, 21]])
-def test_rests_of_waves_are_enclosed_for_frames_at_random(lengths):
-    """omega of long random sequences, by its recursion, lies in the hull of its node."""
-    spec = load(waves(lengths))
+@pytest.mark.parametrize(("lengths", "kind"), [(LENGTHS, "pmw"), ([19, 20, 21], "pmw"), (LENGTHS, "pmw-lm")])
+def test_rests_of_waves_are_enclosed_for_frames_at_random(lengths, kind):
+    """omega of long random sequences, by its recursion, lies in the hull of its node.
+
+    A local model turns what it shrinks in a frame, and a set is held by several in a row alone.
+    """
+    spec = load(waves(lengths) | {"controller": {"kind": kind, "b": 10.0}})
     frames = in_frames(rules_of(spec), dict(spec.values), [K, B]).frames
     n = frames.changes.shape[-1] - 1
     A = np.eye(n) + frames.changes[:, :n, :n]
@@ -232,19 +235,45 @@ def test_waves_are_proved_while_frames_vary():
     assert (np.ptp(beyond[-40:], axis=0) > np.ptp(beyond[:40], axis=0)).any()
 
 
-@pytest.mark.parametrize(
-    ("controller", "more", "said"),
-    [
-        ("dc-vc", {}, "found a wall that reads a mean of positions, as behind a virtual coupling"),
-        ("dc-slow", {"lost": 1}, "no bound is found on where it rests, as where results are lost"),
-    ],
-)
-def test_a_wall_that_does_not_fit_is_refused_with_its_reason(controller, more, said):
-    tables = slow(controller={"kind": controller})
-    tables["for_all"] |= more
-    spec = load(tables)
-    with pytest.raises(UsageError, match=said):
-        refuse(spec, K)
+def test_a_wall_whose_force_may_be_lost_is_refused_with_its_reason():
+    tables = slow()
+    tables["for_all"] |= {"lost": 1}
+    with pytest.raises(UsageError, match="moves its rest away from it, as where results are lost"):
+        refuse(load(tables), K)
+
+
+def drawn(share, first):
+    """A mass before a wall that reads `share` times its place, by which its force is divided."""
+    return {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"K": 40.0, "Bw": 1.0, "n": 3, "share": share},
+        "block": {
+            "x": {"type": "mass", "mass": first, "damping": 15.0},
+            "dv": {"type": "difference", "every": "n"},
+            "c": {"type": "hold", "every": "n"},
+        },
+        "wire": {"dv.u": "x.x", "c.u": "share*(K*x.x + Bw*dv.y)", "x.f": "push - c.y/share"},
+        "ports": {
+            "wall": {"stiffness": "K", "damping": "Bw"},
+            "hand": {"force": "push", "displacement": "x.x"},
+        },
+        "for_all": {"contact": True, "n": {"values": [3, 14], "varying": True}},
+        "sweep": {"along": "K", "K": {"start": 0, "stop": 4000}},
+    }
+
+
+@pytest.mark.parametrize("share", [-1.0, 3.0])
+def test_how_a_wall_is_written_does_not_change_what_is_proved(share):
+    """With a minus before it, or in other units: the class is the same, and so is the loop."""
+    walls = [(500.0, 1.0), (2400.0, 1.0), (100.0, 60.0)]
+    found = []
+    for each in (1.0, share):
+        spec = load(drawn(each, 1.0))
+        loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
+        forms = [loop.found(wall, best=True) for wall in walls]
+        proved = [form and loop.proved((form, wall)) for form, wall in zip(forms, walls, strict=True)]
+        found.append([bool(each) for each in proved])
+    assert found[0] == found[1] == [True, False, True]
 
 
 def test_numbers_in_a_list_alone_are_loops_of_constant_frames():

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES
 from wavesweep.engine.doubles import EPS
+from wavesweep.engine.frames import Bounded, sum_rounding
 
 SPREAD = 2  # directions in which rests differ that are vertices; the others are errors
+MOST_WORDS = 5000  # frames in a row that a set of all rests is tried with, 6 of four kinds
 SPREAD_SHARE = 1e-4  # of the rest's size, below which a direction is an error
 
 
@@ -49,16 +50,20 @@ def edges_of(frames: Any, ahead: int) -> list[Edge] | None:
             Edge(number[word[:-1]], word[0], number[word[1:]], (0.0, 0.0), *nothing)
             for word in _words(frames.follows, ahead + 1)
         ]
-    every = _every_rest(frames)
+    whole = Bounded(frames.changes, frames.changes_error)
+    backward = whole.part(..., slice(n), slice(n)).mT + Bounded.exact(np.eye(n))
+    step = whole.part(..., [n], slice(n)).mT
+    pushed = whole.part(..., slice(n + 1), n)
+    every = _every_rest(backward, step, frames.follows)
     if every is None:
         return None
     edges = []
     for word in _words(frames.follows, ahead + 1):
         later = every
         for frame in reversed(word[1:]):
-            later = later.before(frames, frame)
-        own = later.before(frames, word[0])
-        turned = later.turned(frames, word[0])
+            later = later.before(backward.part(frame), step.part(frame))
+        own = later.before(backward.part(word[0]), step.part(word[0]))
+        turned = later.turned(pushed.part(word[0]))
         edges.append(Edge(number[word[:-1]], word[0], number[word[1:]], turned, *own.hull()))
     return edges
 
@@ -83,33 +88,22 @@ class _Rests:
     G: np.ndarray
     errors: np.ndarray
 
-    def before(self, frames: Any, i: int) -> _Rests:
-        """Return the rests before a frame, `l + A' omega`."""
-        n = self.middle.size
-        change = frames.changes[i, :n, :n].T
-        step = frames.changes[i, n, :n]
-        size = np.abs(np.eye(n) + change)
-        reach = np.abs(self.middle) + np.abs(self.G).sum(1) + self.errors
-        middle = step + self.middle + change @ self.middle
-        G = self.G + change @ self.G
-        errors = frames.changes_error[i, n, :n] + size @ self.errors
-        errors = errors + frames.changes_error[i, :n, :n].T @ reach
-        rounding = BOUNDS_OF_DOUBLES * EPS * (2 * n + 8)
-        size_of_sums = reach + np.abs(change) @ reach + np.abs(step)
-        return _Rests(middle, G, errors + rounding * size_of_sums)
+    def before(self, A: Bounded, step: Bounded) -> _Rests:
+        """Return the rests before a frame, `step + A omega`, A and step `(n, 1)` of the frame."""
+        middle = (step + A @ self.middle[:, None]).part(..., 0)
+        G = A @ self.G
+        errors = middle.error + G.error.sum(1) + A.size @ self.errors
+        return _Rests(middle.value, G.value, errors * (1 + (2 * self.errors.size + 8) * EPS))
 
-    def turned(self, frames: Any, i: int) -> tuple[float, float]:
-        """Return the least and the largest of `r + omega' b`."""
-        n = self.middle.size
-        b = frames.changes[i, :n, n]
-        r = frames.changes[i, n, n]
-        reach = np.abs(self.middle) + np.abs(self.G).sum(1) + self.errors
-        value = r + self.middle @ b
-        rounding = BOUNDS_OF_DOUBLES * EPS * (2 * n + 8)
-        off = np.abs(b @ self.G).sum() + np.abs(b) @ self.errors
-        off = off + frames.changes_error[i, n, n] + frames.changes_error[i, :n, n] @ reach
-        off = off + rounding * (abs(r) + np.abs(b) @ reach)
-        return float(value - off), float(value + off)
+    def turned(self, pushed: Bounded) -> tuple[float, float]:
+        """Return the least and the largest of `r + omega' b`; pushed `(n + 1,)`: b and r."""
+        n = self.errors.size
+        omega = np.append(self.middle, 1.0)
+        value = pushed @ omega
+        turns = pushed.part(slice(n)) @ self.G
+        off = value.error + turns.size.sum() + pushed.size[:n] @ self.errors
+        off = off * (1 + (2 * n + 8) * EPS) + EPS * np.abs(value.value)
+        return float(value.value - off), float(value.value + off)
 
     def hull(self) -> tuple[np.ndarray, np.ndarray]:
         """Return vertices, and bounds on the errors that they leave: the largest columns of G span
@@ -127,67 +121,64 @@ class _Rests:
         return vertices, self.errors + np.abs(others).sum(1) + rounding * reach
 
 
-def _every_rest(frames: Any) -> _Rests | None:
+def _every_rest(own: Bounded, own_step: Bounded, follows: np.ndarray) -> _Rests | None:
     """The rests of all sequences of frames, in coordinates in which a set that holds them is found;
-    None if none is."""
-    n = frames.changes.shape[-1] - 1
-    mean = np.eye(n) + frames.changes[:, :n, :n].mean(0)
-    for T in (_modes(mean.T), np.eye(n)):
-        found = _rests_in(frames, T)
-        if found:
-            return found
-    return None
+    None if none is.
 
-
-def _rests_in(frames, T) -> _Rests | None:
-    """A set that `omega -> l + A' omega` does not leave for any frame; None if none is
-    found.
-
-    In the coordinates `s = T^-1 omega` it is a box from low to high. With the parts of `M =
-    T^-1 A' T` above and below 0, the least of an entry is `T^-1 l + M+ low + M- high`.
+    own, own_step: of each frame, as in `_Rests.before`. follows: which may follow which. Where a
+    single frame turns what it shrinks, no box holds what it makes of it; several in a row may.
     """
-    n = frames.changes.shape[-1] - 1
-    A = np.eye(n) + frames.changes[:, :n, :n]
-    step = frames.changes[:, n, :n]
-    try:
-        back = np.linalg.inv(T)
-    except np.linalg.LinAlgError:
+    bases = _modes(own.value.mean(0)), np.eye(own.value.shape[-1])
+    A = own
+    step = own_step
+    last = np.arange(len(follows))
+    while True:
+        for T in bases:
+            found = _rests_in(A, step, T)
+            if found:
+                return found
+        first, following = np.nonzero(follows[last])
+        if first.size > MOST_WORDS:
+            return None
+        before = A.part(first)
+        step = before @ own_step.part(following) + step.part(first)
+        A = before @ own.part(following)
+        last = following
+
+
+@np.errstate(all="ignore")  # a box that grows for ever holds nothing
+def _rests_in(A: Bounded, step: Bounded, T: np.ndarray) -> _Rests | None:
+    """A set that `omega -> step + A omega` does not leave for any of several A, `(words, n, n)`, and
+    step, `(words, n, 1)`; None if none is found.
+
+    In the coordinates `s = T^-1 omega` it is a box from low to high. With the parts of `M = T^-1 A T`
+    above and below 0, the least of an entry is `T^-1 step + M+ low + M- high`.
+    """
+    back = Bounded.exact(T).inverse()
+    M = back @ A @ T
+    moved = (back @ step).part(..., 0)
+    if not np.isfinite(M.error).all():
         return None
-    rounding = BOUNDS_OF_DOUBLES * EPS * (2 * n + 8)
-    size_of_back = np.abs(back)
-    lost = np.abs(np.eye(n) - back @ T) + rounding * (size_of_back @ np.abs(T))
-    share = lost.sum(-1).max()
-    if not share < 0.1:  # what a matrix times its inverse may be off by from 1
-        return None
-    # The inverse of `back` is T (1 - D)^-1 with |D| <= lost.
-    off_of_inverse = np.full((n, n), share / (1 - share))
-    M = back @ A.mT @ T
-    A_error = frames.changes_error[:, :n, :n].mT + rounding * np.abs(A.mT)
-    M_error = size_of_back @ A_error @ np.abs(T) + rounding * (
-        size_of_back @ np.abs(A.mT) @ np.abs(T)
-    )
-    M_error = M_error + (np.abs(M) + M_error) @ off_of_inverse
-    moved = step @ back.T
-    moved_error = frames.changes_error[:, n, :n] @ size_of_back.T
-    moved_error = moved_error + rounding * (np.abs(step) @ size_of_back.T)
-    above = np.maximum(M, 0.0)
-    below = np.minimum(M, 0.0)
+    n = len(T)
+    above = np.maximum(M.value, 0.0)
+    below = np.minimum(M.value, 0.0)
     try:
-        low = np.linalg.solve(np.eye(n) - M.mean(0), moved.mean(0))
+        low = np.linalg.solve(np.eye(n) - M.value.mean(0), moved.value.mean(0))
     except np.linalg.LinAlgError:
         return None
     high = low.copy()
     for _ in range(200):  # rounds of the enclosure of all rests
-        off = moved_error + M_error @ np.maximum(np.abs(low), np.abs(high))
-        off = off + rounding * (np.abs(moved) + np.abs(M) @ np.maximum(np.abs(low), np.abs(high)))
-        least = (moved + above @ low + below @ high - off).min(0)
-        most = (moved + above @ high + below @ low + off).max(0)
+        reach = np.maximum(np.abs(low), np.abs(high))
+        off = moved.with_rounding(2 * n + 4) + M.with_rounding(2 * n + 4) @ reach
+        off = off * (1 + (n + 8) * EPS)
+        least = (moved.value + above @ low + below @ high - off).min(0)
+        most = (moved.value + above @ high + below @ low + off).max(0)
         if (low <= least).all() and (most <= high).all():
-            middle = (low + high) / 2
-            half = (high - low) / 2
-            reach = np.abs(T) @ (np.abs(middle) + half)
-            errors = np.abs(T) @ off_of_inverse @ (np.abs(middle) + half)
-            return _Rests(T @ middle, T * half, errors + rounding * reach)
+            middle = Bounded.exact((low + high) / 2)
+            half = (high - low) / 2 + 2 * EPS * reach
+            omega = T @ middle.value
+            error = sum_rounding(n) * (np.abs(T) @ reach) * (1 + (n + 4) * EPS)
+            return _Rests(omega, T * half, error + EPS * (np.abs(T) @ half))
         # Room on each side of an enclosure that is tried.
         room = 1e-3 * (most - least) + 1e-13 * (np.abs(most) + np.abs(least)).max()
         low = np.minimum(low, least - room)

@@ -29,7 +29,8 @@ FREE = "no contact at all, the loop without a wall"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InFrames:
-    """A loop without its wall in all frames that may come.
+    """A loop without its wall in all frames that may come; without conditions, one that is
+    unstable.
 
     frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
     wall's position in these. finer: the same with nodes that know frames to come, for what is not
@@ -37,25 +38,30 @@ class InFrames:
     """
 
     frames: Any
-    conditions: Conditions
+    conditions: Conditions | None
     unit: float
     finer: InFrames | None = None
 
     @staticmethod
     def of(frames: Any) -> InFrames | None:
-        """Return the loop; None if there is no bound on where it comes to rest."""
+        """Return the loop; None if it is not known that it comes to rest, and farther from the wall
+        with each push of that."""
         frames, unit = _in_units(frames)
+        alone = InFrames(frames, None, unit)
         loops = []
         for ahead in (0, 1, 2):  # frames that a node knows; proofs begin with the first
             edges = edges_of(frames, ahead)
             if edges is None:
-                return None
+                return alone if alone.is_unstable else None
             conditions = Conditions.on_edges(frames, edges)
             if loops and conditions.R.value.size > 150:  # conditions of a proof
                 break
-            loops.append(InFrames(frames, conditions, unit))
+            if conditions.are_met_by_rests:
+                loops.append(InFrames(frames, conditions, unit))
             if conditions.exact:
                 break
+        if not loops:
+            return alone if alone.is_unstable else None
         finer = loops[-1] if len(loops) > 1 else None
         return replace(loops[0], finer=finer)
 
@@ -125,11 +131,14 @@ def in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames |
 
 def fit_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames:
     """Return a loop of some rules in its frames. Errors: UnfitWallError, with the reason, if its
-    wall is not one scalar of each, or nothing is known of where it comes to rest without it."""
+    wall is not one scalar of each, or its force is not known to move the rest away from it."""
     switched = offered("switched")
     found = InFrames.of(switched.wall_frames(rules.plan(values, tuple(wall)), wall))
     if found is None:
-        reason = "a loop of which no bound is found on where it rests, as where results are lost"
+        reason = (
+            "a loop of which it is not known that each force of the wall moves its rest away from it, "
+            "as where results are lost"
+        )
         raise switched.UnfitWallError(reason)
     return found
 

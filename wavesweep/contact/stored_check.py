@@ -73,6 +73,11 @@ class Conditions:
     drifts: bool
     exact: bool
 
+    @property
+    def are_met_by_rests(self) -> bool:
+        """Whether a force of the wall is proved to move the rest away from it, if anything drifts."""
+        return not self.drifts or bool((self.R.value + self.R.error < 0).all())
+
     @staticmethod
     def on_edges(frames: Any, edges: Sequence[Edge]) -> Conditions:
         """The conditions of frames, see `WallFrames`, on these edges.
@@ -183,7 +188,7 @@ def falls(
     forms = [stored for stored, _ in ends]
     if not all(_are_positive(stored) for stored in forms):
         return False
-    if conditions.drifts and not (conditions.R.value + conditions.R.error < 0).all():
+    if not conditions.are_met_by_rests:
         return False
     terms = [conditions.terms(wall) for _, wall in ends]
     degree = 3 * (len(ends) - 1)  # 0 of a single wall, which is the only coefficient

@@ -10,7 +10,14 @@ import numpy as np
 from wavesweep.engine.blocks import BESIDE, FACTOR, PRODUCT
 from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.drawing import name_of
-from wavesweep.engine.frames import MarginalModes, Ticks, both, pattern_of, products_of_rows
+from wavesweep.engine.frames import (
+    Bounded,
+    MarginalModes,
+    Ticks,
+    both,
+    pattern_of,
+    products_of_rows,
+)
 from wavesweep.engine.loop import Loops
 
 if TYPE_CHECKING:
@@ -21,10 +28,6 @@ if TYPE_CHECKING:
 READ = (FACTOR, BESIDE)
 OTHER_DRIFT = (
     "a loop that drifts without its wall otherwise than by the one position that the wall reads"
-)
-WEIGHTED = (
-    "a wall that reads a mean of positions, as behind a virtual coupling, "
-    "of which rounding hides whether its weights are 1 in all"
 )
 ROUNDINGS = 8.0  # of the terms of a product of a row and a matrix, for each of these
 
@@ -41,8 +44,8 @@ class WallFrames:
         x = p + o' eta + d_x u,   v = c' eta + d_v u.
 
     x, v: what stiffness and damping of the wall multiply at the sample that ends the frame; u: the
-    wall's force from then on. p: the position that nothing opposes, as that of a device which floats
-    freely; drifts: whether there is one, or else l, r and p are 0. changes `(frames, n + 1, n + 1)`:
+    wall's force from then on. p: what the wall reads of all positions that nothing opposes, as that of
+    a device which floats freely; drifts: whether there are such, or else l, r and p are 0. changes `(frames, n + 1, n + 1)`:
     A less the identity and b, with the row (l, r) below; rows `(frames, 2, n + 1)`: (o, d_x) and
     (c, d_v). changes_error, rows_error: bounds on their errors. follows: which frame
     (column) may come after which (row). names: of each, its ticks and, where delays vary, its delay.
@@ -137,12 +140,9 @@ def _without_drift(found, drift, follows, names) -> WallFrames:
     if rows.shape[1] == 1:  # no damping
         rows = np.concatenate([rows, np.zeros_like(rows)], axis=1)
         rows_error = np.concatenate([rows_error, np.zeros_like(rows_error)], axis=1)
-    share = rows[:, 0, drift.leads]
-    moving = [lead for lead, each in zip(drift.leads, share.T, strict=True) if each.any()]
-    if len(moving) > 1 or rows[:, 1, drift.leads].any():
+    moving = [lead for lead in drift.leads if rows[:, 0, lead].any()]
+    if rows[:, 1, drift.leads].any():
         raise UnfitWallError(OTHER_DRIFT)
-    if moving and not (rows[:, 0, moving[0]] == 1).all():
-        raise UnfitWallError(WEIGHTED)
     kept = list(drift.remaining)
     force = changes.shape[-1] - 1
     while True:
@@ -155,9 +155,12 @@ def _without_drift(found, drift, follows, names) -> WallFrames:
             break
         kept = [state for state in kept if is_read[state]]
     columns = [*kept, force]
-    at = np.ix_(range(len(changes)), [*kept, *moving], columns)
-    picked = [changes[at], rows[..., columns], changes_error[at], rows_error[..., columns]]
-    if not moving:
-        picked[0] = np.concatenate([picked[0], np.zeros_like(picked[0][:, :1])], axis=1)
-        picked[2] = np.concatenate([picked[2], np.zeros_like(picked[2][:, :1])], axis=1)
-    return WallFrames(*picked, bool(moving), follows, names)
+    # A shift of all that drifts is constant in every signal, so that its share of what the wall reads is
+    # one number for all frames, within the bounds of the first of them.
+    share = Bounded(rows[:1, :1, moving], rows_error[:1, :1, moving])
+    of = Bounded(changes, changes_error)
+    read = share @ of.part(*np.ix_(range(len(changes)), moving, columns))
+    moved = of.part(*np.ix_(range(len(changes)), kept, columns))
+    whole = Bounded.joined([moved, read], -2)
+    seen = rows[..., columns], rows_error[..., columns]
+    return WallFrames(whole.value, seen[0], whole.error, seen[1], bool(moving), follows, names)
