@@ -113,7 +113,7 @@ CAPABILITIES = (
         tables=("design",),
         kinds=("design",),
         library=("design",),
-        offers=("keys", "on_check"),
+        offers=("keys", "on_check", "wished"),
     ),
     Capability(
         "reports",

@@ -37,12 +37,17 @@ def test_what_sets_the_worst_is_held_for_if_it_lies_between_the_listed_values():
 
 
 @pytest.mark.asks("for_all", "simulation")
-def test_what_it_holds_for_all_of_stays_in_for_all_and_the_device_keeps_its_encoder():
-    spec = load(SPEC | {"for_all": {"device.damping": {"start": 1.0, "stop": 2.0}}, "simulate": {"resolution": 2e-5}})
+def test_what_it_holds_for_all_of_stays_in_for_all_and_the_device_keeps_its_encoder_frames_and_wishes():
+    frames = [20, {"ticks": 21, "delay": 3}]
+    simulate = {"resolution": 2e-5, "frames": frames, "duration_s": 0.5}
+    spec = load(SPEC | {"for_all": {"device.damping": {"start": 1.0, "stop": 2.0}}, "simulate": simulate})
     found = load(tomllib.loads(text_of(spec, {"b": 18.0, "z_width": 844.2}, 20000.0)))
     assert [axis.path for axis in found.for_all.axes] == ["device.damping"]
     assert "device.damping" not in [axis.path for axis in found.sweep]
     assert found.simulate["resolution"] == 2e-5
+    assert found.simulate["frames"] == spec.simulate["frames"]
+    assert found.simulate["duration_s"] == 0.5
+    assert found.asking("design").design == spec.asking("design").design
 
 
 @pytest.mark.asks("simulation")

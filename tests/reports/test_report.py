@@ -100,6 +100,14 @@ def test_a_report_has_the_intervals_margins_and_spec(axis):
     assert "In the words of the spec: How stiff may the axis be?" in text
 
 
+def test_a_report_opens_with_the_wishes_of_its_spec():
+    wish = {"damping_ratio": {"at_least": 0.01}, "gain": {"at_least": 100.0, "cut": "gain.y"}}
+    text = wavesweep.report(PD | {"design": {"vary": {"K": {"start": 1.0, "stop": 100.0}}, "wish": wish}})
+    rows = re.findall(r"<tr>.*?</tr>", text[: text.index(">Answer<")], re.DOTALL)
+    assert [re.findall(r"<td>(.*?)</td>", row)[-1] for row in rows[1:]] == ["met", "missed"]
+    assert "gain margin at gain.y" in rows[2]
+
+
 def test_what_a_report_refutes_is_unstable_by_the_spectral_radius_and_stable_on_the_other_side_of_the_end(axis):
     loop, text = wavesweep.compile(axis[0]), " ".join(read(axis[1]).words)
     found = re.findall(r"J = (\S+)\s+K = (\S+)\s+eigenvalue .* per frame, modulus 1 \+ (\S+):", text)

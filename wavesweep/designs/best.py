@@ -22,8 +22,6 @@ from wavesweep.program.tables.table import Table
 
 # of a bound: what its violation counts at most; values that are not known count more than all
 WORST_SHARE = 10.0
-# keys of [simulate] that a design keeps
-EXPERIMENT = ("from", "input", "amplitude", "at_s", "width_s", "duration_s", "wall")
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 
 
@@ -149,18 +147,21 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
 
     Its [for_all] has what the design holds for, with the value of a number that sets the stiffest
     wall, so that the worst row of `zwidth` has the value of the table. It sweeps no number that the
-    search chose, but for the one that a drawn loop is looked along, and keeps the experiment of
-    [simulate].
+    search chose, but for the one that a drawn loop is looked along, and keeps [design], whose
+    wishes a report holds against what is reached, and the experiment of [simulate], without frames
+    of a file, which may lie elsewhere.
     """
     tables = spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary}).tables()
     sweep = _sweep(spec, tables["sweep"], stop)
-    for name in ("sweep", "bode", "design", "simulate", "measured"):
+    for name in ("sweep", "bode", "measured"):
         tables.pop(name, None)
+    tables["design"] = spec.design.written()
     if spec.simulate:
         kept = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
-        kept |= {
-            name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given
-        }
+        given = {path.split(".")[1] for path in spec.simulate.given}
+        for name, value in spec.simulate.written().items():
+            if name in given and value != spec.simulate.frames_file:
+                kept[name] = value
         tables["simulate"] = kept
     for path in spec.given:
         *_, name, last = path.split(".")

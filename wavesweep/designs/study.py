@@ -257,7 +257,7 @@ def design(
         "processor_s": run.tally.seconds,
         "workers": run.workers.count,
     }
-    facts = facts_of(spec, METHODS, counts, timings, _notices(job), claims=_claims(job))
+    facts = facts_of(spec, METHODS, counts, timings, _notices(job), claims=claims_of(job))
     facts |= {
         "warnings": warnings,
         "own": of_own,
@@ -640,13 +640,18 @@ def seconds_of(job: Job) -> float:
     return of_design * (job.chunks.loops - 1) * spec.design.settings["population"]
 
 
+def own_records(spec: Spec, job: Job) -> np.ndarray:
+    """The record of the spec's own design, checked as those of the front, but not for every hand."""
+    nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
+    checked = replace(Evaluation.of(job, job.asked.finest, last=True), box=None)
+    return checked.records(nominal, 1)
+
+
 def own_design(spec: Spec, job: Job, records: np.ndarray) -> dict[str, float | None]:
     """Return the wishes of the spec's own design, at their worst, as those of the front; None if
     there is no value. records: its own, if it was checked as the front was."""
     if not len(records):
-        nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-        checked = replace(Evaluation.of(job, job.asked.finest, last=True), box=None)
-        records = checked.records(nominal, 1)
+        records = own_records(spec, job)
     values: dict[str, float | None] = {}
     for wish in spec.design.wishes:
         value = records[wish.name][0]
@@ -695,7 +700,7 @@ def _checked(job):
     return len(job.asked.finer) >= count_of(job.grid.spec, 1)
 
 
-def _claims(job) -> dict[str, Claim]:
+def claims_of(job: Job) -> dict[str, Claim]:
     """What is claimed of the wishes of designs, by their names, and with [for_all] of all designs."""
     spec = job.grid.spec
     proof = _proof_of(spec)
@@ -727,7 +732,7 @@ def _notices(job):
             several += f" and {added} between that were worse"
         yield f"each design was tried with {several}, those of the front with {len(study.finest)}"
     if spec.for_all:
-        for name, claim in _claims(job).items():
+        for name, claim in claims_of(job).items():
             if claim.scope.in_words():
                 yield f"{name}: {claim.words()}"
         if any(wish.name == "z_width" for wish in spec.design.wishes):

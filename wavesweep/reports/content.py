@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
 INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
+WISHES = "What is wished for"
 PANEL = 'id="axes_'  # is in the SVG of a figure with panels
 TIMING = "When it samples, computes and acts"
 SAME = (
@@ -81,21 +82,30 @@ def report(spec: Spec, asked: ReportRequest) -> str:
     )
     sections: dict[str, ReportSection] = {}
     missing = []
+
+    def leave_out(title, error):
+        text = str(error).replace(
+            str(spec.source), f"{spec.name}.toml"
+        )  # the page leaves the folder of the spec
+        missing.append((f"{title}: {' '.join(text.split())}", False))
+
     for title, (command, make) in _tables(spec, asked).items():
         watch = asked.at_work(title.lower())
         try:
             sections[title] = _found(title, make(watch), f"wavesweep {command.format(name)}")
         except WavesweepError as error:
-            text = str(error).replace(
-                str(spec.source), f"{spec.name}.toml"
-            )  # the page leaves the folder of the spec
-            missing.append((f"{title}: {' '.join(text.split())}", False))
+            leave_out(title, error)
     asked.at_work("the spec's own numbers")
     swept = sections[INTERVALS].table.columns if INTERVALS in sections else {}
     design_lines, judged, how_known = _own_lines(spec, swept)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))
+    asked.at_work("the wishes")
+    try:
+        body += _wishes(spec)
+    except WavesweepError as error:
+        leave_out(WISHES, error)
     body += [
         *_answer(spec, sections.get(INTERVALS), design_lines[0], judged),
         *_counterexamples(spec, sections.get(INTERVALS)),
@@ -294,6 +304,19 @@ def _known(table: Table, *, doubtful: bool) -> str:
     if len({*said}) == 1:
         return said[0]
     return "How the intervals are known stands in each row."
+
+
+def _wishes(spec: Spec) -> list[str]:
+    """Each wish of the spec, what is asked and what is reached; nothing without one."""
+    module = offered("wished")
+    if not (module and spec.design):
+        return []
+    rows, claims = module.wished(spec)
+    return [
+        html.element("h2", WISHES),
+        html.table(("wish", "asked", "reached by the spec's own numbers", "met"), rows),
+        html.element("p", known(claims), "small"),
+    ]
 
 
 def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[str]:

@@ -1,0 +1,49 @@
+"""What a spec's own numbers reach of its wishes, against closed forms."""
+
+from math import exp, log
+
+import pytest
+
+from wavesweep.designs.wished import wished
+from wavesweep.program.spec import load
+
+# a velocity under a gain, held over ticks: v[k+1] = a v[k] - b K v[k]
+a = exp(-0.5 * 0.001 / 0.01)
+POLE = a - (1 - a) / 0.5 * 3.0
+CONSTANT = -0.001 / log(POLE)  # s
+
+
+def loop(wish, **more):
+    return load(
+        {
+            "rates": {"tick_hz": 1000},
+            "numbers": {"K": 3.0, "J": 0.01},
+            "block": {"axis": {"type": "inertia", "inertia": "J", "damping": 0.5}, "gain": {"type": "gain", "k": "K"}},
+            "wire": {"gain.u": "-axis.v", "axis.f": "gain.y"},
+            "design": {"vary": {"K": {"start": 1.0, "stop": 10.0}}, "wish": wish},
+        }
+        | more
+    )
+
+
+@pytest.mark.parametrize(("share", "met"), [(0.99, "missed"), (1.01, "met")])
+def test_a_bound_is_met_on_its_side_alone(share, met):
+    (row,), _ = wished(loop({"time_constant": {"at_most": share * CONSTANT}}))
+    _, asked, reached, answer = row
+    assert float(reached.removesuffix(" s")) == pytest.approx(CONSTANT, rel=1e-4)
+    assert float(asked.removeprefix("at most ").removesuffix(" s")) == pytest.approx(share * CONSTANT, rel=1e-4)
+    assert answer == met
+
+
+def test_an_unstable_loop_meets_nothing_that_is_known():
+    (row,), _ = wished(loop({"time_constant": {"at_most": 1.0}}, numbers={"K": 60.0, "J": 0.01}))
+    assert row[2:] == ("not known", "not known")
+
+
+@pytest.mark.asks("for_all")
+def test_what_is_reached_is_that_of_the_worst_of_all_loops():
+    heavy = exp(-0.5 * 0.001 / 0.02)
+    slowest = -0.001 / log(heavy - (1 - heavy) / 0.5 * 3.0)
+    (row,), claims = wished(loop({"time_constant": {"at_most": 1.0}}, for_all={"J": [0.01, 0.02]}))
+    assert float(row[2].removesuffix(" s")) == pytest.approx(slowest, rel=1e-4)
+    assert any("J" in claim.scope.in_words() for claim in claims)
