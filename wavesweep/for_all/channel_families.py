@@ -40,6 +40,10 @@ NO_DRIFT = 1e-9  # of its terms: a change of what drifts below this is rounding
 KEPT, SENT, NOTHING = "kept", "sent", "nothing"
 
 
+class NotByWordsError(UsageError):
+    """Messages whose words cannot be written out, but which may be looked at tick by tick."""
+
+
 @dataclass(frozen=True, slots=True)
 class Channel:
     """A channel: when it sends, in ticks, how late its messages may be, and how many in a row may
@@ -67,6 +71,16 @@ class Channel:
         """Whether it sends in a tick."""
         return tick % self.every == self.phase
 
+    def sent(self, tick: int) -> int:
+        """The number of the last message that is sent up to a tick, 0 for the first one from tick 0
+        on."""
+        return (tick - self.phase) // self.every
+
+    def oldest(self, since: int) -> int:
+        """How many messages back the newest one that has arrived is at most, so many ticks after
+        one was sent: all that are not lost have arrived after `late` ticks."""
+        return max(0, -((since - self.late) // self.every)) + self.lost
+
     def different(self, tick: int) -> list[int]:
         """Return the ticks by which a message that is sent in a tick may be late, of those that no
         reader tells apart the first alone.
@@ -86,7 +100,7 @@ class Channel:
     def block(self, shows, registers) -> Block:
         """The channel in a tick in which it shows, and holds afterwards, what it takes from
         these places."""
-        n = 1 + self.registers
+        n = 1 + len(registers)
         taps = np.zeros((n, n))
         direct = np.zeros((n, 1))
         for row, source in enumerate((shows, *registers)):
@@ -165,13 +179,15 @@ def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel
             for tree in (block.every, block.phase, keys["late"], keys["lost"])
         ]
         ticks[3] = ANY_NUMBER if block.loses_at_random else ticks[3]
-        readers = _readers(drawing, numbers, block.name)
+        readers = readers_of(drawing, numbers, block.name)
         channels.append(Channel(block.name, *ticks, keys["missing"] == "zero", readers))
     return tuple(channels)
 
 
-def _readers(drawing, numbers, channel):
-    """When the blocks run that read a channel; plants and dead times read in every tick."""
+def readers_of(
+    drawing: Drawing, numbers: Mapping[str, float], channel: str
+) -> tuple[tuple[int, int], ...]:
+    """Return when the blocks run that read a channel; plants and dead times read in every tick."""
     own = {block.name: block for block in drawing.blocks}
     readers = set()
     for port, terms in (*drawing.wires, *drawing.couplings):
@@ -188,13 +204,16 @@ def _readers(drawing, numbers, channel):
 
 
 def frames_with_messages(
-    drawing: Drawing, values: Mapping[str, object], number: str = ""
+    drawing: Drawing,
+    values: Mapping[str, object],
+    number: str = "",
+    most: int = MOST_SYMBOLS,
 ) -> LoopFrames:
     """Return the family of a drawn loop with channels, along a number that one wire or gain reads.
 
-    values: flat numbers. number: empty for the loop at these values alone. Errors: UsageError for a
-    number that the loop reads in several places, for channels with too many things that may happen,
-    or for messages that carry what drifts.
+    values: flat numbers. number: empty for the loop at these values alone. most: matrices. Errors:
+    UsageError for a number that the loop reads in several places; NotByWordsError for channels with
+    too many things that may happen, or for messages that carry what drifts.
     """
     if number and not drawing.scalar_place(name_of(number)):
         raise UsageError(
@@ -208,10 +227,10 @@ def frames_with_messages(
     assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
         name_of(number) if number else ""
     )
-    steps = list(_steps(channels, assembled_loop))
+    steps = list(_steps(channels, assembled_loop, most))
     rows, ticks = _ticks(assembled_loop, channels, steps, pair[0].held(), number)
     drift = MarginalModes.of(*pair)
-    _refuse_moved(ticks, drift)
+    refuse_moved(ticks, drift)
     ticks, _ = drift.relative_ticks(ticks)
     follows = np.array(
         [[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps]
@@ -236,13 +255,14 @@ def messages_over(
     loop = Loops(drawing, values | numbers).drawn()
     steps = list(_steps(channels, loop))
     rows, ticks = _ticks(loop, channels, steps, held)
-    _refuse_moved(ticks, drift)
+    refuse_moved(ticks, drift)
     _, groups = drift.relative_ticks(ticks)
     enclosed = EnclosedLoop(drawing, values, sides, TOTAL_DEGREE)
     names = frozenset(channel.name for channel in channels)
     kinds = dict.fromkeys(kind for row, *_ in steps for kind in row)
     places = [
-        TickPlace(_at(loop, tick, channels, arrivals), 0, held, names) for tick, arrivals in kinds
+        TickPlace(at_tick(loop, tick, channels, arrivals), 0, held, names)
+        for tick, arrivals in kinds
     ]
     ahead = tuple(tuple(row[:-1]) for row in rows)
     last = tuple(row[-1] for row in rows)
@@ -291,7 +311,7 @@ def _ticks(
     kinds = list(dict.fromkeys(kind for row, *_ in steps for kind in row))
     maps = []
     for tick, arrivals in kinds:
-        loop = _at(own, tick, channels, arrivals)
+        loop = at_tick(own, tick, channels, arrivals)
         ticks = Ticks.of(
             loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True
         )
@@ -310,7 +330,9 @@ def _ticked(channels, tick, under_way, late):
     return zip(*ticked, strict=True)
 
 
-def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple]:
+def _steps(
+    channels: tuple[Channel, ...], loop: MultirateLoop, most: int = MOST_SYMBOLS
+) -> Iterator[tuple]:
     """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after
     it and possible before it.
 
@@ -359,9 +381,9 @@ def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple
             if after not in seen_states:
                 seen_states.add(after)
                 open_.append(after)
-        if len(steps) > MOST_SYMBOLS:
-            raise UsageError(
-                f"channels {', '.join(channel.name for channel in channels)}: expected at most {MOST_SYMBOLS} ways in which "
+        if len(steps) > most:
+            raise NotByWordsError(
+                f"channels {', '.join(channel.name for channel in channels)}: expected at most {most} ways in which "
                 "messages are late or lost, found more, as every tick of `late` is one; write what every message takes as a "
                 "delay (seconds) before the channel, and as `late` what it may take beyond, or choose longer ticks"
             )
@@ -393,7 +415,7 @@ def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoo
     return replace(loop, placed=tuple(placed))
 
 
-def _at(
+def at_tick(
     loop: MultirateLoop, tick: int, channels: tuple[Channel, ...], taken: tuple
 ) -> MultirateLoop:
     """The loop of two ticks of which the first is a tick of a frame, in which channels take from
@@ -417,8 +439,8 @@ def _at(
     return replace(loop, placed=tuple(placed), sums={**loop.sums, **unread})
 
 
-def _refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
-    """Raise UsageError if a drift moves what a channel carries, so that a message that is lost
+def refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
+    """Raise NotByWordsError if a drift moves what a channel carries, so that a message that is lost
     would change it."""
     for lead, trailing in (*drift.constant, *((lead, ()) for lead in drift.varying)):
         shift = np.zeros(len(drift.states))
@@ -431,7 +453,7 @@ def _refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
                     np.abs(tick_map.E @ shift) > NO_DRIFT * (np.abs(tick_map.E) @ np.abs(shift))
                 ).any()
             ):
-                raise UsageError(
+                raise NotByWordsError(
                     f"messages: expected channels that carry nothing of what drifts, found {drift.states[lead]}, which nothing "
                     "holds in place; feed the position back"
                 )

@@ -21,7 +21,6 @@ from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
 from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.channel_families import (
     Sent,
-    frames_with_messages,
     members_with_messages,
     messages_over,
 )
@@ -48,9 +47,12 @@ from wavesweep.for_all.mean_square import (
     frames_at_random,
     losses_at_random,
 )
+from wavesweep.for_all.message_patterns import messages_of
+from wavesweep.for_all.message_rings import RingFrames, frames_of_messages
 from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
 from wavesweep.for_all.patterns import Word, growing_of, is_refuted, short_words
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
+from wavesweep.for_all.ring_search import bracket_ring, decide_ring
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.for_all.worst import FROM_ZERO, LoopsOver, Refuted, bracket_over, decide_over
@@ -129,7 +131,7 @@ class Rules:
         for_all = self.for_all
         return bool(for_all.changing or for_all.lost or for_all.loss or self.messages)
 
-    def family(self, values: Mapping[str, object], along: str) -> LoopFrames | Chances:
+    def family(self, values: Mapping[str, object], along: str) -> LoopFrames | RingFrames | Chances:
         """The frames of a loop along a number, empty for the loop at its own values.
 
         values: all of a spec, by their paths. Errors: UsageError for numbers that cannot vary, or
@@ -143,7 +145,7 @@ class Rules:
                 refuse(self._key(for_all.changing[0]), expected, found)
             if self.at_random:
                 return chances(self.drawing, values, along)
-            return frames_with_messages(self.drawing, values, along)
+            return frames_of_messages(self.drawing, values, along)
         frames = self.plan(values, (along,)).along(along)
         if not self.at_random:
             return frames
@@ -263,6 +265,8 @@ def bracketed(
     start of a proof is found."""
     low, high = about
     report = partial(PROOF_LOGGER.info, ON_THE_WAY, name_of(along))
+    if isinstance(family, RingFrames):
+        return bracket_ring(family, about, report=report)
     for share in STARTS:
         found = bracket(family, low + share * (high - low), span, report=report)
         if np.isfinite(found.low):
@@ -399,7 +403,10 @@ def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) ->
     if isinstance(family, Chances):
         verdict = decays(family)
         return verdict, GROW if verdict == REFUTED else ""
-    found = decide(family, work=work)
+    if isinstance(family, RingFrames):
+        found = decide_ring(family)
+    else:
+        found = decide(family, work=work)
     return found.verdict, text_of_pattern(family, found.word)
 
 
@@ -424,8 +431,10 @@ def text_of_pattern(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
     if not word:
         return ""
     symbols = [family.symbols[index] for index in word]
-    if isinstance(symbols[0], Sent):
-        texts = [f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items()]
+    ring = isinstance(family, RingFrames)
+    if ring or isinstance(symbols[0], Sent):
+        by_channel = messages_of(family, word) if ring else Sent.by_channel(symbols)
+        texts = [f"{name}: {_messages(late)}" for name, late in by_channel.items()]
         return f"messages {'; '.join(texts)}"
     results = {(symbol.delay, symbol.lost) for symbol in family.symbols}
     texts = [_frame(symbol, several=len(results) > 1) for symbol in symbols]

@@ -1,0 +1,66 @@
+"""Messages tick by tick, against a march that finds from when messages come which one is held."""
+
+import numpy as np
+import pytest
+from support.networks import growth, random_messages, random_network, spec_of
+
+import wavesweep
+from wavesweep.engine.errors import UsageError
+from wavesweep.for_all import patterns
+from wavesweep.for_all.channel_families import channels_of
+from wavesweep.for_all.message_patterns import messages_of, realised
+from wavesweep.for_all.message_rings import ring_of_messages
+from wavesweep.for_all.ring_search import bracket_ring
+from wavesweep.program.spec import load
+
+
+def ring(tables):
+    spec = load(tables)
+    values = dict(spec.values)
+    return ring_of_messages(spec.drawing, values, channels_of(spec.drawing, values), "numbers.K")
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(8))
+def test_what_is_held_grows_as_its_messages_do(seed):
+    """Also with delays behind channels, which the ring has before them."""
+    source = np.random.default_rng(seed)
+    loop = random_network(source)
+    found = ring(spec_of(loop))
+    places = len(found.slots)
+    for periods in (1, 2, 5):
+        steps = [np.flatnonzero(found.place == at % places) for at in range(periods * places)]
+        word = realised(found, tuple(int(source.choice(own)) for own in steps))
+        assert all(found.follows[one, other] for one, other in zip(word, (*word[1:], word[0]), strict=True))
+        messages = messages_of(found, word)
+        for channel, late in zip(loop["channels"], messages.values(), strict=True):
+            lost = "".join("x" if each is None else "." for each in late * 3)
+            assert "x" * (channel["lost"] + 1) not in lost
+            assert all(each is None or 0 <= each <= channel["late"] for each in late)
+        K = source.uniform(0, 5000)
+        assert patterns.growth(found.at(K), word) == pytest.approx(growth(loop, K, list(messages.values())), rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_proved_survives_messages_and_what_refutes_grows(seed):
+    source = np.random.default_rng(1000 + seed)
+    loop = random_network(source)
+    found = ring(spec_of(loop))
+    proof = bracket_ring(found, (0.0, 20000.0))
+    for K in (proof.low, proof.high, (proof.low + proof.high) / 2) if proof else ():
+        for _ in range(30):
+            assert growth(loop, K, random_messages(loop, source)) < 1
+    if proof and proof.words[1]:
+        messages = messages_of(found, proof.words[1])
+        assert growth(loop, proof.fails_from, list(messages.values())) >= 1 - 1e-9
+        assert proof.high < proof.fails_from
+
+
+def test_messages_that_are_zero_are_not_looked_at_tick_by_tick():
+    tables = spec_of(
+        {"channels": [{"every": 10, "late": 40, "lost": 1, "missing": "zero"}] * 2, "delays": [0, 0], "control": 1}
+    )
+    with pytest.raises(UsageError, match="expected at most 600 ways"):
+        wavesweep.stability_region(tables)

@@ -1,0 +1,244 @@
+"""Patterns of late and lost messages that make a loop unstable if they are repeated for ever.
+
+The growth of a pattern changes with what is held at each place as the eigenvalue does: with the
+product `Q A P` of a pattern, its largest eigenvalue z and the vectors x and y of that,
+
+    dz = y' Q dA P x.
+
+The path of what is held that gains most by this is found by dynamic programming, and taken if the
+pattern then grows more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from wavesweep.for_all.channel_families import LOST
+from wavesweep.for_all.message_rings import RingFrames
+from wavesweep.for_all.patterns import Word, crossing, growth, is_refuted, refuted_beyond
+
+PERIODS = (1, 2, 3, 5, 8, 13)  # in a pattern
+MOST_PLACES = 400  # of a pattern
+# Of the largest gain at a place: what a change of a path costs, in turn until the pattern grows.
+COSTS = (0.0, 0.1, 0.5)
+
+
+def growing_pattern(
+    family: RingFrames,
+    x: float,
+    known: Sequence[Word] = (),
+    periods: Sequence[int] = PERIODS,
+) -> tuple[float, Word]:
+    """Return the fastest growth per period at x of the patterns that a climb finds, and its
+    pattern.
+
+    known: patterns to begin with, before others. periods: in these. The search ends with the first one
+    that grows.
+    """
+    places = len(family.slots)
+    A = family.at(x)
+    best: tuple[float, Word] = (0.0, ())
+    for start in (*known, *_starts(family, periods)):
+        word = start
+        rate = growth(A, word)
+        for turn in range(10):  # climbs from a start
+            gains = _gains(A, family, word)
+            for cost in COSTS:
+                ahead = realised(family, _path(family, word, gains, cost, turn))
+                farther = growth(A, ahead)
+                if farther > rate * (1 + 1e-9):
+                    break
+            else:
+                break
+            word, rate = ahead, farther
+        per_period = rate ** (places / len(word))
+        if per_period > best[0]:
+            best = per_period, word
+        if rate >= 1:
+            break
+    return best
+
+
+def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[float, Word]:
+    """Return the number closest to the start at which a pattern is proved to grow, of those that
+    a search finds, and that pattern; NaN and () if there is none."""
+    at = limit
+    best: tuple[float, Word] = (np.nan, ())
+    # Of the way to a refuted number, how far before it others are looked for.
+    for back in (0.0, 0.3, 0.1, 0.03, 0.01):
+        # Beyond the first ones patterns that grow are changed, and no others are looked for.
+        periods = PERIODS if back in (0.0, 0.1) else ()
+        for _ in range(8):
+            x = at + back * (start - at)
+            rate, word = growing_pattern(family, x, (best[1],) if best[1] else (), periods)
+            if rate < 1:
+                break
+            begins = crossing(family, word, start, x)
+            refuted = refuted_beyond(family, word, begins, x)
+            if refuted is None and is_refuted(family, word, x):
+                refuted = x
+            if refuted is None:
+                break
+            at, best = float(refuted), (float(refuted), word)
+            if not back:
+                break
+    return best
+
+
+def realised(family: RingFrames, word: Word) -> Word:
+    """Return the pattern in which nothing that is held is older than before."""
+    at = {(held.tick, held.back): index for index, held in enumerate(family.symbols)}
+    numbers = _numbers(family, word)
+    period = family.period
+    places = len(family.slots)
+    found = []
+    for step, symbol in enumerate(word):
+        held = family.symbols[symbol]
+        now = held.tick + period * (step // places)
+        back = []
+        for channel, newest, own in zip(family.channels, numbers, held.back, strict=True):
+            back.append(None if own is None else channel.sent(now) - int(newest[now]))
+        found.append(at[held.tick, tuple(back)])
+    return tuple(found)
+
+
+def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
+    """Return what happens to the messages of each channel in a pattern, in the order in which they
+    are sent from the begin of a period on: ticks by which each is late, LOST of one that is lost."""
+    found = {}
+    for channel, newest, earlier in zip(
+        family.channels, _numbers(family, word), family.earlier, strict=True
+    ):
+        ticks = len(newest)
+        count = ticks // channel.every
+        ahead = np.concatenate([newest + count * turn for turn in range(_turns(channel, ticks))])
+        late = []
+        for number in range(count):
+            sent = channel.phase + channel.every * number
+            # The first tick that has this message or a newer one.
+            first = int(np.searchsorted(ahead, number))
+            if ahead[first] == number or first <= sent + channel.late:
+                late.append(first - sent if ahead[first] == number else channel.late)
+            else:
+                late.append(LOST)
+        found[channel.name] = [late[(each + earlier) % count] for each in range(count)]
+    return found
+
+
+def _numbers(family, word):
+    """The number of the newest message of each channel in each tick of a pattern, counted from the
+    first that is sent in it."""
+    period = family.period
+    places = len(family.slots)
+    ticks = period * len(word) // places
+    found = []
+    for at, channel in enumerate(family.channels):
+        own = np.full(ticks, np.iinfo(int).min // 2)
+        for step, symbol in enumerate(word):
+            held = family.symbols[symbol]
+            now = held.tick + period * (step // places)
+            if held.back[at] is not None:
+                own[now] = channel.sent(now) - held.back[at]
+        count = ticks // channel.every
+        # After these what came before the pattern is forgotten. What is held then is never older
+        # than a turn before, and so repeats.
+        turns = 2 * _turns(channel, ticks)
+        newest = np.zeros(turns * ticks, int)
+        held = np.iinfo(int).min // 2
+        for now in range(turns * ticks):
+            sent = channel.sent(now)
+            since = (now - channel.phase) % channel.every
+            wanted = own[now % ticks] + count * (now // ticks)
+            least = max(wanted, sent - channel.oldest(since))
+            # One that is held for the first time is late by no more than it may be.
+            fresh = max(least, sent - (channel.late - since) // channel.every)
+            if held < least and fresh <= sent:
+                held = fresh
+            newest[now] = held
+            own[now % ticks] = max(own[now % ticks], held - count * (now // ticks))
+        found.append(newest[-ticks:] - (turns - 1) * count)
+    return found
+
+
+def _turns(channel, ticks):
+    """Of a pattern of so many ticks, while a message may be under way or held."""
+    return 3 + (channel.late + channel.every * channel.lost) // ticks
+
+
+def _starts(family: RingFrames, numbers: Sequence[int]) -> Iterator[Word]:
+    """Patterns that a climb begins with: what is held is the newest, the oldest, some message, or
+    the one and the other in waves."""
+    places = len(family.slots)
+    oldest = np.array([[each or 0 for each in held.back] for held in family.symbols])
+    source = np.random.default_rng(0)
+    members = [np.flatnonzero(family.place == at) for at in range(places)]
+    for periods in numbers:
+        length = periods * places
+        if length > MOST_PLACES and periods > 1:
+            break
+        ways = [np.zeros((length, oldest.shape[1])), np.ones((length, oldest.shape[1]))]
+        ways.append(source.random((length, oldest.shape[1])))
+        steps = np.arange(length)[:, None] / length
+        for waves in range(1, periods + 1):
+            phase = source.random(oldest.shape[1])
+            ways.append((np.cos(2 * np.pi * (waves * steps + phase)) > 0).astype(float))
+        for way in ways:
+            word = []
+            for step in range(length):
+                own = members[step % places]
+                wanted = way[step] * oldest[own].max(0)
+                word.append(int(own[np.abs(oldest[own] - wanted).sum(1).argmin()]))
+            yield realised(family, tuple(word))
+
+
+def _gains(A, family, word):
+    """What each step of a pattern does to its largest eigenvalue with each matrix of its place,
+    relative to that."""
+    before = [np.eye(A.shape[-1])]
+    for symbol in word:
+        before.append(A[symbol] @ before[-1])
+    z, vectors = np.linalg.eig(before[-1])
+    at = int(np.abs(z).argmax())
+    x = vectors[:, at]
+    try:
+        y = np.linalg.inv(vectors)[at]
+    except np.linalg.LinAlgError:
+        y = np.linalg.pinv(vectors)[at]
+    gains = [np.zeros(0)] * len(word)
+    for step in range(len(word) - 1, -1, -1):
+        own = family.place == family.place[word[step]]
+        gains[step] = np.nan_to_num(np.real((A[own] @ (before[step] @ x)) @ y / z[at]))
+        y = y @ A[word[step]]
+    return gains
+
+
+def _path(family, word, gains, cost, turn):
+    """The pattern that gains most, of those that begin as this one does at a place that depends on
+    the turn.
+
+    cost: of a change, as a share of the largest gain at a place.
+    """
+    length = len(word)
+    members = [np.flatnonzero(family.place == at) for at in range(len(family.slots))]
+    largest = max(own.max() - own.min() for own in gains)
+    first = int(0.618 * turn * length) % length  # of the golden section: all places in some turns
+    order = [(first + step) % length for step in range(length)]
+    before = members[family.place[word[first]]]
+    total = np.where(before == word[first], 0.0, -np.inf)
+    came = []
+    for step in order[1:]:
+        own = members[family.place[word[step]]]
+        ways = np.where(family.follows[np.ix_(before, own)], total[:, None], -np.inf)
+        came.append(ways.argmax(0))
+        total = ways.max(0) + gains[step] - cost * largest * (own != word[step])
+        before = own
+    last = np.where(family.follows[before, word[first]], total, -np.inf).argmax()
+    found = dict.fromkeys(order, 0)
+    for at in range(length - 1, -1, -1):
+        step = order[at]
+        found[step] = int(members[family.place[word[step]]][last])
+        if at:
+            last = came[at - 1][last]
+    return tuple(found[step] for step in range(length))

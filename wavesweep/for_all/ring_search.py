@@ -1,0 +1,205 @@
+"""The search for quadratic norms at the places of a ring, in which all matrices of a place shrink.
+
+It begins with matrices that are all alike, the mean A of those at a place, and with their Lyapunov
+functions `P_i = e + A' P_j A`; the choices then open, `A + w (A_k - A)`. If there are such norms at
+all, there are such of the means, since norms are convex. `norm_check` proves what is found here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, Decision
+from wavesweep.for_all.message_patterns import (
+    PERIODS,
+    growing_pattern,
+    nearest_pattern,
+)
+from wavesweep.for_all.message_rings import RingFrames
+from wavesweep.for_all.norm_check import Norms, shrink_along
+from wavesweep.for_all.norms import Centre, advanced, recentred
+from wavesweep.for_all.patterns import is_refuted
+
+LEAST_FORM = 1e-3  # what Lyapunov functions lose at a place, in units in which states are about 1
+
+SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
+WORK = 6e10  # operations of a search for norms, or of a proof on one side: about 20 s
+# Of an interval, how far within it a loop is taken to be stable while patterns are searched.
+START = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RingSearch:
+    """A ring of matrices in units of their own at each place, `z = to x`, `(places, n, n)`."""
+
+    family: RingFrames
+    graph: Graph
+    to: np.ndarray
+    back: np.ndarray
+
+    @staticmethod
+    def at_mean(family: RingFrames, x: float) -> RingSearch | None:
+        """The ring in units in which the Lyapunov functions of the means are about 1; None if the
+        means are not stable."""
+        graph = family.graph
+        A = family.at(x)
+        one = np.eye(A.shape[-1])
+        P = np.broadcast_to(one, (graph.nodes, *one.shape)).copy()
+        for _ in range(60):  # as `rough_basis`, at each place
+            for place in range(graph.nodes - 1, -1, -1):
+                own = A[family.place == place]
+                after = P[(place + 1) % graph.nodes]
+                P[place] = LEAST_FORM * one + (own.mT @ after @ own).mean(0)
+            P = P / np.trace(P.mean(0)) * len(one)
+        rough = np.linalg.cholesky(P).mT
+        search = RingSearch(family, graph, rough, np.linalg.inv(rough))
+        forms = _lyapunov(_means(family, search.at(x)))
+        if forms is None:
+            return None
+        to = np.linalg.cholesky(forms).mT @ rough
+        return replace(search, to=to, back=np.linalg.inv(to))
+
+    def at(self, x: float) -> np.ndarray:
+        """The matrices of z."""
+        return self.to[self.graph.target] @ self.family.at(x) @ self.back[self.graph.source]
+
+    def found(self, x: float, work: float) -> Centre | None:
+        """Forms in which all matrices at x shrink, in doubles; None if none are found."""
+        A = self.at(x)
+        same = _means(self.family, A)[self.graph.source]
+        one = np.eye(A.shape[-1])
+        P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
+        try:
+            centre = recentred(Centre(P, self.graph, one, one), same, 60)
+            width = 0.0
+            while width < 1 and centre.work < work:
+                before = width
+                centre, width = advanced(centre, lambda w: same + w * (A - same), width, 1.0)
+                centre = centre.rounded()
+                # After the first steps, which are short, one that gains no more has stalled.
+                if width - before < min(2e-3 * width, 0.03 * (1 - width)):
+                    return None
+        except np.linalg.LinAlgError:  # singular to rounding
+            return None
+        return centre if width == 1 else None
+
+    def proved(self, *ends: tuple[float, Centre]) -> bool:
+        """Whether forms at one number, or those between the forms at two, are proved to be norms
+        for it, or for all numbers between."""
+        ends = tuple(sorted(ends, key=lambda end: end[0]))
+        points = self.family.hull(ends[0][0], ends[-1][0])
+        if points is None:
+            return False
+        norms = []
+        for _, centre in ends:
+            P = self.to.mT @ centre.norms.P @ self.to
+            norms.append(Norms((P + P.mT) / 2, self.graph))
+        return shrink_along(norms, *points, self.family.follows)
+
+    def walked(
+        self, centre: Centre, start: float, goal: float, work: float, report: Callable
+    ) -> float:
+        """The number that a proof without a gap reaches from a start towards a goal."""
+        x = start
+        whole = abs(goal - start)
+        while x != goal and centre.work < work:
+            target = goal
+            step = None
+            while step is None:
+                try:
+                    ahead, at = advanced(centre, self.at, x, target)
+                    ahead = ahead.rounded()
+                except np.linalg.LinAlgError:  # singular to rounding
+                    return x
+                # Of a number, or of the whole way: shorter steps end a proof.
+                if abs(at - x) < 1e-3 * min(whole, max(abs(x), 1e-3 * whole)):
+                    return x
+                if self.proved((x, centre), (at, ahead)):
+                    step = ahead, at
+                target = (x + at) / 2
+            centre, x = step
+            report(x, 100 * abs(x - start) / whole)
+        return x
+
+
+def decide_ring(family: RingFrames, x: float = 0.0, work: float = WORK) -> Decision:
+    """Decide whether all patterns decay at x; as `joint.decide`, whose norms and errors it has."""
+    word = _refuting(family, x, SHORT)
+    if word:
+        return Decision(REFUTED, word=word)
+    search = RingSearch.at_mean(family, x)
+    centre = search and search.found(x, work)
+    if centre is not None and search.proved((x, centre)):
+        return Decision(PROVED)
+    word = _refuting(family, x, PERIODS)
+    return Decision(REFUTED, word=word) if word else Decision(UNKNOWN)
+
+
+def _refuting(family, x, periods):
+    """A pattern that is proved to grow at x; empty if none is found."""
+    rate, word = growing_pattern(family, x, periods=periods)
+    return word if rate >= 1 and is_refuted(family, word, x) else ()
+
+
+def bracket_ring(
+    family: RingFrames,
+    about: tuple[float, float],
+    tolerance: float = 0.01,
+    work: float = WORK,
+    report: Callable[[float, float, float], None] = lambda *_: None,
+) -> Bracket | None:
+    """Return what is proved and refuted within an interval of a number, as `joint.bracket`; None if
+    no start of a proof is found."""
+    low, high = about
+    fails, word = nearest_pattern(family, low + START * (high - low), high)
+    goal = fails - tolerance / 2 * (fails - low) if word else high
+    for share in (0.1, 0.01, 0.5):  # of the way to the goal, where a proof begins
+        start = low + share * (goal - low)
+        search = RingSearch.at_mean(family, start)
+        centre = search and search.found(start, work)
+        if centre is None or not search.proved((start, centre)):
+            continue
+        begun = replace(centre, work=0.0)
+        above = search.walked(begun, start, goal, work, partial(report, start))
+        below = search.walked(
+            begun, start, low, work, lambda x, part, above=above: report(x, above, part)
+        )
+        fails_below, first = np.nan, ()
+        reached_low = below <= max(low, tolerance**2 * above)
+        if not reached_low:
+            fails_below, first = nearest_pattern(family, start, low)
+        end = fails if word else high
+        settled = reached_low and abs(end - above) <= tolerance * abs(end)
+        return Bracket(below, above, fails_below, fails, (first, word), settled, ())
+    return None
+
+
+def _means(family, A):
+    """The mean of the matrices of each place."""
+    return np.array([A[family.place == at].mean(0) for at in range(len(family.slots))])
+
+
+def _lyapunov(A: np.ndarray) -> np.ndarray | None:
+    """Forms that each of some matrices in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
+    loop is not stable."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    one = np.eye(A.shape[-1])
+    whole = one
+    lost = np.zeros_like(one)
+    for each in A:
+        lost = lost + LEAST_FORM * whole.T @ whole
+        whole = each @ whole
+    if not np.isfinite(whole).all() or np.abs(np.linalg.eigvals(whole)).max() >= 1:
+        return None
+    P = solve_discrete_lyapunov(whole.T, lost)
+    forms = []
+    for each in A[::-1]:
+        P = LEAST_FORM * one + each.T @ P @ each
+        forms.append((P + P.T) / 2)
+    return np.array(forms[::-1])
