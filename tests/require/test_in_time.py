@@ -255,11 +255,12 @@ def test_what_can_not_be_required_of_a_response_is_said(require, said):
     ("changes", "require", "said"),
     [
         ({"outputs": {"own": "c.y"}}, "overshoot", "expected a step that ends at another value than 0"),
+        ({"outputs": {"own": "0.3*ref - 0.3*p.y"}}, "overshoot", "expected a step that ends at another value than 0"),
         ({"outputs": {"own": "p.y"}}, "rms", "expected a frame of at most 128 ticks"),
     ],
 )
 def test_what_has_no_value_is_refused(changes, require, said):
-    tables = several_rates(1 if require == "overshoot" else 129, 0)
+    tables = several_rates(3 if require == "overshoot" else 129, 0)
     loop = wavesweep.compile(tables | {"ports": INTEGRATOR["ports"] | changes})
     with pytest.raises(UsageError, match=said):
         loop.stable_intervals(require={require: {**ENDS, "at_most": 0.1}})

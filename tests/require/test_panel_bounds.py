@@ -1,13 +1,18 @@
-"""A panel is judged only if the whole disc about it lies where the loop is known."""
+"""Panels of a number and discs about eigenvalues: what they are judged by."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from wavesweep.engine.errors import UsageError
+from wavesweep.require import pencil
+from wavesweep.require.between import Between
+from wavesweep.require.bound import Bound
 from wavesweep.require.by_discs import _LoopsInDiscs
-from wavesweep.require.disc_panels import GOOD, OPEN
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN
 from wavesweep.require.discs import Spiral
+from wavesweep.require.gain_bound import GainBound
 
 
 @pytest.mark.parametrize(
@@ -19,3 +24,54 @@ def test_a_disc_that_leaves_what_is_known_leaves_its_panel_open(low, high, label
     loops = _LoopsInDiscs(frames, errors, None, np.array([0]), 1, np.array([0]), Spiral(0.5))
     found = loops.label(np.array([0]), np.array([low]), np.array([high]), (np.array([0.0]), np.array([1.0])))
     assert found.tolist() == [label]
+
+
+def test_a_panel_is_looked_at_where_the_loop_may_be_stable_and_bad_elsewhere():
+    seen = []
+
+    def labelled(_, low, high, __):
+        seen.append((low.tolist(), high.tolist()))
+        return np.full(low.size, GOOD)
+
+    stable = SimpleNamespace(column=np.array([0, 0]), low=np.array([1.0, 6.0]), high=np.array([2.0, 8.0]))
+    judge = SimpleNamespace(columns=np.array([0]), stable=stable, labelled=labelled)
+    panels = np.array([0.0, 2.5, 5.0]), np.array([1.5, 2.9, 9.0])
+    assert Between.label(judge, np.zeros(3, int), *panels, None).tolist() == [GOOD, BAD, GOOD]
+    assert seen == [([1.0, 6.0], [1.5, 8.0])]
+
+
+def test_modes_in_a_disc_are_on_one_side_of_the_spiral_whatever_they_turn():
+    r = np.random.default_rng(3)
+    z = 10 ** r.uniform(-2, 0.3, (400, 1)) * np.exp(1j * r.uniform(-np.pi, np.pi, (400, 1)))
+    turns = np.angle(z) + 2 * np.pi * r.integers(-1, 2, z.shape)
+    spiral = Spiral(0.5, gone=0.05, ticks=5)
+
+    def beyond(z, turns):
+        return spiral.told(np.repeat(np.abs(turns)[..., None], 3, -1)).beyond(z - 1)
+
+    own = beyond(z, turns)
+    room = spiral.told(np.repeat(np.abs(turns)[..., None], 3, -1)).room(z - 1)
+    assert (room > 0).mean() > 0.9
+    for way in np.exp(2j * np.pi * np.arange(16) / 16):
+        moved = z + 0.999 * np.maximum(room, 0) * way
+        assert (beyond(moved, turns + np.angle(moved / z)) * own >= 0).all()
+
+
+@pytest.mark.parametrize("arc", [(0.7, 2.1), (0.1, 3.0)])
+def test_the_distance_from_an_arc_is_that_from_its_nearest_place(arc):
+    r = np.random.default_rng(1)
+    d = r.normal(size=300) + 1j * r.normal(size=300)
+    angles = np.linspace(*arc, 4001)
+    places = pencil._mapped(np.concatenate([angles, -angles]))
+    nearest = np.abs(1 + d[:, None] - places).min(-1)
+    assert pencil.off_arc(d[None], np.array([arc]))[0] == pytest.approx(nearest, abs=4e-3)
+
+
+@pytest.mark.parametrize("band", [None, (1.0, 5.0)])
+def test_along_a_rate_a_gain_is_bounded_at_all_frequencies_or_refused(band):
+    bound = Bound(gains=(GainBound("f_h", "x", 1.0, band),))
+    if not band:
+        assert bound.refuse_rates("rates.fast_hz") is None
+        return
+    with pytest.raises(UsageError, match="expected a gain at all frequencies, found band_hz"):
+        bound.refuse_rates("rates.fast_hz")

@@ -113,7 +113,6 @@ class Spiral:
         with np.errstate(invalid="ignore"):
             inside = -z * np.expm1(np.minimum(highest, 0.0) / slope)
             outside = -z * np.expm1(-np.maximum(lowest, 0.0) / slope)
-        outside = np.minimum(outside, z - self.gone)
         room = np.where(lowest > 0, outside, np.where(highest < 0, inside, 0.0))
         if self.pairs:
             # Outside, a pair of a negative real part must not become real; real ones may be
