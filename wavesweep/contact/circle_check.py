@@ -14,7 +14,7 @@ import numpy as np
 
 from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES, WallLoop, shifted
 from wavesweep.engine.doubles import EPS
-from wavesweep.engine.frames import Bounded
+from wavesweep.engine.frames import Bounded, sum_rounding
 
 FIRST_ARCS = 64  # of half the circle
 # of neighbouring arcs, whose middles are sums of some dozens of rounded halves
@@ -35,7 +35,7 @@ class Multiplier:
     def allowed(self) -> bool:
         """Whether the weights are those of a multiplier."""
         total = self.before.sum() + self.after.sum()
-        rounded = BOUNDS_OF_DOUBLES * EPS * self.before.size * total
+        rounded = sum_rounding(2 * self.before.size + 2) * total
         return bool((self.before >= 0).all() and (self.after >= 0).all() and total + rounded < 1)
 
     @cached_property
@@ -51,7 +51,9 @@ class Multiplier:
     def at(self, angles: np.ndarray) -> tuple[Bounded, Bounded]:
         """Return M and its derivative in the angle at `z = exp(j angle)`.
 
-        The angle times k is rounded, and so are N terms of a sum, whose weights add up to 1.
+        In roundings u, an angle up to pi times k is off by pi k, a cosine or sine by 2, and of
+        weights that add up to 1 the sums of 2 N complex products by `sqrt(2) 4 N`: at most `9 N +
+        8`, of which `2 (N + 4)^2` is more for every N, and N times as much in the derivative.
         """
         back = np.exp(-1j * np.outer(angles, self.lags))
         on = back.conj()
@@ -78,7 +80,11 @@ class Multiplier:
         return float(np.arange(self.beside_pole.size) ** 2 @ np.abs(self.beside_pole))
 
     def pole_part(self, angles: np.ndarray) -> tuple[Bounded, Bounded]:
-        """Return `Re M/(z - 1)` and its derivative in the angle."""
+        """Return `Re M/(z - 1)` and its derivative in the angle.
+
+        Coefficients q are up to 1, and off by 2 N roundings; of N + 1 products with cosines as in
+        `at` all are off by at most `(N + 1)(7 N + 4)`, of which `2 (N + 4)^3` is more.
+        """
         orders = np.arange(self.beside_pole.size)
         turned = np.outer(angles, orders)
         lost = EPS * (self.lags.size + 4) ** 3 * np.ones(angles.size)

@@ -117,7 +117,7 @@ class _Rests:
             vertices = np.concatenate([vertices - self.G[:, at], vertices + self.G[:, at]])
         others = np.delete(self.G, spanning, axis=1)
         reach = np.abs(self.middle) + np.abs(self.G).sum(1)
-        rounding = EPS * (len(spanning) + 2)
+        rounding = sum_rounding(self.G.shape[1] + 4)  # of vertices, and of this bound
         return vertices, self.errors + np.abs(others).sum(1) + rounding * reach
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.frames import (
+    Bounded,
     MarginalModes,
     OpenTicks,
     Ticks,
@@ -297,14 +298,15 @@ class _AtOnce:
         after = np.zeros((2, count, n, n))
         after[:, self.followed] = np.array(self.after)[:, :, 0]
         b, db, c, dc = np.zeros((4, count, n))
+        one = Bounded.exact(np.eye(n))
         for at, kind in enumerate(self.kinds):
             if kind == len(ticks.maps) or not ticks.maps[kind].inputs:
                 continue
             tick = ticks.maps[kind]
-            E, dE = after[:, at]
-            b[at], db[at] = _applied(E, dE, tick.B[:, 0], tick.terms[1][:, 0])
-            E, dE = (each[at, 0] for each in self.before)
-            c[at], dc[at] = _applied(E.T, dE.T, tick.C[0], tick.terms[2][0])
+            later = one + Bounded(*after[:, at])
+            b[at], db[at] = later @ Bounded(tick.B[:, 0], ENTRY_ROUNDING * tick.terms[1][:, 0])
+            first = one + Bounded(*(each[at, 0] for each in self.before))
+            c[at], dc[at] = first.mT @ Bounded(tick.C[0], ENTRY_ROUNDING * tick.terms[2][0])
         return b[:, kept], db[:, kept], c[:, kept], dc[:, kept]
 
     def enclosed(self, changes, errors):
@@ -315,14 +317,6 @@ class _AtOnce:
         some = self.followed
         E[some], dE[some] = both((E[some], dE[some]), self.after)
         return E, dE
-
-
-def _applied(E, dE, vector, sizes):
-    """`(I + E) v`, and bounds on its errors; sizes: of the terms of v."""
-    whole = np.eye(len(E)) + E
-    unsure = ENTRY_ROUNDING * sizes
-    rounding = len(E) * ENTRY_ROUNDING * np.abs(whole) @ np.abs(vector)
-    return whole @ vector, np.abs(whole) @ unsure + dE @ (np.abs(vector) + unsure) + rounding
 
 
 def _closed(ticks, numbers):

@@ -29,7 +29,6 @@ READ = (FACTOR, BESIDE)
 OTHER_DRIFT = (
     "a loop that drifts without its wall otherwise than by the one position that the wall reads"
 )
-ROUNDINGS = 8.0  # of the terms of a product of a row and a matrix, for each of these
 
 
 class UnfitWallError(Exception):
@@ -121,15 +120,13 @@ def _frames(ticks: Ticks, befores, samples):
         whole, whole_error = both(first, (tick.E, ENTRY_ROUNDING * tick.terms[0]))
         acts = pattern_of(np.array([*row, sample]), list(changes))
         whole, whole_error = np.where(acts, whole, -identity), np.where(acts, whole_error, 0.0)
-        moved = identity + first[0]
-        C_error = ENTRY_ROUNDING * tick.terms[2]
-        read_error = np.abs(tick.C) @ first[1] + C_error @ (np.abs(moved) + first[1])
-        read_error = read_error + ROUNDINGS * n * ENTRY_ROUNDING * (np.abs(tick.C) @ np.abs(moved))
+        moved = Bounded.exact(identity) + Bounded(*first)
+        read = Bounded(tick.C, ENTRY_ROUNDING * tick.terms[2]) @ moved
         yield (
             np.concatenate([whole, tick.B], axis=1),
-            np.concatenate([tick.C @ moved, tick.D], axis=1),
+            np.concatenate([read.value, tick.D], axis=1),
             np.concatenate([whole_error, ENTRY_ROUNDING * tick.terms[1]], axis=1),
-            np.concatenate([read_error, ENTRY_ROUNDING * tick.terms[3]], axis=1),
+            np.concatenate([read.error, ENTRY_ROUNDING * tick.terms[3]], axis=1),
         )
 
 
