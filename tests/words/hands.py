@@ -133,7 +133,9 @@ def hold_lines(lines, table, claims):
         elif found := re.fullmatch(rf"{N} rows? of the box not certified \(settled 0\): .*", line):
             assert (table[table["hand"] == "box"]["settled"] == 0).sum() == float(found[1]), line
         elif found := re.match(
-            rf"(?:.*: )?{N} of {N} done \({N} %\) after \d+ (?:s|min|h)(?:; \S+ proved from {N} to {N} so far \({N} %)?", line
+            rf"(?:.*: )?{N} of {N} done \({N} %\)(?:, \d+ certified)? after \d+ (?:s|min|h)"
+            rf"(?:; \S+ proved from {N} to {N} so far \({N} %)?",
+            line,
         ):
             done, count, share, *span = map(float, filter(None, found.groups()))
             assert count == len(table[["B_VE", "hand"]].drop_duplicates()) > done, line

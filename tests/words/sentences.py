@@ -129,7 +129,7 @@ def own(run):
 
 
 @shape(
-    r"Wrote .* in \S+ s|(?:still )?at work(?: on [a-z ]*)? after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
+    r"Wrote .* in \S+ s|(?:still [a-z ]+|at work(?: on [a-z ]*)?) after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
     r"|all \d+ done after \d+ (?:s|min|h)[;,]?.*|assumes: kept.*"
 )
 def nothing(run, *_):
@@ -137,7 +137,7 @@ def nothing(run, *_):
 
 
 @shape(
-    rf"(?:.*: )?{N} of {N} done \({N} %\) after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
+    rf"(?:.*: )?{N} of {N} done \({N} %\)(?:, \d+ certified)? after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
     rf"(?:; (?:design \d+ of \d+: )?[\w.]+ proved from {N} to {N} so far \({N} % of the (?:way|box)\))?"
     r"(?:, about \d+ (?:s|min|h) left)?(?:; [a-z \[\]]*)?"
 )
