@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.require import pencil
+from wavesweep.engine.frames import Bounded
+from wavesweep.require import factors, pencil
 from wavesweep.require.between import Between
 from wavesweep.require.bound import Bound
 from wavesweep.require.by_discs import _LoopsInDiscs
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN
+from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.discs import Spiral
 from wavesweep.require.gain_bound import GainBound
 
@@ -75,3 +76,29 @@ def test_along_a_rate_a_gain_is_bounded_at_all_frequencies_or_refused(band):
         return
     with pytest.raises(UsageError, match="expected a gain at all frequencies, found band_hz"):
         bound.refuse_rates("rates.fast_hz")
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_what_is_shown_of_factors_holds_for_all_numbers_and_factors_of_a_piece(turning):
+    """Of loops of two states and an input that change in proportion to the number, in doubles at many of both."""
+    r, count, half = np.random.default_rng(2), 600, 0.3
+    shapes = (2, 2), (2, 1), (1, 2), (1, 1)
+    middle = [r.normal(size=(count, *shape)) * 0.5 for shape in shapes]
+    middle[0] -= np.eye(2)
+    slope = [r.normal(size=(count, *shape)) * 10 ** r.uniform(-3, -0.5, (count, 1, 1)) for shape in shapes]
+    rim = np.append(0, 2 * HALF_RIM)[:, None, None]
+    maps = [
+        Bounded(a[:, None] + b[:, None] * rim, np.zeros((count, len(rim), *a.shape[1:])))
+        for a, b in zip(middle, slope, strict=True)
+    ]
+    f, u, rest = factors.Range(-1.0, 1.0, turning).about(np.zeros(count), np.full(count, half))
+    shown, *_ = factors.clear(maps, f, 1j if turning else 1.0, u, rest)
+    assert 0.1 < shown.mean() < 0.9
+    outside = []
+    for p in (-1, -0.5, 0, 0.5, 1):
+        own = [a + b * p for a, b in zip(middle, slope, strict=True)]
+        for v in np.linspace(-half, half, 5):
+            factor = np.full(count, np.exp(1j * v if turning else v))
+            frames = np.eye(2) + factors._with_factor(*own, factor)[0]
+            outside.append((np.abs(np.linalg.eigvals(frames[shown])) > 1).sum(-1))
+    assert (np.array(outside) == outside[0]).all()
