@@ -503,7 +503,11 @@ def tried_with(run, few, many):
     return few == 3 and many == len(run.case.masses)
 
 
-@shape(rf"time_constant: time constant of the slowest mode for device\.mass of {N} values from {N} to {N}", "design")
+@shape(
+    rf"time_constant: time constant of the slowest mode for device\.mass of {N} values from {N} to {N}, "
+    r"not certified \(double precision\)",
+    "design",
+)
 def of_masses(run, count, low, high):
     masses = run.case.masses
     assert run.claims["z_width"]["status"] == "proved", run.claims
