@@ -350,7 +350,7 @@ def test_a_small_run_loads_neither_pandas_nor_scipy_and_check_neither_scipy_nor_
     loaded = loaded_by(f"from wavesweep.program.cli import main\nassert main({arguments!r}) == 0")
     assert {"numpy", "pyarrow.parquet"} <= loaded
     heavy = {"pandas", "scipy", "matplotlib", "control", "joblib", "importlib.metadata", "pint"}
-    assert loaded & (heavy | {"flint", "filelock", "numpy.ma", "wavesweep.passive.hands"}) == set()
+    assert loaded & (heavy | {"flint", "numpy.ma", "wavesweep.passive.hands"}) == set()
     assert not {name for name in loaded if name.startswith(("wavesweep.for_all.joint", "wavesweep.prove.columns"))}
     # Arrow would import pandas where the exception of a signal is dropped.
     written = [str(tmp_path / "out" / f"zwidth.{suffix}") for suffix in ("csv", "parquet")]

@@ -96,9 +96,7 @@ def test_what_an_interrupted_run_wrote_is_removed_and_folders_of_other_names_sta
 def test_a_second_run_is_refused_with_the_name_of_the_first_whose_lock_stays(tmp_path):
     with at_work(["zwidth"], tmp_path / "new"), at_work(["bode"], tmp_path / "new"):
         for _ in range(2):  # the first refusal must not have taken the lock away
-            with pytest.raises(
-                WavesweepError, match=rf"another run is at work on zwidth here \(process {os.getpid()} on .*, since 2"
-            ):
+            with pytest.raises(WavesweepError, match=rf"another run is at work on zwidth here \(process {os.getpid()} on .*\)"):
                 at_work(["zwidth"], tmp_path / "new").__enter__()
             assert [name for name in names(tmp_path / "new") if "lock" in name] == [".bode.lock", ".zwidth.lock"]
     assert names(tmp_path) == []
@@ -202,7 +200,7 @@ def test_specs_of_somebody_else_are_refused_and_stay(tmp_path, kind):
     assert names(best) == before
 
 
-REFUSALS = [errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL, errno.EACCES, errno.EIO]
+REFUSALS = [errno.ENOSYS, errno.ENOLCK, errno.EIO]
 
 
 @pytest.fixture(params=REFUSALS, ids=errno.errorcode.get)
@@ -235,9 +233,9 @@ def test_where_locks_are_refused_a_run_waits_for_another(tmp_path):
 def test_where_locks_are_refused_the_file_of_a_process_that_has_ended_is_no_lock_on_its_own_host(tmp_path, host):
     ended = subprocess.run([sys.executable, "-S", "-c", "import os; print(os.getpid())"], check=True, capture_output=True)
     holder = tmp_path / ".zwidth.holder"
-    holder.write_text(f"process {int(ended.stdout)} on {os.uname().nodename}{host}, since 2026-01-01 00:00:00")
+    holder.write_text(f"{int(ended.stdout)}\n{os.uname().nodename}{host}\n")
     if host:
-        with pytest.raises(WavesweepError, match=r"-elsewhere, since .*remove"), at_work(["zwidth"], tmp_path):
+        with pytest.raises(WavesweepError, match=r"-elsewhere\).*remove"), at_work(["zwidth"], tmp_path):
             pass
         assert names(tmp_path) == [".zwidth.holder", ".zwidth.lock"]
     else:
