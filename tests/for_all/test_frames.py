@@ -145,7 +145,7 @@ def wall_beside_losses(lost):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lost", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lost", [1, 3])
 def test_losses_beside_results_that_are_in_place_at_once_end_where_a_march_does(lost):
     row, pattern = wall_beside_losses(lost)
     assert row["settled"]

@@ -34,7 +34,6 @@ def short(monkeypatch, tmp_path, studies):
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.slow
 def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_path):
     code, out, err = wavesweep("paper")
     assert (code, out) == (0, "")

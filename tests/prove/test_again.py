@@ -49,12 +49,12 @@ def test_certified_rows_are_proved_again_and_false_ones_are_refuted(tmp_path, ca
 @pytest.mark.parametrize(
     ("recipe", "wires", "operations", "change", "verdict"),
     [
-        pytest.param("batch-reactor", {}, 1e8, 1, "whole", marks=pytest.mark.slow),
-        pytest.param("batch-reactor", {}, 3e6, 1, "ends", marks=pytest.mark.slow),  # the whole range takes more
+        ("batch-reactor", {}, 1e8, 1, "whole"),
+        ("batch-reactor", {}, 3e6, 1, "ends"),  # the whole range takes more
         ("batch-reactor", {}, 3e6, 1.001, "refuted"),
         ("batch-reactor", {}, 1e4, 1, "unsettled"),
         ("current-loop", {}, 1e8, 1, "whole"),  # with dead times
-        pytest.param("current-loop", {}, 1e8, 1.001, "refuted", marks=pytest.mark.slow),
+        ("current-loop", {}, 1e8, 1.001, "refuted"),
         ("current-loop", {"pwm.u": "pi.y - 0.1*motor.y"}, 1e8, 1, "unsettled"),  # a plant that is sampled for itself
     ],
 )

@@ -146,7 +146,6 @@ def test_a_report_tells_of_the_rows_that_verify_does_not_prove_again(tmp_path, m
     assert f"rows {what.replace('of', 'for')} are not proved again" in content.SAME
 
 
-@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("spec", "changes", "said"),

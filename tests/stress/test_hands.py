@@ -10,7 +10,6 @@ from wavesweep.program.spec import Axis
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 103, 127, 130])
 def test_what_is_settled_is_right(seed):
     """Three of these have light hands that alias between those of a grid of six along each number."""
@@ -18,7 +17,7 @@ def test_what_is_settled_is_right(seed):
     assert verdict.kind == "right", verdict.truth
 
 
-@pytest.mark.parametrize("seed", [pytest.param(103, marks=pytest.mark.slow), 127])
+@pytest.mark.parametrize("seed", [103, 127])
 def test_hands_that_swing_at_half_the_rate_are_met_before_a_proof_begins(seed):
     """They are unstable in one to three per cent of the range of their stiffness."""
     asked = question(seed)

@@ -27,7 +27,6 @@ def test_responses_of_usual_loops_hold_in_ball_arithmetic(seed):
         assert max(judged.error) < 1e-8, judged
 
 
-@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("family", responses.RESPONSES)
 def test_no_response_is_further_off_than_its_bound(family):

@@ -11,7 +11,6 @@ MANY = {  # of the slow ones; else 20
 }  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("family", [name for name in NAMES if name not in {"climbs", "hands"}])  # see below and test_hands
 def test_certified_rows_are_right(family):
@@ -36,7 +35,6 @@ def test_what_is_not_known_of_an_ill_posed_loop_needs_no_warning():
     assert {v.kind for v in verdicts("nearly_ill_posed", 24200922)} <= {"right", "refused"}  # as ill-posed, by a whisker
 
 
-@pytest.mark.slow
 def test_a_short_climb_to_the_worst_end_stays_within_what_is_promised():
     (worst,) = climbs.judge(0, steps=10)
     assert worst.certified

@@ -54,7 +54,6 @@ def exact_merging_point(values, B_VE, theta):
 MERGING = [(8, 1.0, 1.15), (142, 0.2, 0.35)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "low", "high"), MERGING)
 def test_a_closing_hole_is_certified_only_where_the_count_is_right(seed, low, high):
     """At relative distances from 1e-2 to 1e-15 of the double root, on both sides of it, known to 25 digits.

@@ -34,7 +34,6 @@ def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, fir
         assert mislabelled(cut, along, span, fixed, found) == [], seed
 
 
-@pytest.mark.slow
 def test_random_columns_along_the_stiffness_are_all_certified():
     """A fallback that gives up, or a proof that became too timid, shows here."""
     for seed in range(120):

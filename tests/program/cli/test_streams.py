@@ -40,7 +40,6 @@ def shell(tmp_path):
     return run
 
 
-@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("closed", ["2>&-", "2>/dev/full", ">&- 2>&- <&-"])
 def test_results_are_written_if_nobody_can_be_told(shell, tmp_path, closed):

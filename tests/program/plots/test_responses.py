@@ -23,7 +23,6 @@ def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
     assert set(np.diff(phase.get_yticks())) <= {45.0, 90.0}
 
 
-@pytest.mark.slow
 def test_axes_at_the_hand_have_the_units_of_a_loop_that_turns():
     from wavesweep.program.tables.response_table import responses
 
