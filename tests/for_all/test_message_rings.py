@@ -20,8 +20,7 @@ def ring(tables):
     return ring_of_messages(spec.drawing, values, channels_of(spec.drawing, values), "numbers.K")
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [0, 7])
 def test_what_is_held_grows_as_its_messages_do(seed):
     """Also with delays behind channels, which the ring has before them."""
     source = np.random.default_rng(seed)
@@ -42,8 +41,7 @@ def test_what_is_held_grows_as_its_messages_do(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0])
 def test_what_is_proved_survives_messages_and_what_refutes_grows(seed):
     source = np.random.default_rng(1000 + seed)
     loop = random_network(source)

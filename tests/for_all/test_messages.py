@@ -36,8 +36,7 @@ def family(spec, along=""):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("lost", "missing"), [(1, "held"), (2, "held"), (3, "held"), (3, "zero")])
+@pytest.mark.parametrize(("lost", "missing"), [(1, "held"), (3, "zero")])
 def test_an_integrator_whose_messages_are_lost(lost, missing):
     """2/(n + 1), by losing as many as possible; nothing is lost by losses where a missing message is zero."""
     found = bracket(family(integrator(lost=lost, missing=missing), "K"), 0.1, (0.0, 3.0))
@@ -48,8 +47,7 @@ def test_an_integrator_whose_messages_are_lost(lost, missing):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(("hz", "lost"), [(10, 16), (20, 33)])
+@pytest.mark.parametrize(("hz", "lost"), [(10, 16)])
 def test_a_mass_holds_its_input_for_no_longer_than_a_constant_interval(hz, lost):
     """`x'' = -0.1 x' + 0.1 u`, `u = -(3.75, 11.5) x`: stable up to an interval of 1.7294 s (W. Zhang et al. 2001)."""
     spec = {
@@ -76,9 +74,8 @@ def test_messages_that_are_always_as_late_have_the_limit_of_that_delay(ticks):
     assert growth(found.at(limit * 0.999), (alone,)) < 1 < growth(found.at(limit * 1.001), (alone,))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("channel", [{"lost": 1, "missing": "zero"}, {"late": 2}])
+@pytest.mark.parametrize("channel", [{"lost": 1, "missing": "zero"}])
 def test_messages_that_carry_what_drifts_are_refused(channel):
     """Two integrators that move together for ever: a message that is zero, or an empty register, would hold them back."""
     spec = integrator(lost=1)
@@ -139,9 +136,8 @@ def test_messages_that_no_reader_tells_apart_are_looked_at_once():
     assert merged > 4
 
 
-@pytest.mark.sample(4)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [0, 4, 7, 11])
 def test_patterns_grow_as_they_do_tick_by_tick(seed):
     source = np.random.default_rng(seed)
     loop = random_loop(source)
@@ -154,9 +150,8 @@ def test_patterns_grow_as_they_do_tick_by_tick(seed):
         assert growth(found.at(g), word) == pytest.approx(radius(loop, g, late), rel=1e-6, abs=1e-6)
 
 
-@pytest.mark.sample(3)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", [0, 4, 8])
 def test_simulate_runs_a_pattern(seed):
     source = np.random.default_rng(200 + seed)
     loop, spec = random_loop(source), None
@@ -172,9 +167,8 @@ def test_simulate_runs_a_pattern(seed):
         assert run.pos[ticks] == pytest.approx(state[0][0], rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", [0])
 def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed):
     source = np.random.default_rng(100 + seed)
     loop = random_loop(source)
@@ -189,9 +183,8 @@ def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed)
         assert radius(loop, proof.fails_from, late) >= 1 - 1e-9
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", [0])
 def test_what_is_proved_for_a_range_of_masses_survives_them_with_random_patterns(seed):
     source = np.random.default_rng(300 + seed)
     loop = random_loop(source)
@@ -214,9 +207,8 @@ def test_what_is_proved_for_a_range_of_masses_survives_them_with_random_patterns
         assert radius(own, proof.above.x, pattern(found, proof.above.word)) >= 1 - 1e-9
 
 
-@pytest.mark.sample(3)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", [0, 4, 8])
 def test_frames_over_a_range_grow_as_those_of_each_of_its_numbers_do(seed):
     """A proof over a range is no better than these, whatever a search for its worst number finds."""
     source = np.random.default_rng(300 + seed)

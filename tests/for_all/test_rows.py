@@ -129,10 +129,9 @@ def test_frames_of_any_length_in_any_order(step, proved, refuted):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("every", "more", "longest"),
-    [("2*n", {}, 6), ("n + 1", {}, 4), ("k", {"k": "2*n"}, 6), ("n*one", {"one": 1}, 3), ("4 - n", {}, 3), ("n**2", {}, 9)],
+    [("2*n", {}, 6)],
 )
 def test_every_may_be_any_expression_of_the_number_that_varies(every, more, longest):
     """An integrator `x + T u` with `u = -K x` held over M ticks is stable up to `2/(M T)`, for the longest frame."""

@@ -15,8 +15,7 @@ def radius(kind, **changes):
     return float(wavesweep.compile(nested(values_of(kind, **changes))).spectral_radius())
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", [0, 23])
 def test_radii_and_ends_are_those_of_the_equations_at_50_digits(seed):
     values = random_values(seed, VC[seed % 2])
     loop = wavesweep.compile(nested(values))

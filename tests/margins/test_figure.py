@@ -52,8 +52,7 @@ def far_from(points, line):
     return np.linalg.norm(points - a - share[..., None] * along, axis=-1).min(0)
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("width", [85 / 25.4, 180 / 25.4])
+@pytest.mark.parametrize("width", [85 / 25.4])
 def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     table = margins(wavesweep.load(drive()), "s.y")
     with as_asked(width):

@@ -141,8 +141,7 @@ def test_a_gain_may_fall_without_limit_if_its_limit_is_below_a_millionth(pole, l
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0])
 def test_margins_of_random_loops(seed):
     """Against the grid to 1e-9; whole frames that last less than the delay margin leave the loop stable."""
     rng, stable, agree = np.random.default_rng(seed), 0, {"gain": 0, "phase": 0, "disk": 0}

@@ -26,9 +26,8 @@ def test_a_dead_time_divides_the_tick_in_two_parts_of_which_a_hand_may_use_one(v
     assert found.damping == pytest.approx((held + np.sqrt(held**2 + (K * T) ** 2 * s * (1 - s))) / 2, rel=1e-8)
 
 
-@pytest.mark.sample(3)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", [0, 12, 24])
 def test_enough_damping_bears_every_hand_of_a_huge_box(random_values, seed):
     """Heavy, stiff and undamped hands, resonances near the rates among them: none is unstable."""
     v = random_values(seed) | ENCODER | {"controller.Kp": 25.0, "operator.mass": 0.0, "operator.stiffness": 0.0}

@@ -95,9 +95,8 @@ def test_without_waves_there_is_no_norm(values):
     assert [channel_norm(values(kind)) for kind in ("dc", "dc-slow", "dc-lm")] == [None, None, None]
 
 
-@pytest.mark.sample(3)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", [0, 10, 19])
 def test_no_point_of_a_scan_is_higher(random_values, seed):
     v = random_values(seed) | {"controller.kind": "pmw-lm" if seed % 3 else "pmw"}
     found, channel = channel_norm(v), channel_of(loop_drawing(v), v)

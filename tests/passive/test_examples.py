@@ -73,9 +73,8 @@ def test_a_marched_wave_gains_the_square_of_the_norm(values, kind, order, cutoff
     assert gains[2] > 1
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("tone_hz", [0.0, 7.0, 25.0, 50.0])
+@pytest.mark.parametrize("tone_hz", [0.0, 50.0])
 def test_no_wave_gains_energy_where_the_norm_is_one(values, tone_hz):
     v = values("pmw", **{"filters.lp1.order": 8})
     assert channel_norm(v).passive

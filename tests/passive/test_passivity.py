@@ -86,16 +86,9 @@ def test_a_channel_is_known_at_any_rates_and_in_any_drawing():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("kind", "given"),
-    [
-        ("dc", {}),
-        ("dc-slow", {}),
-        ("dc-lm", {"local_model": {"K_LM": 400}}),
-        ("pmw", {}),
-        ("pmw-lm", {"controller": {"kind": "pmw-lm", "Kp": 20}, "environment": {"K_VE": 500}}),
-    ],
+    [("dc", {})],
 )
 def test_a_drawn_controller_has_the_margins_of_the_built_in_one(kind, given):
     """At rest as well, where the smallest eigenvalue is the same at all low frequencies but for rounding."""

@@ -18,9 +18,8 @@ def lifted(values):
     return TickMaps.of(port.maps, port.kind, loop.batch).in_even_units().lifted()
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(10))
+@pytest.mark.parametrize("block", [0])
 def test_100_random_loops_agree_with_a_scan(random_values, block):
     for seed in range(10 * block, 10 * block + 10):
         v = random_values(seed)
@@ -35,9 +34,8 @@ def test_100_random_loops_agree_with_a_scan(random_values, block):
             assert scan(v, theta)[0] == pytest.approx(found.margin, rel=1e-5, abs=1e-8 * found.mean), seed
 
 
-@pytest.mark.sample(3)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [141, 143, 146, 152, 156, 158, 159])
+@pytest.mark.parametrize("seed", [141, 152, 159])
 def test_the_response_next_to_rest_is_that_of_ball_arithmetic(random_values, seed):
     """From 1e-13 rad per frame on, where the position's pole takes all digits of a lifted system in doubles."""
     pytest.importorskip("flint", reason="python-flint is the witness")

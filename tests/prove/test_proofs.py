@@ -87,9 +87,8 @@ def test_a_wall_behind_any_delay(prove, n):
     assert close((high, high_omega), (K, t / T))
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 5])
 def test_controllers_drawn_as_blocks_have_the_intervals_of_another_ball_program(prove, seed):
     values = random_values(seed, ("pmw", "pmw-lm", "dc-lm")[seed % 3])
     proof, B = prove(as_blocks(values), "K_VE", (0.0, 20000.0)), values["environment.B_VE"]
@@ -100,14 +99,10 @@ def test_controllers_drawn_as_blocks_have_the_intervals_of_another_ball_program(
     ]
 
 
-@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "seed", "number"),
-    [
-        (random_tables, 0, "g"), (random_tables, 13, "g"), (random_tables, 30, "k0"), (random_tables, 55, "m0"),
-        (random_tables, 7, "rates.tick_hz"), (random_feedback, 5, "k"), (random_feedback, 8, "d"),
-    ],
+    [(random_tables, 0, "g"), (random_tables, 55, "m0"), (random_feedback, 8, "d")],
 )  # fmt: skip
 def test_doubles_that_are_certified_agree(prove, make, seed, number):
     """Along gains, which give polynomials, and along numbers of plants and filters, which are interpolated."""

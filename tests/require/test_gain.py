@@ -35,11 +35,10 @@ def bounded(source, signal, level, **more):
     return {"gain": {"from": source, "to": signal, "at_most": level}, **more}
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "signal", "level", "end"),
-    [("dist", "error", 1.7, (2 - 2 / 1.7) / T), ("ref", "own", 1.5, 2 * 1.5 / 2.5 / T), ("dist", "error", 1e4, (2 - 2e-4) / T)],
+    [("dist", "error", 1.7, (2 - 2 / 1.7) / T), ("dist", "error", 1e4, (2 - 2e-4) / T)],
 )
 def test_the_sensitivities_of_an_integrator_have_closed_forms(source, signal, level, end):
     """`(z - 1)/(z - 1 + K T)` and `K T/(z - 1 + K T)`, both largest at z = -1."""
@@ -62,11 +61,9 @@ def cut_integrator(every, slow):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("every", "slow", "margins", "end"),
-    [(1, 1, {"Ms": 1.7}, 2 - 2 / 1.7), (4, 4, {"Ms": 1.7}, 2 - 2 / 1.7), (3, 6, {"Ms": 1.7}, 2 - 2 / 1.7),
-     (1, 1, {"disk": 1.2}, 0.5), (4, 1, {"disk": 1.2, "Ms": 3.0}, 0.5), (4, 1, {"disk": 0.5, "Ms": 1.25}, 0.4)],
+    [(1, 1, {"Ms": 1.7}, 2 - 2 / 1.7), (4, 1, {"disk": 0.5, "Ms": 1.25}, 0.4)],
 )  # fmt: skip
 def test_margins_at_a_cut_are_those_of_its_own_samples(every, slow, margins, end):
     """`S = (z - 1)/(z - 1 + s)` with s = K T every; at z = -1 it is 2/(2 - s), and `abs(S - 1/2)` is (2 + s)/(2 - s)/2."""
@@ -310,8 +307,7 @@ def radius_and_gain(c, source, signal):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", [0, 39])
 def test_the_largest_singular_value_is_below_the_level_inside_and_not_outside(seed):
     c, along, span, route, r = draw(seed)
     values = r.uniform(*span, 8)
@@ -479,8 +475,7 @@ def hold_against(seen, values, share, wall, frame, along, extra):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", [0, 39])
 def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(seed):
     r = np.random.default_rng(seed)
     ticks, along = int(r.choice([2, 3])), str(r.choice(["K", "B"]))
@@ -525,8 +520,7 @@ LONG = WALL | {"K": 60.0}
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("seed", range(19, -1, -1))
+@pytest.mark.parametrize("seed", [19])
 def test_the_gain_over_long_frames_is_below_the_level_inside_and_not_outside(seed):
     r = np.random.default_rng(seed)
     ticks, along, late = int(r.choice([30, 45, 60])), str(r.choice(["K", "B"])), int(r.integers(0, 5))

@@ -109,10 +109,9 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     assert example.read_text().startswith("# ")
 
 
-@pytest.mark.sample(1)
 @pytest.mark.asks("check")
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["dc", "pmw"])
+@pytest.mark.parametrize("kind", ["dc"])
 def test_a_mode_that_has_not_died_out_where_a_sine_is_measured_is_told(kind):
     def said(settle):
         spec = {"controller": {"kind": kind}, "simulate": {"settle_s": settle, "duration_s": settle + 2, "frequency_hz": [5]}}

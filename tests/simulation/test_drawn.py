@@ -34,8 +34,7 @@ def pushed(seed):
     return MultirateLoop(drawn.period, drawn.placed, sums, ("hand",))
 
 
-@pytest.mark.sample(10)
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", [0, 3, 6, 10, 13, 16, 19, 23, 26, 29])
 def test_random_drawings_step_as_their_matrices_do(seed):
     drawn = pushed(seed)
     force = np.random.default_rng(seed).normal(size=min(3 * drawn.ticks, 200))

@@ -49,9 +49,8 @@ def effects_of(seed):
     return {name: value for name, value in every.items() if r.random() < 0.5} | {"seed": seed}
 
 
-@pytest.mark.sample(4)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", [0, 13, 26, 39])
 def test_a_controller_and_its_blocks_have_the_same_effects(seed):
     values = random_values(seed, str(np.random.default_rng(seed).choice(["dc", "dc-slow", "pmw", "pmw-lm"])))
     if values["controller.kind"] != "dc" and values["rates.ratio"] == 1:

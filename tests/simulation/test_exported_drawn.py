@@ -66,8 +66,7 @@ def test_no_bit_differs(name, compiler, tmp_path):
     assert [check(tmp_path, compiler, level) for level in LEVELS] == [rows, rows]
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("name", ["arm", "policy", "controllers/pmw-lm"])
+@pytest.mark.parametrize("name", ["arm", "controllers/pmw-lm"])
 def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
     need("gcc")
     tables = tomllib.loads(ARM) if name == "arm" else recipe(name)
@@ -88,8 +87,7 @@ def test_a_loop_without_a_controller_is_refused():
         exported(wavesweep.load(tables))
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("word", ["EOF", "init", "double", "SEEK_SET", "unix", "INT32_MAX", "tick", "_x"])
+@pytest.mark.parametrize("word", ["EOF", "_x"])
 def test_a_force_may_be_called_as_a_word_a_macro_or_a_function_of_c(word, tmp_path):
     tables = tomllib.loads(ARM.replace("push", word))
     assert f"ws_{word}" in exported(wavesweep.load(tables))["vectors.csv"].split("\n", 1)[0].split(",")
@@ -98,9 +96,7 @@ def test_a_force_may_be_called_as_a_word_a_macro_or_a_function_of_c(word, tmp_pa
         check(tmp_path, "gcc", "-O0")
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
-@pytest.mark.parametrize("delay", [0, 3, 20])
+@pytest.mark.parametrize(("delay", "kind"), [(0, "dc-slow"), (20, "pmw-lm")])
 def test_no_bit_differs_with_effects_of_a_device(kind, delay, tmp_path):
     need("gcc")
     spec = wavesweep.load({"controller": {"kind": kind, "Kp": 5.0}, "environment": {"delay": delay, "K_VE": 100.0}})

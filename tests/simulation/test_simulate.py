@@ -37,9 +37,8 @@ def test_with_everything_off_a_page_is_the_law_of_its_controller(values, push, k
     assert len(experiment.signals["x"]) == len(push)
 
 
-@pytest.mark.sample(7)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", [0, 10, 20, 30, 39, 49, 59])
 def test_random_pages_are_the_laws_of_their_controllers(push, seed):
     """Every kind, integration and delay, filters of any order or none, spring in the hand or none."""
     loop = random_values(seed)
@@ -70,11 +69,18 @@ def test_a_direct_wall_is_felt_inside_only(values, push, kind):
     assert np.all(seen["f_m"][~seen["touching"]] == 0.0)
 
 
-@pytest.mark.sample(6)
 @pytest.mark.slow
-@pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])
-@pytest.mark.parametrize("delay", [0, 1, 20])
-@pytest.mark.parametrize("local_delay", [0, 1])
+@pytest.mark.parametrize(
+    ("local_delay", "delay", "integration"),
+    [
+        (0, 0, "explicit"),
+        (0, 1, "explicit"),
+        (0, 20, "implicit"),
+        (1, 0, "implicit"),
+        (1, 1, "trapezoidal"),
+        (1, 20, "trapezoidal"),
+    ],
+)
 def test_waves_and_contact_agree_within_every_tick(values, push, integration, delay, local_delay):
     """What goes round within a tick is solved: the waves that came back are those that the outgoing wave made."""
     changes = {"environment.integration": integration, "environment.delay": delay, "local_model.delay": local_delay}

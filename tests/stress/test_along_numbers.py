@@ -10,9 +10,7 @@ import wavesweep
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("name", ["lp1", "hp", "lp2"])
-@pytest.mark.parametrize("order", [1, 2, 5])
+@pytest.mark.parametrize(("order", "name"), [(1, "lp1")])
 def test_cutoffs_may_be_searched_up_to_just_below_half_the_rate(name, order):
     """What is sampled beyond the span to find its last crossings stays below half the rate, where filters end."""
     loop = wavesweep.compile(nested(values_of("pmw-lm", integration="explicit", **{f"{name}_order": order})))
@@ -20,8 +18,7 @@ def test_cutoffs_may_be_searched_up_to_just_below_half_the_rate(name, order):
     assert np.isfinite(found["low"]).all()
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("seed", [1015, 1063, 1130])
+@pytest.mark.parametrize("seed", [1015])
 def test_samples_that_overflow_are_no_warning(seed):
     """Beside some that do not, beyond all sizes in the error bound, and a damping just below zero at a milligram."""
     assert judge(seed)[0].kind == "right" or not judge(seed)[0].certified

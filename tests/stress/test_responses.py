@@ -10,15 +10,13 @@ from wavesweep.engine._response.gain import gain_of
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(("family", "seed"), [("wild", 7), ("unstable_inside", 45), ("unstable_inside", 147)])
+@pytest.mark.parametrize(("family", "seed"), [("wild", 7)])
 def test_modes_that_overflow_or_are_too_few_are_no_warning(family, seed):
     """Defective frames that grow by tens of decades: NaN among the modes leads to a solve, not to a crash."""
     assert all(judged.excess <= 1 for judged in responses.judge(seed, family))
 
 
-@pytest.mark.sample(4)
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [0, 4, 7, 11])
 def test_responses_of_usual_loops_hold_in_ball_arithmetic(seed):
     """Any delay, from 1 mHz to half the fast rate, multiples of the slow rate among them; all of them are known."""
     for judged in responses.judge(seed, "usual"):
@@ -38,8 +36,7 @@ def test_no_response_is_further_off_than_its_bound(family):
         assert judged.excess <= 1, judged
 
 
-@pytest.mark.sample(5)
-@pytest.mark.parametrize("seed", range(100, 115))
+@pytest.mark.parametrize("seed", [100, 104, 107, 110, 114])
 def test_resonances_and_drifts_take_no_digits(seed):
     """No wall, no damping, multiples of the slow rate and their neighbours: hardly an admittance is missing."""
     found = responses.judge(seed, "resonant")
@@ -49,8 +46,7 @@ def test_resonances_and_drifts_take_no_digits(seed):
     assert np.median(known) < 1e-8
 
 
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("seed", [3, 5, 8, 12, 38, 48, 60])
+@pytest.mark.parametrize("seed", [3, 12, 60])
 def test_the_worst_case_gain_is_within_its_bound(seed):
     values, frequency = responses.question(seed, "resonant")
     values |= {"rates.ratio": 1 if values["controller.kind"] == "dc" else min(values["rates.ratio"], 40)}

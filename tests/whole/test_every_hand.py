@@ -50,9 +50,8 @@ def longest(K_VE, B_VE=1.0):
     return float(damping_needed(values | {"device.velocity": "difference", "environment.integration": "explicit"}).damping)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("B_VE", [0.0, 1.0])
+@pytest.mark.parametrize("B_VE", [0.0])
 def test_walls_end_where_the_longest_frame_needs_all_of_the_damping(B_VE):
     spec = spec_of(sweep={"K_VE": {"start": 0, "stop": 2000}, "B_VE": [B_VE]})
     rows = passive(spec, "K_VE")

@@ -6,8 +6,7 @@ import pytest
 import wavesweep
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("steps", "stiffness", "damping"), [(150, 0.5, 3.0), (300, 0.02, 0.5), (150, 0.0, 3.0)])
+@pytest.mark.parametrize(("steps", "stiffness", "damping"), [(150, 0.5, 3.0), (150, 0.0, 3.0)])
 def test_a_spring_behind_a_long_delay(steps, stiffness, damping):
     """`X = G/(1 + (K + B (1 - 1/z)/T) G/z^N + 2 T/(m (z - 1)))`; under a held force `G = T^2 (z + 1)/(2 m (z - 1)^2)`.
 

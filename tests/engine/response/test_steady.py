@@ -43,10 +43,8 @@ def test_random_frequencies_hold_at_50_digits(kind, seed):
     assert worst_error(values, [0.1, *inner, 0.49999 / T], exact.response) < 1e-9
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
-@pytest.mark.parametrize("seed", [0, 3, 12])
+@pytest.mark.parametrize(("seed", "kind"), [(0, "dc-slow"), (12, "pmw-lm")])
 def test_multiples_of_the_slow_rate_hold_at_50_digits(kind, seed):
     """The formula is 0/0 there with a drift: its limit, the mean of both sides a hundred-billionth away."""
     values = random_values(seed, kind)

@@ -15,11 +15,8 @@ K_FIXED = np.concatenate([[0], np.random.default_rng(5).uniform(0, 15, 11)])
 B_FIXED = np.exp(np.linspace(0, 9, 12))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("along", "span", "fixed"), [("K_VE", (0, 2e4), K_FIXED), ("K_VE", (100, 2e3), K_FIXED), ("B_VE", (0, 300), B_FIXED)]
-)
+@pytest.mark.parametrize(("along", "span", "fixed"), [("K_VE", (0, 2e4), K_FIXED)])
 def test_counts_that_follow_are_those_of_eigenvalues(along, span, fixed, monkeypatch):
     """24 loops of all kinds, 12 columns each: most follow, and every one of these is counted here after all."""
     usual, seen = regions._first_counts, []

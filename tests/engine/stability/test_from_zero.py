@@ -26,16 +26,11 @@ def joint(force, **block):
 
 @pytest.mark.slow
 @pytest.mark.whole
-@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("force", "limits"),
     [
         ("K*arm.x + 2*z*sqrt(K*m)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
-        ("K*arm.x + 2*z*(m*K)**0.5*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
-        ("K*arm.x + 2*z*(m*K)**(1/2)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
         ("K**(z/z)*arm.x + 2*z*sqrt(K*m)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
-        ("z*sqrt(K)*arm.x + z*sqrt(K)*arm.v", lambda z: ((2 * M / (T * z)) ** 2,)),
-        ("K**2*arm.x + z*K*arm.v", lambda z: (2 * z / T, 2 * M / (T * z))),
         ("K*K*arm.x + z*arm.v", lambda z: (np.sqrt(2 * z / T),)),
     ],
 )

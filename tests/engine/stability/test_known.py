@@ -162,9 +162,7 @@ def test_beside_z_1_the_eigenvalues_go_where_they_go(share):
         assert (loop.spectral_radius(p=p) < 1) == stable
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("every", [1, 2, 5])
-@pytest.mark.parametrize("method", ["trapezoidal", "explicit"])
+@pytest.mark.parametrize(("method", "every"), [("trapezoidal", 1), ("explicit", 5)])
 def test_a_chain_of_integrators_that_only_the_gain_reads_is_no_drift(every, method):
     """Unstable below, stable within a narrow range, unstable above, by the marched frame in 384 bits."""
     tables = {
@@ -196,8 +194,7 @@ def test_a_chain_of_integrators_that_only_the_gain_reads_is_no_drift(every, meth
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("mass", [0.05, 0.1])
+@pytest.mark.parametrize("mass", [0.05])
 def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
     """Where b is twice the mass over a tick, the mode of the tick turns over; rounding hides where it crosses z = 1.
 
@@ -224,9 +221,7 @@ def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
-@pytest.mark.parametrize("velocity", ["exact", "difference"])
+@pytest.mark.parametrize(("velocity", "kind"), [("exact", "dc-slow"), ("difference", "pmw-lm")])
 def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_begins(kind, velocity):
     """Two poles are exactly 1 at K_VE = 0; slices with damping of the wall beside it do not change the one without."""
     tables = {"controller": {"kind": kind}, "device": {"damping": 0.0, "velocity": velocity}, "rates": {"ratio": 5}}
@@ -241,9 +236,7 @@ def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_b
 
 
 @pytest.mark.asks("prove")
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("kind", ["dc-slow", "pmw", "pmw-lm"])
-@pytest.mark.parametrize("delay", [0, 1, 20])
+@pytest.mark.parametrize(("delay", "kind"), [(0, "dc-slow"), (1, "pmw"), (20, "pmw-lm")])
 def test_a_damper_alone_before_a_mass_that_nothing_brakes_is_stable_from_0_on(kind, delay):
     loop = wavesweep.compile({
         "controller": {"kind": kind}, "device": {"damping": 0.0}, "environment": {"integration": "explicit", "delay": delay},
@@ -256,8 +249,7 @@ def test_a_damper_alone_before_a_mass_that_nothing_brakes_is_stable_from_0_on(ki
 
 @pytest.mark.slow
 @pytest.mark.whole
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(("b", "ratio", "delay"), [(44.4, 100, 0), (88.2, 10, 10), (36.1, 20, 20), (44.4, 20, 0)])
+@pytest.mark.parametrize(("b", "ratio", "delay"), [(44.4, 100, 0)])
 def test_where_two_eigenvalues_meet_at_one_as_the_mode_of_the_tick_turns_over(b, ratio, delay):
     """`v' = -v` for the damper b against the device: `tanh(d T/2m) = d/b`. Neither filter nor position correction hides it."""
     loop = wavesweep.compile({
@@ -351,8 +343,7 @@ def test_a_crossing_beside_a_very_large_eigenvalue_is_no_end():
 
 @pytest.mark.slow
 @pytest.mark.whole
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("along", ["b", "filters.lp1.cutoff_hz", "operator.mass"])
+@pytest.mark.parametrize("along", ["b", "operator.mass"])
 def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
     """Its velocity stays for ever, which is no drift of a position; a wall's damping brakes it."""
     loop = wavesweep.compile({
@@ -397,9 +388,8 @@ def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is
     assert below > 1 > above
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize(("first", "second"), [(8e-11, 8e-11), (4e-11, 8e-11), (8e-12, 2e-11)])
+@pytest.mark.parametrize(("first", "second"), [(8e-11, 8e-11), (8e-12, 2e-11)])
 def test_an_island_between_a_pair_that_leaves_and_one_that_enters_is_not_certified_away(first, second):
     """Narrower than the distance at which two ends are one; pairs of squared size 1 + (p - first) and 1 - (p + second)."""
     tables = {

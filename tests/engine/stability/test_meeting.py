@@ -29,9 +29,8 @@ def line(every, **numbers):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
 @pytest.mark.whole
-@pytest.mark.parametrize("every", [2, 10])
+@pytest.mark.parametrize("every", [2])
 def test_the_largest_impedance_beside_a_mass_is_certified(every):
     masses = np.geomspace(0.02, 0.4, 3)
     table = wavesweep.compile(line(every)).stable_intervals("b", (5.0, 2000.0), m=masses)
@@ -40,10 +39,9 @@ def test_the_largest_impedance_beside_a_mass_is_certified(every):
     np.testing.assert_allclose(table["high"], 1.5 * (1 + a) / (1 - a), rtol=1e-9)
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.whole
-@pytest.mark.parametrize("span", [(-0.1, 14.0), (-0.11078307313546859, 13.616621741204757), (-0.11, 13.6)])
+@pytest.mark.parametrize("span", [(-0.1, 14.0)])
 def test_an_end_at_which_a_position_and_its_integral_lose_their_springs_is_exact(span):
     """Both springs are proportional to the number, so that two eigenvalues are next to z = 1 beside 0."""
     loop = {

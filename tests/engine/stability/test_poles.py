@@ -28,8 +28,7 @@ def pair_of_poles(beside):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("beside", [1e-2, 1e-4, 1e-5, 1e-7])
+@pytest.mark.parametrize("beside", [1e-2, 1e-7])
 def test_a_narrow_band_between_two_poles_beside_the_axis_is_found_or_doubted(beside):
     """Over some 2 times `beside` about c = 1 the loop is unstable; what is left of the poles elsewhere shows nothing of it."""
     loop = wavesweep.compile(pair_of_poles(beside))
@@ -60,8 +59,7 @@ def test_a_pole_of_small_weight_is_not_certified_over(through):
     assert not inside.any()
 
 
-@pytest.mark.sample(4)
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [0, 4, 7, 11])
 def test_an_end_is_not_certified_beyond_what_an_ill_conditioned_loop_keeps(seed):
     """`x+ = x - T (1 + B^2) e/(1 - ab) x`, whose end is known as a fraction, and 1 - ab = 1e-3 to 1e-11."""
     random = np.random.default_rng(seed)

@@ -54,9 +54,8 @@ def labels(regions, p):
     return np.where(regions.unstable[at] < 0, -1, regions.unstable[at] == 0)
 
 
-@pytest.mark.sample(4)
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(400))
+@pytest.mark.parametrize("seed", [0, 133, 266, 399])
 def test_regions_are_those_of_the_eigenvalues_at_all_values(seed):
     parts, p = random_loop(seed), np.linspace(-1, 1, 101)
     regions = regions_of(parts)

@@ -29,8 +29,7 @@ def test_an_end_that_rounding_moves_too_far_is_not_certified(kind, changes, fixe
     assert not intervals_of(values_of(kind, **changes), span=(0, high), fixed=fixed).certified.any()
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("kind", "along"), [("pmw", "K_VE"), ("dc-slow", "K_VE"), ("dc-slow", "B_VE"), ("dc-lm", "B_VE")])
+@pytest.mark.parametrize(("kind", "along"), [("pmw", "K_VE"), ("dc-lm", "B_VE")])
 def test_the_bound_is_that_of_perturbed_entries(kind, along):
     """The end of a loop whose entries move by 1e-7 of themselves, at random: within the bound, and not far below it."""
     values = values_of(kind, integration="explicit", lp1_cutoff_hz=8.57)

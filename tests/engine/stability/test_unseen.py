@@ -49,8 +49,7 @@ def test_two_eigenvalues_that_nearly_meet_next_to_the_circle_are_not_counted(apa
     assert count_outside(1e4 * distance * np.array([[[-1.0, 1e-3], [0.0, -1.5]]]))[1][0]
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("n", [5, 8])
+@pytest.mark.parametrize("n", [5])
 def test_a_count_that_is_clear_is_that_of_ball_arithmetic(n):
     """Many eigenvalues are next to the circle, and the nearest one may not be the one that has lost most digits."""
     random, clear, before = np.random.default_rng(n), 0, ctx.prec

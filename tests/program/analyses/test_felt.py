@@ -18,8 +18,7 @@ def felt_at(values, **changes):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("along", "span"), [("K_VE", (10, 20000)), ("B_VE", (0, 30)), ("b", (2, 100))])
+@pytest.mark.parametrize(("along", "span"), [("K_VE", (10, 20000)), ("b", (2, 100))])
 def test_it_is_the_static_impedance_at_that_end(along, span):
     values = values_of("pmw", integration="explicit", delay=20, velocity="difference", K_VE=150.0)
     others = {name: axis for name, axis in {"b": [10.0, 25.0], "B_VE": [0.5, 2.0]}.items() if name != along}
@@ -59,8 +58,7 @@ def test_at_an_end_of_0_a_branch_is_out_of_the_loop(kind, along, stop, rates):
         assert row.felt_low == pytest.approx(rest.impedance_re[0], rel=1e-9)
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("K", [100.0, 500.0, 3000.0])
+@pytest.mark.parametrize("K", [100.0, 3000.0])
 def test_where_a_tick_alternates_the_stiffness_goes_on_smoothly(K):
     """The device's mode reaches -1 a tick at b = 200.00375, and the frame of 20 ticks has an eigenvalue 1 for it."""
     loop = wavesweep.compile({"controller": {"kind": "pmw"}})
@@ -70,8 +68,7 @@ def test_where_a_tick_alternates_the_stiffness_goes_on_smoothly(K):
     assert row.felt_high == pytest.approx(np.mean(beside), rel=1e-5)
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("slow_hz", [60.0, 150.0, 400.0, 48.0])
+@pytest.mark.parametrize("slow_hz", [60.0, 48.0])
 def test_of_rates_that_do_not_divide_it_is_the_impedance_towards_0_hz(slow_hz):
     tables = {"controller": {"kind": "pmw"}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 500.0}}
     loop = wavesweep.compile(tables)
@@ -108,9 +105,8 @@ def test_a_hand_that_slides_along_a_wall_feels_nothing_at_rest(n):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
 @pytest.mark.whole
-@pytest.mark.parametrize(("kind", "b"), [("pmw", 80.0), ("pmw-lm", 25.0), ("dc", 25.0)])
+@pytest.mark.parametrize(("kind", "b"), [("pmw", 80.0)])
 def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):
     tables = nested(values_of(kind, b=b, K_VE=300.0, damping=3.0))
     loop, felt = wavesweep.compile(tables), wavesweep.verdict(tables)["felt"]

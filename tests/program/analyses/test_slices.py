@@ -69,10 +69,9 @@ def differences(tables, parts):
     return found
 
 
-@pytest.mark.sample(2)
 @pytest.mark.whole
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["admittance", "decimation", "policy", "two-rate-wall", "pmw"])
+@pytest.mark.parametrize("name", ["admittance", "pmw"])
 def test_slices_of_recipes_are_what_they_are_alone(name):
     (path,) = (each for each in RECIPES if each.stem == name)
     assert not differences(tomllib.loads(path.read_text()), (0.0, 0.55, 0.999))

@@ -22,14 +22,11 @@ def around(k, start, stop, blocks=None, through="a.y"):
 
 
 @pytest.mark.whole
-@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "spec",
     [
         around("k", -3.0, 0.9),
-        around("k", -3.0, 0.9, {"b": GAIN}, "b.y"),
-        around("k", -3.0, 3.0, {"b": GAIN}, "0*b.y"),
         around("k*k", -0.9, 0.9, {"d": DELAY}),  # whose states nothing reads
     ],
 )
@@ -43,10 +40,8 @@ def test_it_is_stable_where_its_direct_terms_have_a_solution(spec):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
 @pytest.mark.whole
-@pytest.mark.parametrize("blocks", [{}, {"d": DELAY}, {"h": HELD}])
-@pytest.mark.parametrize("stop", [3.0, 1.0, 1 - 1e-16, 1 + 1e-10])
+@pytest.mark.parametrize(("stop", "blocks"), [(3.0, {}), (1 + 1e-10, {"h": HELD})])
 def test_nothing_is_certified_over_a_value_without_a_solution(blocks, stop):
     """a = k a has none at k = 1: this is an open place of the row. Beside it the loop is stable."""
     table = wavesweep.stability_region(around("k", -3.0, stop, blocks))

@@ -71,8 +71,7 @@ def test_values_at_which_nothing_leads_from_part_to_part_are_refused():
         wavesweep.compile(tables).stable_intervals("p", (0.0, 2000.0))
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [0, 11])
 def test_values_are_stable_if_all_parts_are(seed):
     """Random pairs, some with a gain of the second that falls, or does not depend on p, in batches over another number."""
     r = np.random.default_rng(seed)

@@ -60,9 +60,7 @@ def test_ends_are_right_or_in_doubt(zeta, detuned, every, turns):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("wire", ["K*h.y + 0.3*K*p.y", "K*(1+K)*h.y"])
-@pytest.mark.parametrize("every", [1, 5])
+@pytest.mark.parametrize(("every", "wire"), [(1, "K*h.y + 0.3*K*p.y"), (5, "K*(1+K)*h.y")])
 def test_along_panels_too(wire, every):
     """At z = 1 the loop of gain 1 has the limit K = 1/1.3, or the root of K (1 + K) = 1, whatever turns."""
     limit = 1 / 1.3 if "0.3" in wire else (np.sqrt(5) - 1) / 2

@@ -109,10 +109,9 @@ def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--wait")[0] == 0
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.whole
-@pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
+@pytest.mark.parametrize("words", [("export", "--to", "c")])
 def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_path, monkeypatch):
     make, made = os.open, []
 

@@ -14,8 +14,7 @@ def left(folder="."):
     return sorted(path.name for path in Path(folder).iterdir())
 
 
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.png", "t.SVG", "there/t.pdf"])
+@pytest.mark.parametrize("name", ["t.csv", "t.png", "there/t.pdf"])
 def test_a_single_file_is_written_and_nothing_else(wavesweep, spec, name):
     code, out, err = wavesweep("zwidth", spec, "--out", name)
     assert (code, out, f"Wrote {name} in" in err) == (0, "", True)

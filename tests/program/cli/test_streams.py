@@ -40,21 +40,16 @@ def shell(tmp_path):
     return run
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("closed", ["2>&-", "2>/dev/full", ">&- 2>&- <&-"])
+@pytest.mark.parametrize("closed", ["2>&-"])
 def test_results_are_written_if_nobody_can_be_told(shell, tmp_path, closed):
     assert shell(f"W zwidth wall.toml --no-plot --out out --jobs 2 --backend loky {closed}") == (0, "")
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [
         ("W zwidth wall.toml --out - >&-", 2, "Error: --out -: expected a place to write the table to, found stdout closed\n"),
-        ("W zwidth wall.toml --quiet --out - >/dev/full", 1, "Error: stdout: No space left on device\n"),
-        ("W zwidth wall.toml --quiet --set sweep.B_VE.num=60 --out - | head -c 10", 1, ""),  # more than a pipe holds
-        ("W check wall.toml >&-", 1, "Error: stdout: Bad file descriptor\n"),
         ("W check missing.toml 2>/dev/full", 2, ""),
     ],
 )

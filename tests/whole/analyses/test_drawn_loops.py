@@ -34,10 +34,9 @@ def ends(table):
     return table[["low", "high"]].to_numpy().tolist()
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("key", "value", "values", "unit"),
-    [("arm.mass", 0.2, [0.1, 0.2, 0.4], "kg"), ("net.steps", 1, [0, 1, 3], "1"), ("net.every", 20, [11, 20], "tick")],
+    [("arm.mass", 0.2, [0.1, 0.2, 0.4], "kg"), ("net.every", 20, [11, 20], "tick")],
 )
 def test_a_number_in_a_block_is_swept_like_one_with_a_name(key, value, values, unit):
     """Every column but the axis's own is the same to the last bit, and so are the answers if intervals along it are wanted."""
@@ -234,14 +233,10 @@ def test_bounds_of_responses_know_how_well_algebraic_loops_are_conditioned(gap):
 FREE = {"type": "mass", "mass": 1.0, "damping": 2.0}
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("blocks", "wire", "reaction", "stiffness"),
     [
         ({"a": FREE}, {"a.f": "p"}, "5*a.x", 5.0),
-        ({"a": FREE, "h": {"type": "hold", "every": 5}}, {"a.f": "p", "h.u": "a.x"}, "5*h.y", 5.0),
-        ({"a": FREE, "c": FREE}, {"a.f": "p - 40*(a.x - c.x)", "c.f": "40*(a.x - c.x)"}, "40*c.x", 40.0),
-        ({"a": FREE, "c": FREE}, {"a.f": "p - 40*(a.x - c.x)", "c.f": "40*(a.x - c.x)"}, "40*(a.x - c.x)", 0.0),
         ({"a": FREE | {"stiffness": 100.0}, "i": {"type": "integrator"}}, {"a.f": "p", "i.u": "a.v"}, "100*i.y", None),
     ],
 )
@@ -295,10 +290,7 @@ def test_the_radius_of_a_loop_that_forgets_is_known(block, gain, radii):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    ("hz", "ratio", "seen", "steps"), [(0.0639, 0.005, 10.0, 8), (0.0434, 0.01, 5.0, 7), (0.003, 0.05, 3.0, 4)]
-)
+@pytest.mark.parametrize(("hz", "ratio", "seen", "steps"), [(0.0639, 0.005, 10.0, 8)])
 def test_a_slow_resonance_beside_one_hides_no_crossing(hz, ratio, seen, steps):
     """The loop of a delay sees a slow mode with the other sign: a positive feedback of gain c (seen - 1) at its resonance."""
     w = 2 * np.pi * hz
@@ -322,10 +314,7 @@ def test_a_slow_resonance_beside_one_hides_no_crossing(hz, ratio, seen, steps):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    ("near", "spans"), [(2.5e-7, [(-1000, 1000), (-1e4, 1e4), (-1e6, 1e6)]), (0.5, [(-1, 1e9), (-10, 1e10), (-2, 1e9)])]
-)
+@pytest.mark.parametrize(("near", "spans"), [(2.5e-7, [(-1000, 1000), (-1e4, 1e4), (-1e6, 1e6)])])
 def test_what_crosses_next_to_0_of_a_wide_range_is_not_taken_for_the_drift_that_ends_there(near, spans):
     """Below `near` a mode of the first mass grows; at 0 nothing holds the second one."""
     first = {"type": "mass", "mass": 0.466, "stiffness": 70.0}

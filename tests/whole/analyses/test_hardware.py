@@ -68,15 +68,9 @@ def random_spec(rng):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("kind", "changes"),
-    [
-        ("dc", {"K_VE": 800.0, "damping": 5.0}),
-        ("dc-slow", {"K_VE": 60.0, "damping": 3.0}),
-        ("pmw", {"K_VE": 300.0, "B_VE": 3.0, "damping": 5.0}),
-        ("pmw-lm", {"K_VE": 300.0, "Kp": 20.0, "damping": 5.0}),
-    ],
+    [("dc", {"K_VE": 800.0, "damping": 5.0}), ("pmw-lm", {"K_VE": 300.0, "Kp": 20.0, "damping": 5.0})],
 )
 def test_the_peak_gain_is_the_sum_of_a_marched_loops_forces(kind, changes):
     spec = wavesweep.load(nested(values_of(kind, velocity="difference", ratio=5, **changes)))
@@ -91,8 +85,7 @@ def test_the_peak_gain_is_the_sum_of_a_marched_loops_forces(kind, changes):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0])
 def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
     rng = np.random.default_rng(seed)
     for _ in range(10):

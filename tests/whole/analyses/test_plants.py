@@ -30,8 +30,7 @@ def test_a_stiffer_spring_tends_to_the_rigid_joint():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("seed", range(500))
+@pytest.mark.parametrize("seed", [0, 250, 499])
 def test_random_plants_are_one_state_space_model(seed):
     many, single, *_ = bodies(seed)
     found, expected = map(wavesweep.compile, (many, single))

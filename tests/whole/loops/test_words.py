@@ -255,21 +255,10 @@ def test_pd_on_an_integrator_has_its_limits_in_closed_form():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("block", "along", "span"),
     [
         ({"type": "pid", "kp": "kp", "ki": "40*kp", "kd": 0.02, "tau": "tau"}, "kp", (1, 5)),
-        ({"type": "pid", "kp": 1, "ki": 0.3, "kd": "kd", "tau": 0.001, "method": "trapezoidal"}, "kd", (0, 9)),
-        ({"type": "pid", "kp": 1, "ki": 0.3, "kd": 0.3, "tau": "tau"}, "tau", (0, 0.3)),
-        ({"type": "notch", "frequency_hz": "f", "q": "q"}, "f", (1, 199)),
-        ({"type": "notch", "frequency_hz": 30, "q": "q"}, "q", (0.02, 9)),
-        ({"type": "lead", "zero_hz": "f", "pole_hz": 150}, "f", (0.3, 180)),
-        ({"type": "lowpass", "cutoff_hz": "f"}, "f", (0.1, 500)),
-        ({"type": "lowpass", "a": "a"}, "a", (1e-3, 1)),
-        ({"type": "biquad", "b0": "b", "b1": 0.3, "a1": -0.3}, "b", (-9, 9)),
-        ({"type": "biquad", "b0": 0.2, "a1": "a"}, "a", (-3, 3)),
-        ({"type": "fir", "coefficients": [0.2, "b", "1 - b", -0.1]}, "b", (-9, 9)),
         ({"type": "fir", "coefficients": [0.2, "b**2", 0.1]}, "b", (-3, 3)),
     ],
 )

@@ -18,8 +18,7 @@ def contradictions(make, seeds):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("ten", range(100))
+@pytest.mark.parametrize("ten", [0, 99])
 def test_intervals_along_an_expression_hold_between_their_ends(ten):
     assert not contradictions(mean_members.mean_alone, range(10 * ten, 10 * ten + 10))
 

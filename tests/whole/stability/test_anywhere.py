@@ -55,9 +55,8 @@ def test_intervals_are_those_of_a_fine_scan(kind, axis):
     assert (stable == (margins(loop, axis, values) < 0))[away].all()
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("axis", ["K_LM", "Kp", "b", "device.damping", "filters.lp1.cutoff_hz"])
+@pytest.mark.parametrize("axis", ["K_LM", "filters.lp1.cutoff_hz"])
 def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(axis):
     """A relative step of 1e-9, which is the accuracy that the documents promise."""
     loop = wavesweep.compile(BANK)
@@ -142,11 +141,10 @@ def late_spring(hz, mass, k, every):
     }, k * (every / 2 + 1) / hz
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hz", "mass", "k", "every"),
-    [(440e3, 11.0, 0.238, 10), (294e3, 4.59, 20.9, 2), (1e3, 0.3, 100.0, 2)],
+    [(440e3, 11.0, 0.238, 10)],
 )
 def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenvalues(hz, mass, k, every):
     """A mass on a spring that is read late: in 60 digits the pair leaves the circle where 1 - c2 + c1 c3 - c3^2 vanishes."""
@@ -223,8 +221,7 @@ def test_ends_are_those_that_were_put_there(seed):
         assert found.count.tolist() == [0]
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("apart", [1e-7, 1e-8, 2e-9, 1e-9])
+@pytest.mark.parametrize("apart", [1e-7, 1e-9])
 def test_an_end_of_one_of_two_pairs_that_nearly_coincide_is_proved(apart):
     """Coupled to its twin, whose vectors are in its own; the end is where the last entry of its block is -1."""
     end, angle = 4.3389802407545804e-05, 0.06081193099446768
