@@ -29,3 +29,19 @@ def test_the_figure_names_walls_band_and_scenarios():
     )
     assert "0.1 to 10 Hz. Worst for device mass = 0.08, 0.125 kg; operator damping from 0 to 5 N·s/m." in said
     assert figure.axes[1].get_xlabel() == "stiffest wall (N/m)"
+
+
+@pytest.mark.asks("margins")
+def test_wishes_of_one_kind_are_told_apart_by_their_cuts():
+    loop = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 3.0},
+        "block": {"axis": {"type": "mass", "mass": 0.1, "damping": 0.5}, "h": {"type": "hold"}},
+        "wire": {"h.u": "-K*axis.v", "axis.f": "h.y"},
+        "design": {"vary": {"K": [1.0, 5.0]}, "wish": {"disk": [{"cut": "h.y"}, {"cut": "axis.v"}]}},
+    }
+    spec = load(loop).asking("design").tables()
+    columns = {"K": np.array([1.0, 2.0]), "disk": np.array([0.5, 0.6]), "disk_2": np.array([0.4, 0.3])}
+    figure = plots.design(columns, {"spec": spec, "assumes": "no delay", "own": {}})
+    titles = [axes.get_title().partition(",")[0] for axes in figure.axes]
+    assert titles == ["disk margin at h.y", "disk margin at axis.v", "K"]

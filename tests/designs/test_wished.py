@@ -5,6 +5,7 @@ from math import exp, log
 import pytest
 
 from wavesweep.designs.wished import wished
+from wavesweep.engine.errors import SpecError
 from wavesweep.program.spec import load
 
 # a velocity under a gain, held over ticks: v[k+1] = a v[k] - b K v[k]
@@ -47,3 +48,29 @@ def test_what_is_reached_is_that_of_the_worst_of_all_loops():
     (row,), claims = wished(loop({"time_constant": {"at_most": 1.0}}, for_all={"J": [0.01, 0.02]}))
     assert float(row[2].removesuffix(" s")) == pytest.approx(slowest, rel=1e-4)
     assert any("J" in claim.scope.in_words() for claim in claims)
+
+
+@pytest.mark.asks("margins")
+def test_wishes_of_one_kind_are_about_their_own_cuts():
+
+    several = loop({"gain": [{"at_least": 2.0, "cut": "gain.y"}, {"at_least": 1e3, "cut": "gain.y"}]})
+    alone = loop({"gain": {"at_least": 2.0, "cut": "gain.y"}})
+    (first, second), _ = wished(several)
+    assert [first] == wished(alone)[0]
+    assert (first[2], first[3], second[3]) == (second[2], "met", "missed")
+    again = load(several.asking("design").tables())
+    assert again.asking("design").design == several.asking("design").design
+
+
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"time_constant": [{"at_most": 1.0}, {"at_moost": 1.0}]}, "design.wish.time_constant_2.at_moost"),
+        ({"time_constant": [{"at_most": 1.0}] * 2, "time_constant_2": {}}, "one wish of this name"),
+        ({"time_constant": [{"at_most": 1.0}] * 10}, "time_constant_10"),
+        ({"time_constant": [1.0]}, "expected a table"),
+    ],
+)
+def test_a_wrong_wish_of_a_list_is_named(wish, said):
+    with pytest.raises(SpecError, match=said):
+        loop(wish)

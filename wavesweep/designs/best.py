@@ -55,11 +55,11 @@ def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarra
 def _missing(wish, records):
     """Where there is no value; a design that can render no wall has none."""
     value = records[wish.name]
-    return np.isnan(value) | ((value <= 0) & (wish.name in BY_RATIO))
+    return np.isnan(value) | ((value <= 0) & (wish.word in BY_RATIO))
 
 
 def _objective(wish, value):
-    if wish.name in BY_RATIO:
+    if wish.word in BY_RATIO:
         value = np.log(np.maximum(value, 1e-9))  # where the logarithm is an objective
     if wish.kind.more:
         value = -value
@@ -186,7 +186,7 @@ def _sweep(spec: Spec, searched: Mapping[str, Any], stop: float) -> dict[str, An
     design = spec.design
     if spec.wall:
         stiffness, damping = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
-        walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
+        walls = sorted(design.wishes, key=lambda wish: wish.word not in ("z_width", "felt"))
         dampings = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
         sweep = {
             "along": stiffness,

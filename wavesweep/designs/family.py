@@ -48,7 +48,7 @@ def frames_are_tried(spec: Spec) -> bool:
     spec's own length. What is proved of walls needs no such members.
     """
     of_frames = [
-        wish for wish in spec.design.wishes if wish.name != "z_width" and not wish.kind.reads
+        wish for wish in spec.design.wishes if wish.word != "z_width" and not wish.kind.reads
     ]
     channels = spec.drawing and spec.drawing.channels
     return bool(of_frames) and spec.step == "elapsed" and not channels

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.designs.table import margins_of, wish_of
-from wavesweep.designs.wish_keys import WISHES
+from wavesweep.designs.wish_keys import WISHES, word_of
 from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.labels import (
@@ -83,7 +83,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _scale_numbers(panel, columns[name], kinds[name] == "integer")
             if place + across >= len(varied):
                 panel.set_xlabel(_label(x, facts).rpartition(", ")[0], fontsize=7)
-        unknown = [WISHES[name].title for name in (x, y) if nominal.get(name) is None]
+        unknown = [WISHES[word_of(name)].title for name in (x, y) if nominal.get(name) is None]
         missing = f"The nominal design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable."
         note_below(canvas, missing * bool(nominal and unknown), *_studied(facts), assumption(facts))
     return canvas
@@ -187,7 +187,7 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
     constants = {key: [environment[at]] for key, at in names.items() if at in environment}
     wishes = []
     for name, options_given in study["wish"].items():
-        options = WISHES[name].options
+        options = WISHES[word_of(name)].options
         walls = constants | options_given
         words = [
             _listed(names[key], walls[key], facts)
@@ -199,7 +199,7 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
             if "band_hz" in options_given
             else []
         )
-        wishes += [f"{WISHES[name].title} with {', '.join(words)}"] if words else []
+        wishes += [f"{WISHES[word_of(name)].title} with {', '.join(words)}"] if words else []
     scenarios = []
     for name, held in tables.get("for_all", {}).items():
         if isinstance(held, Mapping) and "values" in held:
@@ -221,7 +221,7 @@ def _draw_values(
     """The values of a wish or a number, each with its text, and for a wish its bound with the
     margins to it."""
     margins: list[float | None] = [None] * len(values)
-    if name in WISHES:
+    if name in facts["spec"]["design"]["wish"]:
         wish = wish_of(name, facts)
         axes.set_title(_label(name, facts).replace(", ", ",\n", 1), fontsize=7)
         if wish.bound is not None:
@@ -303,6 +303,10 @@ def _draw_admittances(
 
 
 def _label(name: str, facts: Mapping[str, Any]) -> str:
-    kind = WISHES[name]
+    kind = WISHES[word_of(name)]
     unit = printed([facts.get("units", {}).get(name, kind.unit)])
-    return f"{with_unit(WISHES[name].title, unit)}, {'more' if kind.more else 'less'} is better"
+    wishes = facts["spec"]["design"]["wish"]
+    title = kind.title
+    if f"{word_of(name)}_2" in wishes and "cut" in wishes[name]:
+        title += f" at {wishes[name]['cut']}"
+    return f"{with_unit(title, unit)}, {'more' if kind.more else 'less'} is better"

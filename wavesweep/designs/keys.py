@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
+from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish, word_of
 from wavesweep.engine.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, show
+from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, leaves_of, show
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.analyses.cuts import fault_of_cut
 from wavesweep.program.reading.axes import Axis
@@ -102,7 +102,7 @@ class Design(TableValue):
         ports = {"wall": drawing.wall, "hand": drawing.hand}
         drawn_wishes = [name for name, kind in WISHES.items() if kind.ports is not None]
         for wish in self.wishes:
-            if wish.name not in drawn_wishes:
+            if wish.word not in drawn_wishes:
                 expected = f"one of {', '.join(drawn_wishes)} for a drawn loop"
                 yield f"wish.{wish.name}", expected, wish.name
                 continue
@@ -222,11 +222,17 @@ class _Reader:
                 yield replace(axis, values=choices, scale=None)
 
     def wished(self) -> Iterator[Wish]:
-        for name, leaves in self.parts[WISHED].items():
+        named: set[str] = set()
+        for name, leaves in self.separate_wishes():
             path = f"design.wish.{name}"
-            kind = WISHES.get(name)
+            kind = WISHES.get(word_of(name))
             first = next(iter(leaves.values()))
-            if not self.mistakes.is_known(name, WISHES, first, path, "an unknown wish"):
+            known = self.mistakes.is_known(word_of(name), WISHES, first, path, "an unknown wish")
+            if name in named:
+                self.mistakes.refuse(first, path, "one wish of this name", f"{name} again")
+            elif known:
+                named.add(name)
+            if not known:
                 continue
             itself = leaves.get("")
             if itself is not None and itself.value != {}:
@@ -241,6 +247,21 @@ class _Reader:
             if not self.lacks_signals(name, kind.options, options):
                 places = {option: leaf.place for option, leaf in leaves.items()}
                 yield Wish(name, bound, options, places)
+
+    def separate_wishes(self) -> Iterator[tuple[str, Mapping[str, Leaf]]]:
+        """Yield the name and the leaves of each wish; those of a list are NAME, NAME_2 and so on."""
+        for name, leaves in self.parts[WISHED].items():
+            itself = leaves.get("")
+            several = itself.value if itself and isinstance(itself.value, list) else []
+            if not (several and all(isinstance(each, dict) for each in several)):
+                yield name, leaves
+                continue
+            for number, each in enumerate(several, 1):
+                own = {
+                    ".".join(path): Leaf(leaf.value, itself.place)
+                    for path, leaf in leaves_of(each, itself.place)
+                }
+                yield (name if number == 1 else f"{name}_{number}"), own or {"": itself}
 
     def lacks_signals(
         self, name: str, needed: Collection[str], given: Mapping[str, object]
@@ -279,13 +300,18 @@ def _takes_wish(rest: tuple[str, ...], leaf: Leaf, result: Sorted, names: Names)
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
     wishes = {}
+    numbered = {}
     for name, kind in WISHES.items():
         if kind.ports is not None or not shapes.drawn:
-            wishes[name] = shapes.keys(kind.keys, description=shapes.described(kind))
+            wish = shapes.keys(kind.keys, description=shapes.described(kind))
+            wishes[name] = {
+                "anyOf": [wish, {"type": "array", "items": wish, "minItems": 1, "maxItems": 9}]
+            }
+            numbered[f"^{name}_[2-9]$"] = wish
     table = shapes.keys(TABLE.keys_in_it)
     table["properties"] |= {
         "vary": shapes.axes(),
-        "wish": shapes.table(wishes),
+        "wish": shapes.table(wishes, patternProperties=numbered),
     }
     return table
 
@@ -304,8 +330,8 @@ TABLE = SpecTable(
             "description": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",
         },
         WISHED: {
-            "description": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as "
-            "possible",
+            "description": "NAME = { at_least or at_most = bound, ... }, or a list of these; without a bound the quantity "
+            "is to be as good as possible",
             "wishes": {
                 wish: {
                     "unit": kind.unit,

@@ -351,7 +351,7 @@ def _refuse_for_all(spec, wanted, for_hands):
     if for_hands == "box" and (table.changing or table.lost or table.loss or channels):
         expected = "constant numbers in [for_all] beside --for-hands box"
         raise UsageError(f"design: expected {expected}, found what varies from frame to frame")
-    of_walls = any(wish.name in ("z_width", "felt") for wish in wanted.wishes)
+    of_walls = any(wish.word in ("z_width", "felt") for wish in wanted.wishes)
     _proof_of(spec).refuse_unsuitable(spec, spec.wall[0] if of_walls else "")
 
 
@@ -366,7 +366,7 @@ def _stiffest_searched(spec, wishes):
             [axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)]
         )
     unseen = next(
-        (wish for wish in wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None
+        (wish for wish in wishes if wish.word == "z_width" and (wish.bound or 0) > stop), None
     )
     if unseen:
         name = spec.drawing.wall[0] if spec.drawing else "K_VE"
@@ -442,10 +442,10 @@ def _refuse_unreachable(spec, wishes):
         most["delay_margin"] = float(longest_delay(spec.values))
     mistakes = []
     for wish in wishes:
-        if wish.name in most and (wish.bound or 0) > most[wish.name]:
+        if wish.word in most and (wish.bound or 0) > most[wish.word]:
             key = f"design.wish.{wish.name}.at_least"
             place = wish.places["at_least"]
-            mistakes.append(place.mistake(key, f"<= {most[wish.name]:g}", f"{wish.bound:g}"))
+            mistakes.append(place.mistake(key, f"<= {most[wish.word]:g}", f"{wish.bound:g}"))
     if mistakes:
         raise SpecError(mistakes)
 
@@ -677,7 +677,7 @@ def _columns(spec, job, genes, records):
     for wish in spec.design.wishes:
         columns[wish.name] = records[wish.name]
         rate = ""
-        if frames_vary and wish.name != "z_width" and not wish.kind.reads:
+        if frames_vary and wish.word != "z_width" and not wish.kind.reads:
             rate = " at a constant rate" if tried else " at the spec's own constant rate"
         scenarios = []
         for number in records[f"{wish.name}_scenario"].tolist():
@@ -713,7 +713,7 @@ def claims_of(job: Job) -> dict[str, Claim]:
     claims: dict[str, Claim] = {}
     for wish in spec.design.wishes:
         claims[wish.name] = Claim(Property(wish.kind.title, "figures"), tried, Status.COMPUTED)
-        if wish.name == "z_width":
+        if wish.word == "z_width":
             walls = Claim(STABLE, tried, Status.CERTIFIED)
             claims[wish.name] = proof.claim(spec) if proof else walls
     if proof and not all(wish.kind.reads for wish in spec.design.wishes):
@@ -735,7 +735,7 @@ def _notices(job):
         for name, claim in claims_of(job).items():
             if claim.scope.in_words():
                 yield f"{name}: {claim.words()}"
-        if any(wish.name == "z_width" for wish in spec.design.wishes):
+        if any(wish.word == "z_width" for wish in spec.design.wishes):
             share = spec.for_all.proof(spec).from_share
             yield f"walls are proved from {100 * share:g} % of z_width on"
     if not _checked(job):

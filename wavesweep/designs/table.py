@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.designs.columns import DESIGN
-from wavesweep.designs.wish_keys import WISHES, Wish
+from wavesweep.designs.wish_keys import WISHES, Wish, word_of
 from wavesweep.program.columns import Columns
 from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.spec import Spec
@@ -49,7 +49,7 @@ def wish_units(spec: Spec) -> dict[str, str]:
     units["port"] = spec.at_port("m/N")
     if spec.wall:
         units["z_width"] = spec.names.keys[spec.wall[0]].unit or units["z_width"]
-    return {wish.name: units.get(wish.name, wish.kind.unit) for wish in spec.design.wishes}
+    return {wish.name: units.get(wish.word, wish.kind.unit) for wish in spec.design.wishes}
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -139,7 +139,8 @@ def _ends(numbers: Mapping[str, float], vary: Mapping[str, Any]) -> list[str]:
 
 def wish_of(name: str, facts: Mapping[str, Any]) -> Wish:
     """Return a wish of a study with its bound."""
-    return Wish(name, facts["spec"]["design"]["wish"][name].get(WISHES[name].bound), {})
+    bound = facts["spec"]["design"]["wish"][name].get(WISHES[word_of(name)].bound)
+    return Wish(name, bound, {})
 
 
 def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> dict[str, float]:
@@ -290,7 +291,7 @@ def _design(
 
 def wish_in_words(name: str, value: float, unit: str, digits: int = 5) -> str:
     """The value of a wish, rounded to the side that is worse."""
-    worse = rounded_down if WISHES[name].more else rounded_up
+    worse = rounded_down if WISHES[word_of(name)].more else rounded_up
     return f"{worse(value, digits)} {unit}".removesuffix(" 1").rstrip()
 
 

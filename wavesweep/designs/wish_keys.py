@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -149,10 +150,15 @@ WISHES = MappingProxyType(
 )
 
 
+def word_of(name: str) -> str:
+    """The word of the kind of a wish: its name, without the number of one of several."""
+    return re.sub("_[2-9]$", "", name)
+
+
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A wish: the name of its kind, its bound (None: as good as possible), and the values of its
-    options.
+    """A wish: its name (see `word_of`), its bound (None: as good as possible), and the values of
+    its options.
 
     places: of its keys.
     """
@@ -163,9 +169,14 @@ class Wish:
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     @property
+    def word(self) -> str:
+        """The word of its kind."""
+        return word_of(self.name)
+
+    @property
     def kind(self) -> WishKind:
         """What is wished for."""
-        return WISHES[self.name]
+        return WISHES[self.word]
 
     def margin(self, value: Any) -> Any:
         """Return the margin to the bound, as a share of it (of 1e-6 if it is 0); negative if the

@@ -74,7 +74,7 @@ def evaluate(
     """
     measured = {}
     searched = {}  # damping of the walls -> points, and the stiffest wall of each
-    felt = any(wish.name == "felt" for wish in wishes)
+    felt = any(wish.word == "felt" for wish in wishes)
     verdicts: dict[tuple[Any, ...], str] = {}  # of all that was proved for a wish before
 
     def verdict(own):
@@ -84,7 +84,7 @@ def evaluate(
         return verdicts[key]
 
     for wish in wishes:
-        if wish.name in ("z_width", "felt"):
+        if wish.word in ("z_width", "felt"):
             damping = wish.options.get("B_VE", (spec.values[spec.wall[1]],))
             if damping not in searched:
                 points = points_of(designs, scenarios, {spec.wall[1]: damping})
@@ -94,7 +94,7 @@ def evaluate(
             continue
         walls = _walls_of(spec, wish)
         points = points_of(designs, scenarios, {} if wish.kind.reads else walls)
-        measure = _offered if wish.kind.measure else _MEASURES[wish.name]
+        measure = _offered if wish.kind.measure else _MEASURES[wish.word]
         blank = _unknown(points.size)
         value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
         if proof and not wish.kind.reads:  # all of the loop
@@ -111,7 +111,7 @@ def _walls_of(spec, wish):
     """The walls that a wish is about: path -> values."""
     walls = {}
     for path, option in zip(spec.wall, ("walls", "B_VE"), strict=False):
-        if wish.name == "free_motion":
+        if wish.word == "free_motion":
             walls[path] = (0.0,)
         else:
             walls[path] = wish.options.get(option, (spec.values[path],))
@@ -120,7 +120,7 @@ def _walls_of(spec, wish):
 
 def _worst_wall(spec, wish, points, stiffest, stop):
     """The worst of `z_width` or `felt` over the scenarios of every design."""
-    value = stiffest.wall if wish.name == "z_width" else stiffest.felt
+    value = stiffest.wall if wish.word == "z_width" else stiffest.felt
     certified = stiffest.certified
     if "band_hz" in wish.options:
         value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
@@ -531,7 +531,7 @@ def _time_of_modes(spec, wish, loops, size):
     last = np.where(certain, last, np.nan)
     with np.errstate(all="ignore"):
         constant = -np.real(drawn.period * drawn.ticks) / np.log1p(last).real
-        time = TIMES_OF_MODES[wish.name].constants * constant
+        time = TIMES_OF_MODES[wish.word].constants * constant
     return np.where((time >= 0) & np.isfinite(time), time, np.nan), certain
 
 
