@@ -5,6 +5,7 @@
 
 import pytest
 from words.devices import hold_device
+from words.encoders import hold_encoder
 from words.explanations import hold_entries, meanings
 from words.hands import hold_hands
 from words.law import OTHERS, hold_spec
@@ -26,6 +27,14 @@ def test_what_is_said_of_a_spec_is_so(seed, tmp_path, monkeypatch):
 def test_what_is_said_of_a_device_is_so(seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     hold_device(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.asks("check", "simulation")
+@pytest.mark.parametrize("seed", [2, 5])
+def test_what_is_said_of_an_encoder_is_so(seed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    hold_encoder(seed)
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from words.devices import hold_device
+from words.encoders import hold_encoder
 from words.hands import hold_hands
 from words.law import OTHERS, hold_spec
 
@@ -19,9 +20,9 @@ if __name__ == "__main__":
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--each", type=int, default=1, help="of how many specs one goes through all commands")
-    parser.add_argument("--of", choices=("loops", "devices", "hands", "boxes"), default="loops")
+    parser.add_argument("--of", choices=("loops", "devices", "encoders", "hands", "boxes"), default="loops")
     asked = parser.parse_args()
-    held = {"devices": hold_device, "hands": hold_hands, "boxes": partial(hold_hands, box=True)}
+    held = {"devices": hold_device, "encoders": hold_encoder, "hands": hold_hands, "boxes": partial(hold_hands, box=True)}
     red = 0
     for seed in range(asked.first, asked.first + asked.seeds):
         with tempfile.TemporaryDirectory() as folder:
