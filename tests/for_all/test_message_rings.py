@@ -56,6 +56,19 @@ def test_what_is_proved_survives_messages_and_what_refutes_grows(seed):
         assert proof.high < proof.fails_from
 
 
+def test_two_free_arms_drift_together_and_no_message_holds_them_back():
+    """Each may be where it is: of what remains, every pattern of messages decays."""
+    source = np.random.default_rng(5)
+    channel = {"every": 4, "phase": 0, "late": 6, "lost": 1}
+    masses = {"master": (0.25, 3.0, 0.0), "slave": (1.2, 4.0, 0.0)}
+    loop = {"channels": [channel, channel | {"phase": 1}], "delays": [2, 0], "control": 2, "masses": masses}
+    assert wavesweep.verdict(spec_of(loop, 60.0))["for_all"]["verdict"] == "proved"
+    for _ in range(20):
+        messages = random_messages(loop, source)
+        assert growth(loop, 60.0, messages, drifts=1) < 1
+        assert growth(loop, 60.0, messages) == pytest.approx(1, abs=1e-9)
+
+
 def test_messages_that_are_zero_are_not_looked_at_tick_by_tick():
     tables = spec_of(
         {"channels": [{"every": 10, "late": 40, "lost": 1, "missing": "zero"}] * 2, "delays": [0, 0], "control": 1}

@@ -453,7 +453,9 @@ def refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
                     np.abs(tick_map.E @ shift) > NO_DRIFT * (np.abs(tick_map.E) @ np.abs(shift))
                 ).any()
             ):
+                block, _, state = drift.states[lead].rpartition(".")
+                spring = f", or hold it with a spring, block.{block}.stiffness" * (state == "x")
                 raise NotByWordsError(
                     f"messages: expected channels that carry nothing of what drifts, found {drift.states[lead]}, which nothing "
-                    "holds in place; feed the position back"
+                    f"holds in place; feed the position back{spring}"
                 )

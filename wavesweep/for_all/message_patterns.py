@@ -5,8 +5,8 @@ product `Q A P` of a pattern, its largest eigenvalue z and the vectors x and y o
 
     dz = y' Q dA P x.
 
-The path of what is held that gains most by this is found by dynamic programming, and taken if the
-pattern then grows more.
+What gains most by this at each place is taken, made a pattern that messages can have, if the pattern
+then grows more.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from wavesweep.for_all.patterns import Word, crossing, growth, is_refuted, refut
 
 PERIODS = (1, 2, 3, 5, 8, 13)  # in a pattern
 MOST_PLACES = 400  # of a pattern
+BEFORE = -(10**9)  # the number of a message from before all others
 # Of the largest gain at a place: what a change of a path costs, in turn until the pattern grows.
-COSTS = (0.0, 0.1, 0.5)
+COSTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9)
 
 
 def growing_pattern(
@@ -34,8 +35,8 @@ def growing_pattern(
     """Return the fastest growth per period at x of the patterns that a climb finds, and its
     pattern.
 
-    known: patterns to begin with, before others. periods: in these. The search ends with the first one
-    that grows.
+    known: patterns to begin with, before others. periods: in these. The search ends with the first
+    one that grows.
     """
     places = len(family.slots)
     A = family.at(x)
@@ -43,19 +44,19 @@ def growing_pattern(
     for start in (*known, *_starts(family, periods)):
         word = start
         rate = growth(A, word)
-        for turn in range(10):  # climbs from a start
+        for _ in range(10):  # changes on the way up
+            if not np.isfinite(rate):
+                break
             gains = _gains(A, family, word)
             for cost in COSTS:
-                ahead = realised(family, _path(family, word, gains, cost, turn))
+                ahead = realised(family, _changed(family, word, gains, cost))
                 farther = growth(A, ahead)
                 if farther > rate * (1 + 1e-9):
                     break
             else:
                 break
             word, rate = ahead, farther
-        per_period = rate ** (places / len(word))
-        if per_period > best[0]:
-            best = per_period, word
+        best = max(best, (rate ** (places / len(word)), word))
         if rate >= 1:
             break
     return best
@@ -113,7 +114,9 @@ def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
     ):
         ticks = len(newest)
         count = ticks // channel.every
-        ahead = np.concatenate([newest + count * turn for turn in range(_turns(channel, ticks))])
+        # Of a pattern, while a message may be under way or held.
+        turns = 3 + (channel.late + channel.every * channel.lost) // ticks
+        ahead = np.concatenate([newest + count * turn for turn in range(turns)])
         late = []
         for number in range(count):
             sent = channel.phase + channel.every * number
@@ -135,36 +138,32 @@ def _numbers(family, word):
     ticks = period * len(word) // places
     found = []
     for at, channel in enumerate(family.channels):
-        own = np.full(ticks, np.iinfo(int).min // 2)
+        wanted = [BEFORE] * ticks
         for step, symbol in enumerate(word):
             held = family.symbols[symbol]
             now = held.tick + period * (step // places)
             if held.back[at] is not None:
-                own[now] = channel.sent(now) - held.back[at]
+                wanted[now] = channel.sent(now) - held.back[at]
         count = ticks // channel.every
-        # After these what came before the pattern is forgotten. What is held then is never older
-        # than a turn before, and so repeats.
-        turns = 2 * _turns(channel, ticks)
-        newest = np.zeros(turns * ticks, int)
-        held = np.iinfo(int).min // 2
-        for now in range(turns * ticks):
-            sent = channel.sent(now)
-            since = (now - channel.phase) % channel.every
-            wanted = own[now % ticks] + count * (now // ticks)
-            least = max(wanted, sent - channel.oldest(since))
-            # One that is held for the first time is late by no more than it may be.
-            fresh = max(least, sent - (channel.late - since) // channel.every)
-            if held < least and fresh <= sent:
-                held = fresh
-            newest[now] = held
-            own[now % ticks] = max(own[now % ticks], held - count * (now // ticks))
-        found.append(newest[-ticks:] - (turns - 1) * count)
+        newest: list[int] = []
+        # Until it repeats, which it does, as what is held is never older than a turn before.
+        last = None
+        while last is None or newest[-1] - count != last:
+            last = newest[-1] - count if newest else BEFORE
+            number = last
+            newest = []
+            for now in range(ticks):
+                sent = channel.sent(now)
+                since = now - channel.phase - sent * channel.every
+                least = max(wanted[now], sent - channel.oldest(since))
+                # One that is held for the first time is late by no more than it may be.
+                fresh = max(least, sent - (channel.late - since) // channel.every)
+                if number < least and fresh <= sent:
+                    number = fresh
+                newest.append(number)
+                wanted[now] = max(wanted[now], number)
+        found.append(np.array(newest))
     return found
-
-
-def _turns(channel, ticks):
-    """Of a pattern of so many ticks, while a message may be under way or held."""
-    return 3 + (channel.late + channel.every * channel.lost) // ticks
 
 
 def _starts(family: RingFrames, numbers: Sequence[int]) -> Iterator[Word]:
@@ -178,12 +177,13 @@ def _starts(family: RingFrames, numbers: Sequence[int]) -> Iterator[Word]:
         length = periods * places
         if length > MOST_PLACES and periods > 1:
             break
-        ways = [np.zeros((length, oldest.shape[1])), np.ones((length, oldest.shape[1]))]
-        ways.append(source.random((length, oldest.shape[1])))
+        shape = (length, oldest.shape[1])
+        ways = [np.zeros(shape), np.ones(shape), source.random(shape)]
         steps = np.arange(length)[:, None] / length
         for waves in range(1, periods + 1):
-            phase = source.random(oldest.shape[1])
-            ways.append((np.cos(2 * np.pi * (waves * steps + phase)) > 0).astype(float))
+            # Square waves, in which each channel has its phase.
+            phase = source.random(shape[1])
+            ways.append(1.0 * (np.cos(2 * np.pi * (waves * steps + phase)) > 0))
         for way in ways:
             word = []
             for step in range(length):
@@ -209,36 +209,17 @@ def _gains(A, family, word):
     gains = [np.zeros(0)] * len(word)
     for step in range(len(word) - 1, -1, -1):
         own = family.place == family.place[word[step]]
-        gains[step] = np.nan_to_num(np.real((A[own] @ (before[step] @ x)) @ y / z[at]))
+        gains[step] = np.real((A[own] @ (before[step] @ x)) @ y / z[at])
         y = y @ A[word[step]]
     return gains
 
 
-def _path(family, word, gains, cost, turn):
-    """The pattern that gains most, of those that begin as this one does at a place that depends on
-    the turn.
-
-    cost: of a change, as a share of the largest gain at a place.
-    """
-    length = len(word)
-    members = [np.flatnonzero(family.place == at) for at in range(len(family.slots))]
-    largest = max(own.max() - own.min() for own in gains)
-    first = int(0.618 * turn * length) % length  # of the golden section: all places in some turns
-    order = [(first + step) % length for step in range(length)]
-    before = members[family.place[word[first]]]
-    total = np.where(before == word[first], 0.0, -np.inf)
-    came = []
-    for step in order[1:]:
-        own = members[family.place[word[step]]]
-        ways = np.where(family.follows[np.ix_(before, own)], total[:, None], -np.inf)
-        came.append(ways.argmax(0))
-        total = ways.max(0) + gains[step] - cost * largest * (own != word[step])
-        before = own
-    last = np.where(family.follows[before, word[first]], total, -np.inf).argmax()
-    found = dict.fromkeys(order, 0)
-    for at in range(length - 1, -1, -1):
-        step = order[at]
-        found[step] = int(members[family.place[word[step]]][last])
-        if at:
-            last = came[at - 1][last]
-    return tuple(found[step] for step in range(length))
+def _changed(family, word, gains, cost):
+    """The pattern with what gains most at each place; cost: of a change, as a share of the largest
+    gain."""
+    most = max(np.ptp(own) for own in gains)
+    found = []
+    for symbol, gain in zip(word, gains, strict=True):
+        own = np.flatnonzero(family.place == family.place[symbol])
+        found.append(int(own[(gain - cost * most * (own != symbol)).argmax()]))
+    return tuple(found)

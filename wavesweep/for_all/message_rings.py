@@ -22,7 +22,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.channel_families import (
-    NOTHING,
     SENT,
     Channel,
     NotByWordsError,
@@ -181,15 +180,15 @@ def ring_of_messages(
     refuse_moved(ticks, drift)
     ticks, _ = drift.relative_ticks(ticks)
     rows = [tuple(number_of_kind[kind] for kind in row) for row in kinds]
+    of_place = list(dict.fromkeys(each.tick for each in symbols))
+    place = np.array([of_place.index(each.tick) for each in symbols])
     written = WrittenFrames(
         [row[:-1] for row in rows],
         [row[-1] for row in rows],
         tuple(symbols),
-        _follows(symbols, before, loop.ticks),
+        (place[:, None] + 1) % (1 + place.max()) == place,
     )
     whole = LoopFrames.of(ticks, drift.remaining, written)
-    of_place = list(dict.fromkeys(each.tick for each in symbols))
-    place = np.array([of_place.index(each.tick) for each in symbols])
     acts = [each[np.ix_(whole.kept, whole.kept)] for each in whole.patterns]
     earlier = tuple(
         (each.phase + delays.get(each.name, ("", 0))[1]) // each.every for each in channels
@@ -252,28 +251,7 @@ def _places(loop: MultirateLoop, channels, choices, counts) -> tuple[list[Held],
 def _taken(sends: bool, count: int, back: int | None) -> tuple[object, tuple]:
     """What a channel shows, and what its registers, of the last messages, take from where."""
     registers: list[object] = [SENT, *range(count - 1)] if sends else list(range(count))
-    return (NOTHING if back is None else registers[back]), tuple(registers)
-
-
-def _follows(symbols, channels, period) -> np.ndarray:
-    """Which may follow which: what is held stays, or is a newer message, late by no more than it
-    may be when it comes."""
-    ticks = list(dict.fromkeys(each.tick for each in symbols))
-    following = dict(zip(ticks, [*ticks[1:], ticks[0] + period], strict=True))
-    after = np.array([following[each.tick] for each in symbols])
-    tick = np.array([each.tick for each in symbols])
-    may = after[:, None] % period == tick
-    for at, channel in enumerate(channels):
-        back = np.array([-1 if held.back[at] is None else held.back[at] for held in symbols])
-        unread = back < 0
-        sent = [
-            channel.sent(end) - channel.sent(each) for each, end in zip(tick, after, strict=True)
-        ]
-        kept = (back + sent)[:, None]
-        age = channel.every * back + (tick - channel.phase) % channel.every
-        came = age <= channel.late + (after - tick - 1)[:, None]
-        may &= unread | unread[:, None] | (back == kept) | ((back < kept) & came)
-    return may
+    return registers[back or 0], tuple(registers)
 
 
 def _slots(acts: np.ndarray, place: np.ndarray) -> np.ndarray:
