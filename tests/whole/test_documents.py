@@ -79,6 +79,13 @@ def test_a_forge_shows_the_pages_whole():
     assert drawn == {path for path in shown if path.startswith("figures/")}
 
 
+def test_a_page_opens_with_what_one_gets():
+    """A picture, a transcript or a file; only the notes of the design have none."""
+    opening = re.compile(r"^(    \S|!\[|```)", re.MULTILINE)
+    without = [name for name, text in PAGES.items() if not opening.search("\n".join(text.splitlines()[:12]))]
+    assert without == ["design-notes.md"]
+
+
 @pytest.mark.slow
 def test_what_commands_print_as_json_fits_the_schema_of_the_documents(reference, capsys):
     schema = jsonschema.Draft202012Validator(json.loads((ROOT / "docs" / "summary.schema.json").read_text(encoding="utf-8")))
