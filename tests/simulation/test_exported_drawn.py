@@ -79,6 +79,62 @@ def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
     assert [float(row[place]) for row in rows] == pytest.approx(seen, rel=1e-9, abs=1e-11 * np.abs(seen).max())
 
 
+PWM = """
+[rates]
+tick_hz = 1000
+[block.motor]
+type = "mass"
+mass = 0.02
+damping = 0.1
+[block.law]
+type = "hold"
+[block.slow]
+type = "hold"
+every = 3
+[block.pwm]
+type = "delay"
+seconds = 0.0014
+[wire]
+"law.u" = "20*(ref - motor.x)"
+"slow.u" = "0.2*motor.v"
+"pwm.u" = "law.y"
+"motor.f" = "pwm.y - slow.y + load"
+[ports]
+inputs = { ref = "ref", load = "load" }
+outputs = { x = "motor.x" }
+[simulate]
+input = "noise"
+duration_s = 1
+"""
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seconds", [0.0014, 0.0004, 0.002])
+def test_a_dead_time_that_acts_on_a_plant_is_the_hosts(seconds, tmp_path):
+    need("gcc")
+    tables = tomllib.loads(PWM.replace("0.0014", str(seconds)))
+    files = written(tables, tmp_path)
+    assert files["vectors.csv"].splitlines()[0] == "tick,ws_motor_x,ws_motor_v,ws_ref,ws_load,ws_motor_f,ws_pwm_u"
+    assert f"computed nowhere here: pwm ({1e3 * seconds:g} ms)" in files["controller.h"]
+    assert check(tmp_path) == 1000
+    code, said = made(tmp_path, "example", "gcc", "-O2")
+    rows = list(csv.DictReader(said.splitlines()))
+    assert (code, len(rows)) == (0, 2000)
+    seen = simulation_of(load(tables), np.ones(2000)).signals["outputs.x"]
+    found = [float(row["ws_motor_x"]) for row in rows]
+    assert found == pytest.approx(seen, rel=1e-9, abs=1e-11 * np.abs(seen).max())
+
+
+@pytest.mark.parametrize(
+    ("wire", "into"), [("law.u", "20*(ref - pwm.y)"), ("pwm.u", "law.y - 0.1*motor.x")], ids=["between blocks", "of a sensor"]
+)
+def test_a_dead_time_that_is_not_from_the_controller_to_a_plant_is_refused(wire, into):
+    tables = tomllib.loads(PWM)
+    tables["wire"][wire] = into
+    with pytest.raises(UsageError, match=r"expected dead times from the controller to plants alone.* found block\.pwm"):
+        exported(load(tables))
+
+
 def test_a_loop_without_a_controller_is_refused():
     tables = tomllib.loads(ARM)
     tables["block"] = {name: tables["block"][name] for name in ("hand", "arm")}

@@ -1,6 +1,6 @@
 """The controller of a spec as C, with vectors of `simulate` that prove that it is the same
 controller."""
 
-from wavesweep.simulation.export.source import exported, terms_of
+from wavesweep.simulation.export.source import dead_times_of, exported, terms_of
 
-__all__ = ["exported", "terms_of"]
+__all__ = ["dead_times_of", "exported", "terms_of"]

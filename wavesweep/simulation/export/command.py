@@ -54,7 +54,7 @@ def export(
     )
     from wavesweep.program.cli.messages import say, show_json
     from wavesweep.simulation.experiment import linear_loop
-    from wavesweep.simulation.export import exported, terms_of
+    from wavesweep.simulation.export import dead_times_of, exported, terms_of
     from wavesweep.simulation.from_spec import claim_of, hand_force
     from wavesweep.simulation.table import unstable
 
@@ -82,7 +82,13 @@ def export(
         "spec_sha256": simulated.sha256,
         "assumes": model_in_words(loaded, told=claim.scope.paths()),
         "claims": {"spec": claim.fact()},
-        "notices": list(over_preset(loaded)),
+        "notices": [
+            *over_preset(loaded),
+            *(
+                f"dead time of {said}: the device's, so the C does not compute it"
+                for said in dead_times_of(loaded)
+            ),
+        ],
         "computed": {port: made["sum"] for port, made in outputs.items()},
         "terms": {port: made["terms"] for port, made in outputs.items()},
         "ticks": program["vectors.csv"].count("\n") - 1,

@@ -66,6 +66,38 @@ def _ports_of(blocks: Iterable[RunningBlock]) -> tuple[list[str], list[str]]:
     return inputs, outputs
 
 
+def with_late_device(loop: MarchedLoop) -> MarchedLoop:
+    """Return the loop with its dead times as parts of the device, as those of a PWM are: what goes
+    into them is an output of the controller, and what they bring to plants is none.
+
+    Errors: UsageError for a dead time that is not between the controller and a plant.
+    """
+    late = {block.name for block in loop.blocks if block.type == "dead time"}
+    brought = {f"{name}.{port}" for name in late for port in ("y", "next")}
+    plants = {block.name for block in loop.blocks if block.plant}
+
+    def apart(wires):
+        return {
+            port: tuple(term for term in terms if port not in loop.ports or term[1] not in brought)
+            for port, terms in wires.items()
+        }
+
+    for port, terms in loop.wires.items():
+        block, _, kind = port.rpartition(".")
+        elsewhere = {name.rpartition(".")[0] for _, name in terms if name in brought}
+        if port not in loop.ports or block in plants:
+            continue
+        if block in late and ((kind == "sensed" and terms) or not loop.ports[port].law.moves):
+            elsewhere.add(block)
+        if elsewhere:
+            problem = f"block.{min(elsewhere)}, which is between the ticks of a program"
+            raise UsageError(
+                f"export: expected dead times from the controller to plants alone, and else delays of whole steps, found {problem}"
+            )
+    blocks = tuple(replace(block, plant=block.plant or block.name in late) for block in loop.blocks)
+    return replace(loop, blocks=blocks, wires=apart(loop.wires), away=apart(loop.away))
+
+
 def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     """Return the controller of a loop, and what it reads of its device and puts there.
 
@@ -132,12 +164,6 @@ def _refuse(loop: MarchedLoop, plants: Sequence[RunningBlock]) -> None:
         raise UsageError(
             f"export: expected a device (continuous blocks, as a mass) and further blocks, found {problem}"
         )
-    for block in loop.blocks:
-        if block.type == "dead time":
-            problem = f"block.{block.name} with a dead time in seconds, which is between the ticks of a program"
-            raise UsageError(
-                f"export: expected delays of whole steps, or none where the network or the motor is what is late, found {problem}"
-            )
     read = {name for terms in loop.wires.values() for _, name in terms}
     for block in plants:
         if _responds_at_once(block, read):

@@ -1,7 +1,7 @@
 """The device in the example of an exported controller: what is sensed, what pushes it, and how it
 moves."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,11 @@ class ExampleHost:
         """The blocks of the device."""
         return [block for block in self.whole.blocks if block.plant]
 
+    @property
+    def dead_times(self) -> list[RunningBlock]:
+        """The dead times through which the device is driven."""
+        return [block for block in self.whole.blocks if block.type == "dead time"]
+
     def texts(self) -> dict[str, Any]:
         """Return the texts for the names of the template."""
         own = self.own
@@ -58,7 +63,9 @@ class ExampleHost:
         """The names in C of the device's states and inputs."""
         names = []
         for block in self.plants:
-            names += [f"{block.name}.{name}" for name in (*block.law.keeps, *block.inputs)]
+            names += [f"{block.name}.{name}" for name in (*block.law.keeps, *_used(block))]
+        for block in self.dead_times:
+            names += [f"{block.name}.{name}" for name in ("u", *_past(block))]
         return dict(zip(names, identifiers(names, "host_"), strict=True))
 
     def _sensed(self, names: Mapping[str, str]) -> Iterator[str]:
@@ -83,19 +90,34 @@ class ExampleHost:
         """
         late = self.late
         lines: list[str] = []
-        for port in (f"{block.name}.{port}" for block in self.plants for port in block.inputs):
+        brought: dict[str, str] = {}
+        for block in self.dead_times:
+            asked, *past = (f"{block.name}.{name}" for name in ("u", *_past(block)))
+            lines.append(f"        {names[asked]} = {self._given_out(asked)}{self._given(asked)};")
+            now, soon = (names[name] for name in ([asked, *past][-1], [asked, *past][-2]))
+            brought |= {f"{block.name}.y": now, f"{block.name}.next": f"({soon} - {now})"}
+        for port in (f"{block.name}.{port}" for block in self.plants for port in _used(block)):
             place = names[port]
+            arrives = [term for term in self.whole.wires.get(port, ()) if term[1] in brought]
+            products = "".join(product_in_c(float(gain), brought[name]) for gain, name in arrives)
+            if arrives and AT in port:
+                lines.append(f"        {place} = 0.0{products};")
+                continue
             if AT in port:
                 lines.insert(-1, f"        {place} = -asked[tick % {late}];")
                 lines.append(f"        {place} += asked[(tick + 1) % {late}];")
                 continue
-            output = besides(port)
-            force = f"out.{self.members[output]}" if output in self.members else "0.0"
+            force = self._given_out(port)
             exerted = f"asked[tick % {late}]" if late else force
-            lines.append(f"        {place} = {exerted}{self._given(port)};")
+            lines.append(f"        {place} = {exerted}{products}{self._given(port)};")
             if late:
                 lines.append(f"        asked[tick % {late}] = {force};")
         return lines
+
+    def _given_out(self, port: str) -> str:
+        """What the controller gives at a port, in C."""
+        output = besides(port)
+        return f"out.{self.members[output]}" if output in self.members else "0.0"
 
     def _given(self, port: str) -> str:
         """The product that adds what the example gives at a port; empty if nothing."""
@@ -114,6 +136,21 @@ class ExampleHost:
         for block in self.plants:
             for name, terms in block.law.keeps.items():
                 yield names[f"{block.name}.{name}"], _sum(block, terms, names)
+        for block in self.dead_times:
+            for name, before in zip(_past(block), ("u", *_past(block)), strict=False):
+                yield names[f"{block.name}.{name}"], names[f"{block.name}.{before}"]
+
+
+def _used(block: RunningBlock) -> list[str]:
+    """The inputs of a block that have an effect; what a whole tick of dead time brings has none within it."""
+    law = block.law
+    terms = [term for made in (law.keeps, law.gives) for each in made.values() for term in each]
+    return [port for port in block.inputs if any(gain and name == port for gain, name in terms)]
+
+
+def _past(block: RunningBlock) -> Sequence[str]:
+    """The names of what went into a dead time in the ticks before, the last one first."""
+    return block.law.moves[0][1]
 
 
 def _sum(block: RunningBlock, terms: Iterable[tuple[float, str]], names: Mapping[str, str]) -> str:

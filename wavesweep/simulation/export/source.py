@@ -19,6 +19,7 @@ from wavesweep.simulation.export.controller import (
     as_drawn,
     controller_of,
     identifiers,
+    with_late_device,
 )
 from wavesweep.simulation.export.example_host import ExampleHost
 from wavesweep.simulation.export.repeated_experiment import (
@@ -55,7 +56,7 @@ def exported(spec: Spec) -> dict[str, str]:
     steps = steps_of(spec)
     all_steps = steps and steps.all
     drawing = drawing_of(spec, steps)
-    loop = loop_with(spec, drawing, spec.values, all_steps)
+    loop = with_late_device(loop_with(spec, drawing, spec.values, all_steps))
     late = effects.late or effects.dropped or loop.channels or steps
     own = controller_of(loop, bool(late))
     outputs = {name: name.removesuffix(" besides") for name in own.outputs}
@@ -75,8 +76,10 @@ def exported(spec: Spec) -> dict[str, str]:
     host = ExampleHost(own, march.loop, members, march.entry, divided(amplifier)[0])
     flags = _flags(own, steps)
     flags["amplifier"] = bool(amplifier)
+    flags["dead_times"] = bool(dead_times_of(spec))
     values = _values(spec, own, march.entry, steps)
     values["late"] = f"{amplifier:g}"
+    values["dead_times"] = ", ".join(dead_times_of(spec))
     values["pending"] = (_longest_delay(columns) + 2) * max(1, len(own.results))
     values |= _signals(own, members)
     values |= host.texts()
@@ -99,12 +102,13 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
     """
     drawing = drawing_of(spec)
     numbers = scalars(spec.values)
-    plants = {block.name for block in drawing.blocks if block.plant}
+    plants = {block.name for block in drawing.blocks if block.plant} | {*drawing.dead_times}
     hand = (drawing.hand or ("",))[0]
+    of_device = {hand, *(f"{name}.y" for name in drawing.dead_times)}
     outside = {signal for _, signal, _ in drawing.inputs}
     found = {}
     for port, all_terms in drawing.wires:
-        terms = tuple(term for term in all_terms if term[0] != hand)
+        terms = tuple(term for term in all_terms if term[0] not in of_device)
         if port.rpartition(".")[0] not in plants or all(name in outside for name, _ in terms):
             continue
         told = []
@@ -113,6 +117,15 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
             told.append({"from": name, "gain": gain.text, "coefficient": coefficient})
         found[port] = {"sum": sum_of(terms), "terms": told}
     return found
+
+
+def dead_times_of(spec: Spec) -> list[str]:
+    """The dead times in seconds of a drawn loop, each in words."""
+    if not spec.drawing:
+        return []
+    numbers = scalars(spec.values)
+    dead_times = spec.drawing.dead_times.items()
+    return [f"{name} ({1e3 * tree.value(numbers):g} ms)" for name, tree in dead_times]
 
 
 def _longest_delay(columns: Mapping[str, Any]) -> int:

@@ -33,6 +33,9 @@
 @if amplifier
  * The amplifier's delay of $late ticks is the device's: out is what it is asked for.
 @end
+@if dead_times
+ * Dead times are the device's, and computed nowhere here: $dead_times; out is what goes into them.
+@end
 @if wall
  * s.wall may be changed before any tick.
 @end
