@@ -17,15 +17,13 @@ class ExampleHost:
     """The device that the example simulates.
 
     whole: the loop with its amplifier. members: names in C of what the controller reads and gives.
-    entry: the signal from outside that the example gives. late: ticks after which what the
-    amplifier is asked for is exerted, maybe before the last ends.
+    entry: the signal from outside that the example gives.
     """
 
     own: ExportedController
     whole: MarchedLoop
     members: Mapping[str, str]
     entry: str
-    late: int
 
     @property
     def plants(self) -> list[RunningBlock]:
@@ -33,9 +31,11 @@ class ExampleHost:
         return [block for block in self.whole.blocks if block.plant]
 
     @property
-    def dead_times(self) -> list[RunningBlock]:
-        """The dead times through which the device is driven."""
-        return [block for block in self.whole.blocks if block.type == "dead time"]
+    def late(self) -> list[RunningBlock]:
+        """The dead times, or delays of an amplifier, through which the device is driven."""
+        computed = {block.name for block in self.own.loop.blocks if not block.plant}
+        apart = [block for block in self.whole.blocks if not block.plant and block.law.moves]
+        return [block for block in apart if block.name not in computed]
 
     def texts(self) -> dict[str, Any]:
         """Return the texts for the names of the template."""
@@ -49,7 +49,6 @@ class ExampleHost:
         written = [f"        {name} = next[{i}];" for i, (name, _) in enumerate(moved)]
         return {
             "host": "\n".join(f"    double {name} = 0.0;" for name in names.values()),
-            "amplifier_ticks": self.late,
             "size": len(moved),
             "header": ",".join(members.values()),
             "formats": ",%.17g" * len(shown),
@@ -64,7 +63,7 @@ class ExampleHost:
         names = []
         for block in self.plants:
             names += [f"{block.name}.{name}" for name in (*block.law.keeps, *_used(block))]
-        for block in self.dead_times:
+        for block in self.late:
             names += [f"{block.name}.{name}" for name in ("u", *_past(block))]
         return dict(zip(names, identifiers(names, "host_"), strict=True))
 
@@ -83,36 +82,41 @@ class ExampleHost:
                 yield f"        in.{members[name]} = {'given' if name == self.entry else '0.0'};"
 
     def _pushed(self, names: Mapping[str, str]) -> list[str]:
-        """The lines that compute what acts on each input of the device.
+        """The lines that compute what acts on each input of the device, some of it through dead times.
 
-        A port with AT is by how much the one before it changes within the tick: what is asked for
-        after `late` ticks less what is exerted now.
+        A port with AT is by how much the one before it changes within the tick.
         """
-        late = self.late
         lines: list[str] = []
         brought: dict[str, str] = {}
-        for block in self.dead_times:
-            asked, *past = (f"{block.name}.{name}" for name in ("u", *_past(block)))
-            lines.append(f"        {names[asked]} = {self._given_out(asked)}{self._given(asked)};")
-            now, soon = (names[name] for name in ([asked, *past][-1], [asked, *past][-2]))
-            brought |= {f"{block.name}.y": now, f"{block.name}.next": f"({soon} - {now})"}
+        taken = set()
+        for block in self.late:
+            now, *past = (names[f"{block.name}.{name}"] for name in ("u", *_past(block)))
+            port, gain = self._into(block)
+            taken.add(port)
+            asked = product_in_c(1.0 / gain, self._given_out(port))
+            given = self._given(port) if gain == 1.0 else ""
+            lines.append(f"        {now} = 0.0{asked}{given};")
+            brought[f"{block.name}.y"] = past[-1]
+            brought[f"{block.name}.next"] = f"({[now, *past][-2]} - {past[-1]})"
         for port in (f"{block.name}.{port}" for block in self.plants for port in _used(block)):
-            place = names[port]
-            arrives = [term for term in self.whole.wires.get(port, ()) if term[1] in brought]
-            products = "".join(product_in_c(float(gain), brought[name]) for gain, name in arrives)
-            if arrives and AT in port:
-                lines.append(f"        {place} = 0.0{products};")
-                continue
-            if AT in port:
-                lines.insert(-1, f"        {place} = -asked[tick % {late}];")
-                lines.append(f"        {place} += asked[(tick + 1) % {late}];")
-                continue
-            force = self._given_out(port)
-            exerted = f"asked[tick % {late}]" if late else force
-            lines.append(f"        {place} = {exerted}{products}{self._given(port)};")
-            if late:
-                lines.append(f"        asked[tick % {late}] = {force};")
+            terms = self.whole.wires.get(port, ())
+            products = [
+                product_in_c(float(gain), brought[name]) for gain, name in terms if name in brought
+            ]
+            force = "0.0" if port in taken or AT in port else self._given_out(port)
+            given = "" if AT in port else self._given(port)
+            lines.append(f"        {names[port]} = {force}{''.join(products)}{given};")
         return lines
+
+    def _into(self, block: RunningBlock) -> tuple[str, float]:
+        """The port at which the controller gives what goes into a dead time, and the factor with which it acts there: its own,
+        or the one that the amplifier of a built-in controller drives."""
+        drawn = any(each.name == block.name for each in self.own.loop.blocks)
+        for port, terms in self.whole.wires.items():
+            for gain, name in terms:
+                if name == f"{block.name}.y" and not drawn:
+                    return port, float(gain)
+        return f"{block.name}.u", 1.0
 
     def _given_out(self, port: str) -> str:
         """What the controller gives at a port, in C."""
@@ -136,7 +140,7 @@ class ExampleHost:
         for block in self.plants:
             for name, terms in block.law.keeps.items():
                 yield names[f"{block.name}.{name}"], _sum(block, terms, names)
-        for block in self.dead_times:
+        for block in self.late:
             for name, before in zip(_past(block), ("u", *_past(block)), strict=False):
                 yield names[f"{block.name}.{name}"], names[f"{block.name}.{before}"]
 

@@ -34,7 +34,7 @@ from wavesweep.simulation.export.repeated_experiment import (
 from wavesweep.simulation.export.text import comment, constants, filled, table_of
 from wavesweep.simulation.export.tick_functions import tick_function
 from wavesweep.simulation.from_spec import effects_of, hand_force
-from wavesweep.simulation.running_blocks import DEPTH, FORCE, SEEN, SPEED, divided
+from wavesweep.simulation.running_blocks import DEPTH, FORCE, SEEN, SPEED
 from wavesweep.simulation.tick_sums import arrived
 
 NUMBERS_IN_A_LINE = 40  # of a table in C
@@ -73,7 +73,7 @@ def exported(spec: Spec) -> dict[str, str]:
     for name, member in members.items():
         columns[member] = signals[name if name in own.inputs else SEEN + name]
     amplifier = _amplifier_ticks(spec, own)
-    host = ExampleHost(own, march.loop, members, march.entry, divided(amplifier)[0])
+    host = ExampleHost(own, march.loop, members, march.entry)
     flags = _flags(own, steps)
     flags["amplifier"] = bool(amplifier)
     flags["dead_times"] = bool(dead_times_of(spec))

@@ -13,9 +13,6 @@ $host
     double next[$size];
     const double given = 1.0;
     long tick;
-@if amplifier
-    static double asked[$amplifier_ticks]; /* what the amplifier exerts so many ticks later */
-@end
 @if steps
     static const long FRAMES[] = {
         $pattern
