@@ -2,8 +2,6 @@
 
 import ast
 
-TABLES = {"numbers", "signals", "wire", "ports", "block"}
-
 
 def written_out(tables: dict) -> dict:
     """The same spec without classes: blocks `left.motor`, numbers `left_kp`, signals `left.angle`."""

@@ -24,32 +24,6 @@ def lightly_damped(frequency_hz, damping_ratio, K):
     }
 
 
-def damped_by_a_filter(every, K):
-    """A free mass, damped by a filtered derivative of its position: a combination of the states is conserved."""
-    return {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"K": K, "N": 100.0},
-        "block": {
-            "m": {"type": "mass", "mass": 0.5, "damping": 2.0},
-            "d": {"type": "tf", "num": ["N", 0], "den": [1, "N"]},
-            "a": {"type": "hold", "every": every},
-        },
-        "wire": {"d.u": "m.x", "a.u": "K*d.y", "m.f": "h - a.y"},
-        "ports": {"hand": {"force": "h", "displacement": "m.x"}},
-    }
-
-
-def at_60_hz(kind):
-    """Waves without position feedback, with a spring in the hand, at rates that do not divide."""
-    return {
-        "rates": {"slow_hz": 60.0},
-        "device": {"mass": 0.2},
-        "operator": {"stiffness": 100.0},
-        "environment": {"K_VE": 100.0},
-        "controller": {"kind": kind, "b": 25.0},
-    }
-
-
 def lowest(loop, ticks, frames, near):
     """The smallest eigenvalue of the Hermitian part of the map from a frame's forces to its displacements, near an angle."""
     shown = np.empty((frames, ticks, ticks))

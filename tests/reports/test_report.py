@@ -28,17 +28,6 @@ PD = {
     "block": {"axis": {"type": "inertia", "inertia": "J", "damping": 0.5}, "gain": {"type": "gain", "k": "K"}},
     "wire": {"gain.u": "-axis.x", "axis.f": "gain.y"},
 }
-DOUBT = {  # undamped, so that all its eigenvalues are on the unit circle or one is outside of it
-    "rates": {"tick_hz": 10},
-    "numbers": {"k1": 1.0, "k2": 2.0},
-    "block": {
-        "x": {"type": "integrator", "method": "explicit"},
-        "v": {"type": "integrator", "method": "implicit"},
-        "w": {"type": "integrator", "method": "implicit", "every": 8},
-    },
-    "wire": {"x.u": "v.y + w.y", "v.u": "-k1*x.y", "w.u": "-k2*x.y"},
-    "sweep": {"along": "k2", "k2": {"start": 1.0, "stop": 20.0}},
-}
 
 
 class Reader(HTMLParser):

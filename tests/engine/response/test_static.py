@@ -49,7 +49,6 @@ HEAVY = {  # a soft wave line before a heavy device: a row of the frame at rest 
         "lp2": {"order": 1, "cutoff_hz": 20.0},
     },
 }
-SOFT = {"controller": {"kind": "pmw", "b": 0.01}, "device": {"mass": 10.0}, "rates": {"fast_hz": 1e4, "ratio": 2}}
 
 
 @pytest.mark.slow

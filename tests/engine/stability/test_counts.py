@@ -12,7 +12,6 @@ from wavesweep.engine._stability import regions, stable
 from wavesweep.engine._stability.stable import stable_intervals
 
 K_FIXED = np.concatenate([[0], np.random.default_rng(5).uniform(0, 15, 11)])
-B_FIXED = np.exp(np.linspace(0, 9, 12))
 
 
 @pytest.mark.slow

@@ -145,14 +145,6 @@ def some_text(path):
     path.write_text("mine, and long enough to be a page of something" * 100)
 
 
-def cut_off(path):
-    path.write_bytes(path.read_bytes()[:-200_000])
-
-
-def without_its_first_page(path):
-    path.write_bytes(bytes(65536) + path.read_bytes()[65536:])
-
-
 def of_another_program(path):
     path.unlink()
     with sqlite3.connect(path) as other:

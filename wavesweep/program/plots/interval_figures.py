@@ -233,7 +233,7 @@ def _draw_panel(
         axes.axhline(height, **LIMIT, linestyle=LIMITS[name][1])
     if layout.x is None:
         for place, member in enumerate(members):
-            if member.proved:
+            if member.proved and "fails_from" in member.rows:
                 draw_for_all_bar(axes, place, HALF_BAR, member.rows, shown.span)
     return reached
 
@@ -305,7 +305,8 @@ def _draw_plane(
             how.add("bars")
         if shown.felt:
             draw_felt(axes, region, member.look)
-        if member.proved and somewhere:  # without a stable loop nothing is open
+        # Without a stable loop nothing is open.
+        if somewhere and member.proved and "fails_from" in member.rows:
             draw_for_all(axes, x, member.rows, shown.span, bars)
         elif member.at_values:
             draw_unknown_at_values(axes, _unknown_spans(curve, shown.view), shown.span, bars)
