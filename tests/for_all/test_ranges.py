@@ -1,5 +1,6 @@
 """Boxes of unknown numbers while frames vary: every proof is attacked by a program that shares no code with it."""
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -13,9 +14,11 @@ from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine._sets.taylor_models import Polynomials, monomials
 from wavesweep.for_all import ranges
 from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
+from wavesweep.for_all.frames_over import Enclosed
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norm_check import shrink_over
 from wavesweep.for_all.ranges import cover
+from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
@@ -152,6 +155,30 @@ def frames_of(kind, box):
     paths = ["environment.K_VE", *HAND]
     plan = plan_of_controller(values, FramesInAnyOrder((18, 22)), paths)
     return plan.over([Side(paths[0], 0.0), *map(Side, paths[1:])], box)
+
+
+@dataclass
+class Counted:
+    """Single numbers that shrink in parts of an eighth of the second side alone; boxes: enclosed so far."""
+
+    boxes: int = 0
+
+    def over(self, boxes):
+        self.boxes += len(boxes)
+        terms = np.zeros((len(monomials(2, 2)[0]), 1, 1, 1))
+        terms[0] = 0.3
+        rests = [np.full((1, 1, 1), 4 * np.ptp(box[:, 1])) for box in boxes]
+        known = [Polynomials(terms, rest, 2, 2) for rest in rests]
+        return [Enclosed(*each, np.array([0.0, 1.0])) for each in zip(boxes, known, strict=True)]
+
+
+def test_parts_are_divided_as_their_neighbours_had_to_be():
+    """The first of eight stretches is divided by trials, of 1, 2, 4 and 8 parts; the others have 8 each."""
+    frames = Counted()
+    box = np.array([[0.0, 0.0], [1.0, 1.0]])
+    found = cover(frames, box, ALWAYS, 1e12, stretches=8)
+    assert not found.open
+    assert frames.boxes == 15 + 7 * 8
 
 
 @pytest.mark.slow

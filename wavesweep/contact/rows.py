@@ -231,7 +231,7 @@ def _row_in_frames(rules, values, walls: Along, along, span) -> Row | None:
     low, high = proved
     motion = walls.motion(high, span[1])
     limit = motion[0] if motion[1] else span[1]
-    pattern = linear_pattern(rules, values, along, low, high, limit)
+    pattern = linear_pattern(rules, values, along, high, limit)
     beyond, text = pattern if pattern[1] else motion
     return Row(low, high, np.nan, beyond, Refuters("", text))
 

@@ -199,7 +199,7 @@ class Along:
         the first of these.
         """
         coarse = self._proved(low, high)
-        if not self.loop.finer:
+        if not self.loop.finer or (coarse and coarse[1] == high):
             return coarse
         finer = replace(self, loop=self.loop.finer)
         if not coarse:
@@ -212,22 +212,24 @@ class Along:
 
     def _proved(self, low, high):
         ceiling, _ = self.motion(low, high)
-        ceiling = high if np.isnan(ceiling) else ceiling
-        way = ceiling - low
-        for share in (0.0, *BEFORE_END) if ceiling == high else BEFORE_END[:1]:
-            found = self._proved_at(ceiling - share * way)
+        if np.isnan(ceiling):
+            found = self._proved_at(high)
             if found:
-                return self._down(found, ceiling - share * way, low), ceiling - share * way
-        start = 0.0
+                return self._down(found, high, low), high
+            ceiling = high
+        way = ceiling - low
+        found = self._proved_at(ceiling - BEFORE_END[0] * way)
+        start = ceiling
         above = ceiling
         for halved in range(1, 14):  # halvings of the range, down to where a first proof is tried
-            start = low + way / 2**halved
-            if self.loop.found(self.wall(start)):
+            if found:
                 break
             above = start
+            start = low + way / 2**halved
+            found = self.loop.found(self.wall(start))
         else:
             return None
-        for _ in range(7):  # bisections of the end of a proof
+        for _ in range(7) if start < ceiling else ():  # bisections of the end of a proof
             middle = (start + above) / 2
             if self.loop.found(self.wall(middle)):
                 start = middle
@@ -237,8 +239,19 @@ class Along:
             top = start - share * (start - low)
             found = self._proved_at(top)
             if found:
-                return self._down(found, top, low), top
-        return None
+                break
+            above = top
+        else:
+            return None
+        for _ in range(3):  # bisections of where a proof of it ends
+            middle = (top + above) / 2
+            nearer = self._proved_at(middle)
+            if nearer:
+                found = nearer
+                top = middle
+            else:
+                above = middle
+        return self._down(found, top, low), top
 
     def _proved_at(self, value: float) -> Found | None:
         """Forms that are proved for a value; None if none are found."""
@@ -301,16 +314,16 @@ def along_of(rules: Any, values: dict[str, Any], wall_names: list[str], along: s
 
 
 def linear_pattern(
-    rules: Any, values: dict[str, Any], along: str, low: float, high: float, limit: float
+    rules: Any, values: dict[str, Any], along: str, high: float, limit: float
 ) -> tuple[float, str]:
-    """The nearest value beyond what is proved, from low to high, at which a pattern of frames is
+    """The nearest value beyond `high`, up to which all is proved, at which a pattern of frames is
     proved to grow with the linear wall, which is one of those that push, and the pattern; NaN and
     nothing if none is found. It is that of the rows of the linear wall."""
     switched = offered("switched")
     family = rules.family(values, along)
     if family.drift is not None:
         return np.nan, ""
-    found = switched.bracketed(family, along, (low, limit), (low, high))
+    found = switched.bracketed(family, along, (high, limit), (high, high))
     if not (found and found.words[1]):
         return np.nan, ""
     pattern = switched.text_of_pattern(family, found.words[1])

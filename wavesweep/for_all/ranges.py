@@ -10,7 +10,7 @@ proved is divided along the side that moves the slack most.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from heapq import heapify, nsmallest
+from heapq import heapify
 from itertools import count, pairwise
 from operator import itemgetter
 from typing import NamedTuple, Protocol
@@ -239,7 +239,8 @@ class _Trials:
     narrow: widths of sides below which they are not divided. work: operations of the proof; used:
     those so far. outcomes, enclosed: of parts in the queue, by their numbers. norms: of the part
     that was proved last. divided: stretches of the first side in whose middle there were no norms:
-    they are divided for all other numbers. width: along the first side, beyond which a part is not
+    they are divided for all other numbers. sides: along which single matrices had to be divided, by
+    the width along the first side and the box of the others. width: along the first side, beyond which a part is not
     tried but divided; in_a_row: parts that were proved one after the other.
     """
 
@@ -253,6 +254,7 @@ class _Trials:
     enclosed: dict[int, Enclosed | int] = field(default_factory=dict)
     norms: Centre | None = None
     divided: set[tuple[float, ...]] = field(default_factory=set)
+    sides: dict[tuple, np.ndarray] = field(default_factory=dict)
     width: float = np.inf
     in_a_row: int = 0
 
@@ -264,7 +266,10 @@ class _Trials:
             halves = [replace(first.part, box=half) for half in _halves(first.part.box, 0)[::-1]]
             self.outcomes[first.number] = _Outcome(halves, 0.0)
         elif first.number not in self.outcomes:
-            self._try(queue)
+            if _shape(first.part) in self.sides:
+                self.outcomes[first.number] = _Outcome(self._as_before(first.part), 0.0)
+            else:
+                self._try(queue)
         return self.outcomes[first.number]
 
     def forget(self, number: int) -> None:
@@ -272,17 +277,56 @@ class _Trials:
         del self.outcomes[number]
         self.enclosed.pop(number, None)
 
+    def _as_before(self, part):
+        """The parts of a part as others of its shape, of other values of the first side, had to be
+        divided."""
+        pieces = [part]
+        for side in self.sides.get(_shape(part), ()):
+            boxes = [half for piece in pieces for half in _halves(piece.box, side)]
+            pieces = [replace(part, box=box) for box in boxes]
+        if len(pieces) == 1:
+            return pieces
+        return [smaller for piece in pieces for smaller in self._as_before(piece)]
+
+    def _ready(self, queue):
+        """The parts of a queue to be tried next, in order, one of each shape, but for those whose
+        halves will be.
+
+        Where they are few, the next part that is divided as others were is divided now.
+        """
+        first = queue.waiting[0]
+        while True:
+            ready = {first.number: first.part}
+            shapes = {_shape(first.part)}
+            later = None
+            for waiting in sorted(queue.waiting):
+                if waiting.number in self.outcomes or _stretch(waiting.part) in self.divided:
+                    continue
+                shape = _shape(waiting.part)
+                if shape in self.sides:
+                    later = later or waiting
+                elif shape not in shapes:
+                    shapes.add(shape)
+                    ready[waiting.number] = waiting.part
+                if len(ready) == CELLS_AT_ONCE:
+                    return ready
+            if later is None:
+                return ready
+            self.outcomes[later.number] = _Outcome(self._as_before(later.part), 0.0)
+            queue.go_on(self)
+
     def _try(self, queue):
         """Enclose the parts that are next, and try them all, or the first one if a trial takes
         long."""
-        ahead = {}
-        for waiting in nsmallest(CELLS_AT_ONCE, queue.waiting):
-            if waiting.number not in self.outcomes and _stretch(waiting.part) not in self.divided:
-                ahead[waiting.number] = waiting.part
+        ahead = self._ready(queue)
         self.used += _enclose(self.frames, ahead, self.enclosed)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
             if _alone(self.follows):
                 found = _tried_together(ahead, self.enclosed, self.narrow)
+                for number, outcome in found.items():
+                    if outcome.parts and outcome.parts[0].known is None:
+                        narrower = np.ptp(outcome.parts[0].box, 0) < np.ptp(ahead[number].box, 0)
+                        self.sides[_shape(ahead[number])] = np.flatnonzero(narrower)
             else:
                 first = queue.waiting[0].number
                 found = {first: self._tried_alone(first, ahead[first])}
@@ -309,6 +353,16 @@ class _Trials:
 
 def _stretch(part):
     return tuple(part.box[:, 0].tolist())
+
+
+def _shape(part):
+    """The width of a part along the first side, and its box of the others."""
+    width = part.box[1, 0] - part.box[0, 0]
+    return (
+        part.known is None,
+        round(np.log2(max(width, NEXT_TO_ZERO)), 6),
+        part.box[:, 1:].tobytes(),
+    )
 
 
 def _alone(follows):
