@@ -1,6 +1,9 @@
 """The library as its users call it."""
 
 import re
+import sys
+from contextlib import contextmanager
+from types import ModuleType, SimpleNamespace
 
 import control
 import numpy as np
@@ -128,3 +131,26 @@ def test_a_loop_with_other_numbers_is_that_of_a_spec_with_them():
         loop.with_(Kpp=3)
     with pytest.raises(SpecError):
         loop.with_(b=-1)
+
+
+def test_a_bar_of_tqdm_gets_to_the_number_of_slices_and_without_tqdm_it_is_asked_for(monkeypatch):
+    bars = []
+
+    @contextmanager
+    def tqdm(**_):
+        bar = SimpleNamespace(n=0, total=0, set_postfix_str=lambda *_, **__: None)
+        bar.update = lambda more: setattr(bar, "n", bar.n + more)
+        bars.append(bar)
+        yield bar
+
+    auto = ModuleType("tqdm.auto")
+    auto.tqdm = tqdm
+    loop = wavesweep.compile({"controller": {"kind": "dc-slow"}})
+    monkeypatch.setitem(sys.modules, "tqdm", ModuleType("tqdm"))
+    monkeypatch.setitem(sys.modules, "tqdm.auto", auto)
+    loop.stable_intervals("K_VE", (0, 1000), B_VE=[1.0, 2.0, 3.0], progress=True)
+    assert [(bar.n, bar.total) for bar in bars] == [(3, 3)]
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    monkeypatch.delitem(sys.modules, "tqdm.auto")
+    with pytest.raises(UsageError, match="pip install tqdm"):
+        loop.stable_intervals("K_VE", (0, 1000), B_VE=[1.5], progress=True)

@@ -210,7 +210,7 @@ class Loop:
             T_s, or tick of a drawn loop), `{"settling": 0.1}` (s, to 2 %), `{"damping_ratio":
             0.3}`. By default stability alone.
         progress : bool, default False
-            Whether to show a bar: that of tqdm or, where it is not installed, one of a terminal.
+            Whether to show a bar, that of tqdm, which has to be installed.
         **axes : float or array of shape (n,)
             The other axes, see `Loop`.
 
@@ -608,7 +608,7 @@ def zwidth(
     scheduler : str, optional
         Address of a dask scheduler.
     progress : bool or callable, optional
-        True shows a bar: that of tqdm or, where it is not installed, one of a terminal. A callable
+        True shows a bar, that of tqdm, which has to be installed. A callable
         is called with the number of slices done, of all slices, and of certified ones, None if no
         slice can be.
     checkpoint : str or Path, optional
