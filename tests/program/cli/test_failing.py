@@ -190,7 +190,6 @@ REPLACING = [
     (["simulate", "READ", "--out", "."], "simulate.datapackage.json"),
     (["design", "READ", "--out", "."], "best/mine-01.toml"),
     (["zwidth", "wall.toml", "--set", "measured.z_width=READ", "--out", "."], "zwidth.csv"),
-    (["simulate", "wall.toml", "--set", "simulate={input='record', record='READ'}", "--out", "."], "simulate.csv"),
     (["report", "READ", "--out", "MADE"], "mine.html"),
     (["export", "READ", "--to", "c", "--out", "."], "controller.h"),
     (["check", "READ", "--plot", "--out", "MADE"], "mine.png"),
