@@ -11,7 +11,8 @@ from scipy.linalg import expm
 
 @dataclass(frozen=True)
 class Program:
-    """A wall at the slow rate: direct coupling, or waves behind a first-order low-pass; explicit integration, SI units."""
+    """A wall at the slow rate: direct coupling, or waves behind a first-order low-pass or the mean of a frame; explicit
+    integration, SI units."""
 
     waves: bool
     ratio: int
@@ -25,6 +26,7 @@ class Program:
     b: float = 10.0
     cutoff_hz: float = 10.0
     Kp: float = 0.0
+    mean: bool = False
 
     @property
     def tables(self):
@@ -42,8 +44,10 @@ class Program:
                 "integration": "explicit",
                 "delay": self.delay,
             },
-            "controller": {"kind": "pmw", "b": self.b, "Kp": self.Kp} if self.waves else {"kind": "dc-slow"},
-            "filters": {"lp1": {"order": 1, "cutoff_hz": self.cutoff_hz}} if self.waves else {},
+            "controller": {"kind": "pmw-mean" if self.mean else "pmw", "b": self.b, "Kp": self.Kp}
+            if self.waves
+            else {"kind": "dc-slow"},
+            "filters": {"lp1": {"order": 1, "cutoff_hz": self.cutoff_hz}} if self.waves and not self.mean else {},
         }
 
     def moved(self, state, lengths):
@@ -61,8 +65,11 @@ class Program:
                 out = np.sqrt(2 * self.b) * speed - wave
                 w = np.tan(np.pi * self.cutoff_hz * self.tick)
                 filtered = (w * out + low) / (1 + w)  # trapezium: y (1 + w) = w u + state
-                low = w * out + (1 - w) / (1 + w) * (w * out + low)
-                low = filtered * (1 - w) + w * out
+                if self.mean:
+                    filtered = (low + out) / self.ratio
+                    low = low + out if phase else 0 * out
+                else:
+                    low = filtered * (1 - w) + w * out
                 if phase == 0:
                     rate = (np.sqrt(2 * self.b) * filtered - self.K * x_s) / (self.b + self.B)
                     pull = self.K * x_s + self.B * rate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.late_ticks.march import Program
-from wavesweep.late_ticks.bracket import Search, bracket
+from wavesweep.late_ticks.bracket import Search, bracket, started
 from wavesweep.late_ticks.patterns import growing, word_of
 from wavesweep.late_ticks.tick_curves import late_ticks
 from wavesweep.program.spec import load
@@ -135,3 +135,26 @@ def test_nothing_is_reached_whose_norms_no_checker_confirms(monkeypatch):
     monkeypatch.setattr(Search, "proved", lambda _, *ends: len(ends) == 1)
     found = bracket(ticks_of(WALL_AT_ONE_RATE.tables, (1e-3, 1.2e-3)), (0.0, 1000.0))
     assert (found.below.reached, found.above.reached) == (300.0, 300.0)
+
+
+def test_norms_are_found_on_a_finer_graph_where_a_proof_fails_on_the_coarse_one():
+    loop = Program(True, 1, 1, 0.3, 2.76, 20.0, 1.0, difference=True, Kp=17.2)
+    interval = 1e-3, 1.5e-3
+    ticks_with = ticks_of(loop.tables, interval)
+    search, _ = started(ticks_with, loop.K)
+    assert search.remembered == 1
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        assert loop.growth(rng.choice(interval, 3 * loop.ratio))[0] < 1 + ON
+
+
+def test_what_changes_twice_in_a_turn_of_a_slow_mode_makes_it_grow():
+    """Frames repeated for ever grow by less than 0.1 %, and half a turn, which is 21 frames, by 1.4 % a frame."""
+    loop = Program(True, 2, 2, 0.1, 1.0, 1000.0, 0.0, difference=False, b=5.0, mean=True)
+    ticks = ticks_of(loop.tables, (0.5e-3, 1e-3))(1)
+    rate, pattern = growing(ticks, loop.K)
+    marched = loop.growth(ticks.lengths[list(pattern)])
+    assert np.isclose(marched[0], rate ** (len(pattern) / loop.ratio), rtol=1e-6)
+    assert rate > 1.01
+    for frame in ([0, 0], [0, -1], [-1, 0], [-1, -1]):
+        assert loop.growth(ticks.lengths[frame])[0] < 1.001

@@ -33,10 +33,11 @@ GRAPHS = ((1, 0), (2, 1), (4, 1))
 # of a number, or of the way that is left: stretches that are shorter are not tried
 LEAST_STEP = 1e-3
 OPERATIONS_OF_BRACKET = 4e9  # operations of searches for norms, for each side: some seconds
-# Steps with which a search for norms ends: shorter ones than both, the second of the way that is
-# left.
-SLOW, STALLED = 2e-3, 0.03
+# of the way that is left: a step with which a search for norms ends, if the one before was longer
+STALLED = 0.03
+BEFORE_STALL = 0.9  # of a width that is reached: where the search on a finer graph begins
 LEAST_FORM = 1e-3  # what Lyapunov functions lose in a tick, in units in which ticks are about 1
+STARTS = (0.3, 0.05, 0.6, 0.01, 0.15)  # shares of an interval, at which a proof begins
 
 TicksWith = Callable[[int], LateTicks]
 """The ticks of a loop, with their lengths in at least so many cells."""
@@ -101,48 +102,46 @@ class Search:
         symbol = np.searchsorted(self.ends, whole.symbol[kept])
         return offered("switched").Graph(whole.source[kept], symbol, whole.target[kept])
 
-    def at(self, x: float) -> np.ndarray:
-        """The matrices at the ends of cells."""
-        return self.ticks.family.at(x)[self.ends]
+    @cached_property
+    def place(self) -> np.ndarray:
+        """The place of each node."""
+        return np.arange(self.graph.nodes) * self.ticks.places // self.graph.nodes
 
-    def found(self, x: float) -> Any:
-        """Norms in which all ticks shrink at x, in doubles; None if none are found.
+    def at(self, x: float, width: float = 1.0) -> np.ndarray:
+        """The matrices at the ends of cells, `A + width (A_k - A)` with the mean A of those at a
+        place."""
+        A = self.ticks.by_place(self.ticks.family.at(x)[self.ends])
+        alike = A.mean(1, keepdims=True)
+        return (alike + width * (A - alike)).reshape(-1, *A.shape[-2:])
 
-        The search begins with ticks that are all alike, the mean A of those at a place, and with
-        their Lyapunov functions `P_i = e + A' P_j A`; the interval of lengths then opens, `A + w
-        (A_k - A)`.
-        """
+    def alike(self, x: float) -> Any:
+        """Norms for ticks that are all alike, the mean of those at a place: their Lyapunov
+        functions, `P_i = e + A' P_j A`. None if these ticks are not stable."""
         switched = offered("switched")
-        A = self.at(x)
-        places = self.ticks.places
-        n = A.shape[-1]
-        alike = A.reshape(places, -1, n, n).mean(1)
+        A = self.at(x, 0.0)
         units, inverse = switched.rough_basis(A)
-        forms = _periodic(inverse @ alike @ units)
+        forms = _periodic(inverse @ A[:: 2 * self.ticks.cells] @ units)
         if forms is None:
             return None
-        same = np.repeat(alike, len(A) // places, axis=0)
-        histories = self.graph.nodes // places
-        P = np.repeat(forms, histories, axis=0)
+        start = switched.Centre(forms[self.place], self.graph, units, inverse).rounded()
+        return switched.recentred(start, A, 8)
 
-        def opened(width):
-            return same + width * (A - same)
+    def opened(self, centre: Any, x: float, width: float) -> tuple[Any, float]:
+        """The norms of ticks that are less and less alike, from a width on, and the width at which
+        the search ends, 1 if it does not stall."""
+        step = 0.0
+        while width < 1 and centre.work < OPERATIONS_OF_BRACKET:
+            before = step, width
+            centre, width = offered("switched").advanced(
+                centre, lambda wider: self.at(x, wider), width, 1.0
+            )
+            centre = centre.rounded()
+            step = width - before[1]
+            if step < min(before[0] / 2, STALLED * (1 - width)) or not step:
+                break
+        return centre, width
 
-        try:
-            start = switched.Centre(P, self.graph, units, inverse).rounded()
-            centre = switched.recentred(start, same, 8)
-            width = 0.0
-            while width < 1 and centre.work < OPERATIONS_OF_BRACKET:
-                before = width
-                centre, width = switched.advanced(centre, opened, width, 1.0)
-                centre = centre.rounded()
-                if width - before < min(SLOW, STALLED * (1 - width)):
-                    return None
-        except np.linalg.LinAlgError:  # singular to rounding
-            return None
-        return centre if width == 1 else None
-
-    def refined(self, before: Search, centre: Any, x: float) -> Any:
+    def refined(self, before: Search, centre: Any, x: float, width: float = 1.0) -> Any:
         """The norms of a coarser graph on this one, near its own centre."""
         cells = before.ticks.cells
         finer = self.ticks.cells // cells
@@ -154,7 +153,7 @@ class Search:
                     node = node * cells + cell // finer
                 P.append(centre.P[node])
         lifted = replace(centre, P=np.array(P), graph=self.graph)
-        return offered("switched").recentred(lifted, self.at(x), 8)
+        return offered("switched").recentred(lifted, self.at(x, width), 8)
 
     def proved(self, *ends: tuple[float, Any]) -> bool:
         """Whether norms at one number, or those between the norms at two, are proved to be norms
@@ -195,6 +194,33 @@ class Search:
         return centre, x
 
 
+def started(ticks_with: TicksWith, x: float) -> tuple[Search, Any] | None:
+    """Return norms that are proved at x, with their search; None if none are found.
+
+    The search begins with ticks that are all alike; the interval of lengths then opens, on finer
+    graphs where it stalls.
+    """
+    search = None
+    centre, width = None, 0.0
+    try:
+        for cells, remembered in GRAPHS:
+            finer = Search(ticks_with(cells), remembered)
+            if search is None:
+                centre = finer.alike(x)
+            else:
+                width = BEFORE_STALL * width
+                centre = finer.refined(search, centre, x, width)
+            if centre is None:
+                return None
+            search = finer
+            centre, width = search.opened(centre, x, width)
+            if width == 1 and search.proved((x, centre)):
+                return search, centre
+    except np.linalg.LinAlgError:  # singular to rounding
+        return None
+    return None
+
+
 def _periodic(ticks: np.ndarray) -> np.ndarray | None:
     """Forms that each of some ticks in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
     loop is not stable."""
@@ -230,12 +256,7 @@ def decided(ticks_with: TicksWith) -> tuple[str, str]:
     rate, pattern = growing(ticks, 0.0)
     if rate >= 1 and offered("switched").is_refuted(ticks.at_ends, word_of(ticks, pattern), 0.0):
         return REFUTED, in_words(ticks, pattern)
-    for cells, remembered in GRAPHS:
-        search = Search(ticks_with(cells), remembered)
-        centre = search.found(0.0)
-        if centre is not None and search.proved((0.0, centre)):
-            return PROVED, ""
-    return UNKNOWN, ""
+    return (UNKNOWN if started(ticks_with, 0.0) is None else PROVED), ""
 
 
 def bracket(
@@ -243,22 +264,33 @@ def bracket(
     about: tuple[float, float],
     tolerance: float = 0.02,  # of an end: a distance that needs no finer graph
 ) -> Bracket | None:
-    """What is proved and refuted within an interval; None if no start of a proof is found.
+    """What is proved and refuted within an interval; None if no start of a proof is found, and
+    nothing is refuted. Without a start both ends are the least number that is refuted.
 
     ticks_with: along a number. about: an interval of that number.
     """
-    search = Search(ticks_with(1), 0)
+    ticks = ticks_with(1)
     low, high = about
-    for share in (0.3, 0.05, 0.6, 0.01):  # of an interval, where a proof begins
+    refuted = []
+    for share in STARTS:
         start = low + share * (high - low)
-        centre = search.found(start)
-        if centre is not None and search.proved((start, centre)):
+        rate, pattern = growing(ticks, start)
+        if rate >= 1:
+            if offered("switched").is_refuted(ticks.at_ends, word_of(ticks, pattern), start):
+                refuted.append(End(start, start, pattern, in_words(ticks, pattern)))
+            continue
+        found = started(ticks_with, start)
+        if found is not None:
+            search, centre = found
             above = _side(ticks_with, search, centre, start, high, tolerance)
             # Of the high end, from which on is proved what begins at 0.
             near = 1e-4 * above.reached if low == 0 else 0.0
             below = _side(ticks_with, search, centre, start, max(low, near), tolerance)
             return Bracket(below, above)
-    return None
+    if not refuted:
+        return None
+    least = min(refuted, key=lambda end: end.reached)
+    return Bracket(End(least.reached), least)
 
 
 def _side(ticks_with, search, centre, start, limit, tolerance) -> End:
@@ -271,7 +303,9 @@ def _side(ticks_with, search, centre, start, limit, tolerance) -> End:
     reached = start
     centre = replace(centre, work=0.0)
     for cells, remembered in GRAPHS:
-        if search.remembered != remembered or search.ticks.cells < cells:
+        if remembered < search.remembered:
+            continue
+        if remembered > search.remembered or cells > search.ticks.cells:
             finer = Search(ticks_with(cells), remembered)
             centre = finer.refined(search, centre, reached)
             search = finer

@@ -7,12 +7,13 @@ eigenvalue z and the vectors x and y of that,
     dz = y' Q dA P x.
 
 All ticks of a pattern are set to the lengths that this wants, again and again, until none changes.
+Patterns are as long as a few frames, or as half a turn of a slow mode: what changes twice in a turn
+feeds an oscillation most (parametric resonance).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from wavesweep.late_ticks.tick_curves import LateTicks
 from wavesweep.program.tables.refuters import repeated
 
 FRAMES = (1, 2, 3)  # in a pattern
+MOST_TICKS = 400  # in a pattern of several frames
 # of these that change every tick that they would; later ones half as many each
 CLIMBS_OF_ALL_TICKS = 4
 SAME_EIGENVALUE = 1e-13  # of an eigenvalue: a change that is none
@@ -34,13 +36,14 @@ def growing(ticks: LateTicks, x: float, known: Sequence[Pattern] = ()) -> tuple[
 
     known: patterns to begin with beside all short, all long, and waves of short and long ticks.
     """
-    A = ticks.at_ends.at(x).reshape(ticks.places, len(ticks.lengths), *_square(ticks))
+    A = ticks.by_place(ticks.at_ends.at(x))
     best: tuple[float, Pattern] = (0.0, ())
-    for frames in FRAMES:
+    for frames in sorted({*FRAMES, *_half_turns(A)}):
         length = frames * ticks.places
-        if length > 600 and frames > 1:  # ticks of a pattern
+        if length > MOST_TICKS and frames > 1:
             break
-        starts = [_waves(frames, length, len(ticks.lengths))]
+        waves = 3 * frames if frames in FRAMES else 1
+        starts = [_waves(waves, length, len(ticks.lengths))]
         starts += [np.array([pattern]) for pattern in known if len(pattern) == length]
         rate, pattern = _climbed(A, np.concatenate(starts))
         if rate > best[0] * (1 + SAME_EIGENVALUE):
@@ -118,8 +121,16 @@ def _shortest(pattern, places):
     return pattern
 
 
-def _square(ticks: LateTicks) -> Any:
-    return (len(ticks.at_ends.kept),) * 2
+def _half_turns(A):
+    """The frames of half a turn of the two slowest modes that oscillate, of ticks that are all
+    alike."""
+    frame = np.eye(A.shape[-1])
+    for tick in A.mean(1):
+        frame = tick @ frame
+    z = np.linalg.eigvals(frame)
+    turning = z[z.imag > 0]
+    slowest = turning[np.argsort(-np.abs(turning))[:2]]
+    return [max(1, round(np.pi / angle)) for angle in np.angle(slowest).tolist()]
 
 
 def _growth(ticks, x, word):
@@ -133,13 +144,13 @@ def _growth(ticks, x, word):
     return float(np.abs(np.linalg.eigvals(product)).max())
 
 
-def _waves(frames, length, lengths):
-    """Patterns that a climb begins with, `(patterns, length)`."""
+def _waves(most, length, lengths):
+    """Patterns that a climb begins with, `(patterns, length)`; most: waves in a pattern."""
     last = lengths - 1
     patterns = [np.full(length, each) for each in range(lengths)]
     ticks = np.arange(length)
     patterns.append(last * (ticks % 2))
-    for waves in range(1, 3 * frames + 1):  # waves in a pattern that a climb begins with, at most
+    for waves in range(1, most + 1):
         for phase in (0.0, 0.25, 0.5, 0.75):
             high = np.cos(2 * np.pi * (waves * ticks / length + phase)) > 0
             patterns.append(np.where(high, last, 0))
@@ -189,7 +200,7 @@ def _climbed(A, patterns):
 def _gains(at_place, chosen, before, vectors, z, largest):
     """What each tick of each pattern does to its largest eigenvalue with each length, relative
     to that, `(patterns, ticks, lengths)`."""
-    length, lengths = at_place.shape[:2]
+    length = len(at_place)
     own = np.arange(len(z))
     x = vectors[own, :, largest]
     at = z[own, largest]
@@ -198,10 +209,11 @@ def _gains(at_place, chosen, before, vectors, z, largest):
             inverse = np.linalg.inv(vectors)
         except np.linalg.LinAlgError:
             inverse = np.linalg.pinv(vectors)
-        y = inverse[own, largest]
-        gains = np.empty((len(z), length, lengths))
-        for k in range(length - 1, -1, -1):
-            state = np.einsum("pij,pj->pi", before[k], x)
-            gains[:, k] = np.real(np.einsum("pi,lij,pj->pl", y, at_place[k], state) / at[:, None])
-            y = np.einsum("pi,pij->pj", y, chosen[k])
+        states = before[:-1] @ x[..., None]
+        left = np.empty((length, *x.shape), complex)
+        left[-1] = inverse[own, largest]
+        for k in range(length - 1, 0, -1):
+            left[k - 1] = (left[k][:, None] @ chosen[k])[:, 0]
+        moved = at_place @ states[..., 0].mT[:, None]
+        gains = np.real((left.mT[:, None] * moved).sum(2) / at).transpose(2, 0, 1)
     return np.nan_to_num(gains)

@@ -96,12 +96,13 @@ def records_for_ticks(
         if found is not None:
             on_time = f"ticks of {1e3 / float(loop.rate):.6g} ms"
             rows.append(_row(found, about, span, on_time if own["certified"] else ""))
-    return switched.recorded(
-        [row for row in rows if row.low < row.high],
-        certified,
-        agreed=True,
-        none=not nominal["intervals"].any(),
-    )
+    proved = [row for row in rows if row.low < row.high]
+    nowhere = not nominal["intervals"].any()
+    records = switched.recorded(proved, certified, agreed=True, none=nowhere)
+    if rows and not proved:  # the least number that is refuted
+        records["fails_from"] = rows[0].part.high
+        records["counterexample"] = rows[0].text
+    return records
 
 
 def _row(found: Bracket, about, span, on_time: str):

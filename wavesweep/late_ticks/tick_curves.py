@@ -60,6 +60,10 @@ class LateTicks:
     places: int
     cells: int
 
+    def by_place(self, A: np.ndarray) -> np.ndarray:
+        """Return matrices of all symbols, `(..., symbols, n, n)`, as `(..., places, ticks, n, n)`."""
+        return A.reshape(*A.shape[:-3], self.places, -1, *A.shape[-2:])
+
     @property
     def points(self) -> int:
         """The number of control points at each place."""
