@@ -154,7 +154,8 @@ def with_ports(random, case: Case) -> Case:
         return case
     tables = deepcopy(case.tables)
     tables["wire"]["arm.f"] += " + 3*ref"
-    tables["ports"] |= {"inputs": {"command": "ref"}, "outputs": {"seen": {"signal": "0.5*arm.x + 0.02*arm.v", "unit": "m"}}}
+    own = {"inputs": {"command": "ref"}, "outputs": {"seen": {"signal": "0.5*arm.x + 0.02*arm.v", "unit": "m"}}}
+    tables["ports"] |= {name: tables["ports"].get(name, {}) | more for name, more in own.items()}
     return Case(tables, case.along, case.span, case.drift, {})
 
 
@@ -248,7 +249,7 @@ def of_response(random, case: Case, stable, ticks: int) -> dict:
         drawn = {name for name, block in blocks.items() if block["type"] not in case.tables.get("type", {})}
         names = [name for name in machines[0].schedule.shown if name.rpartition(".")[0] in drawn and " " not in name]
         sources = [ports["hand"]["force"]]
-    if "inputs" in ports:
+    if "command" in ports.get("inputs", {}):
         sources.append("command")
         names.append("seen")
     table: dict = {"from": sources[int(random.integers(len(sources)))], "to": names[int(random.integers(len(names)))]}
