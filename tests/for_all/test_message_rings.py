@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.networks import growth, random_messages, random_network, spec_of
+from support.networks import back, growth, random_messages, random_network, spec_of
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
@@ -10,7 +10,7 @@ from wavesweep.for_all import patterns
 from wavesweep.for_all.channel_families import channels_of
 from wavesweep.for_all.message_patterns import messages_of, realised
 from wavesweep.for_all.message_rings import ring_of_messages
-from wavesweep.for_all.ring_search import bracket_ring
+from wavesweep.for_all.ring_search import bracket_ring, decide_ring
 from wavesweep.program.spec import load
 
 
@@ -40,20 +40,46 @@ def test_what_is_held_grows_as_its_messages_do(seed):
         assert patterns.growth(found.at(K), word) == pytest.approx(growth(loop, K, list(messages.values())), rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_messages_do_what_is_held_is_looked_at(seed):
+    """And what is looked at can be held."""
+    source = np.random.default_rng(2000 + seed)
+    loop = random_network(source) | {"delays": [0, 0], "control": 1}
+    found, seen = ring(spec_of(loop)), set()
+    for _ in range(300):
+        messages = random_messages(loop, source)
+        for k in range(found.period * (6 + len(messages[0]))):
+            held = zip(loop["channels"], messages, strict=True)
+            seen |= {(k % found.period, at, back(channel, late, k)[0]) for at, (channel, late) in enumerate(held)}
+    assert seen == {(symbol.tick, at, each) for symbol in found.symbols for at, each in enumerate(symbol.back)}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0])
-def test_what_is_proved_survives_messages_and_what_refutes_grows(seed):
+@pytest.mark.parametrize(("seed", "K"), [(0, 100.0), (1, 20000.0)])
+def test_what_is_proved_survives_messages_and_what_refutes_grows(seed, K):
     source = np.random.default_rng(1000 + seed)
     loop = random_network(source)
+    decision = decide_ring(found := ring(spec_of(loop)), K)
+    assert decision.verdict == ("proved" if K == 100 else "refuted")
+    if decision.word:
+        assert growth(loop, K, list(messages_of(found, decision.word).values())) >= 1 - 1e-9
+    else:
+        assert all(growth(loop, K, random_messages(loop, source)) < 1 for _ in range(60))
+
+
+@pytest.mark.slow
+def test_an_interval_over_a_network():
+    """A message each 4 ticks, up to 7 late both ways."""
+    channel = {"every": 4, "phase": 0, "late": 7, "lost": 0}
+    loop = {"channels": [channel, channel], "delays": [0, 2], "control": 2}
     found = ring(spec_of(loop))
     proof = bracket_ring(found, (0.0, 20000.0))
-    for K in (proof.low, proof.high, (proof.low + proof.high) / 2) if proof else ():
-        for _ in range(30):
-            assert growth(loop, K, random_messages(loop, source)) < 1
-    if proof and proof.words[1]:
-        messages = messages_of(found, proof.words[1])
-        assert growth(loop, proof.fails_from, list(messages.values())) >= 1 - 1e-9
-        assert proof.high < proof.fails_from
+    assert proof.low == 0
+    assert 5000 < proof.high < proof.fails_from < 20000
+    source = np.random.default_rng(2)
+    assert all(growth(loop, proof.high, random_messages(loop, source)) < 1 for _ in range(60))
+    messages = messages_of(found, proof.words[1])
+    assert growth(loop, proof.fails_from, list(messages.values())) >= 1 - 1e-9
 
 
 def test_two_free_arms_drift_together_and_no_message_holds_them_back():

@@ -63,6 +63,16 @@ def random_messages(loop, source):
     return patterns
 
 
+def back(channel, late, k):
+    """How many messages back the one is that a receiver holds in tick k, and the number of the last one that is sent."""
+    last = (k - channel["phase"]) // channel["every"]
+    for n in range(last, last - 1000, -1):
+        wait = late[n % len(late)]
+        if wait is not None and channel["phase"] + n * channel["every"] + wait <= k:
+            return last - n, last
+    raise AssertionError(late)
+
+
 def growth(loop, K, messages, drifts=0):
     """The spectral radius of a pattern of messages that is repeated for ever, without so many eigenvalues next to 1."""
     held = []
@@ -80,15 +90,10 @@ def growth(loop, K, messages, drifts=0):
     for k in range(int(period)):
         shown = []
         for at, (channel, late) in enumerate(zip(loop["channels"], messages, strict=True)):
-            last = (k - channel["phase"]) // channel["every"]
+            older, last = back(channel, late, k)
             if (k - channel["phase"]) % channel["every"] == 0:
                 sent[at][last] = (master, slave)[at][0]
-            come = []
-            for n in range(last - kept[at] + 1, last + 1):
-                wait = late[n % len(late)]
-                if wait is not None and channel["phase"] + n * channel["every"] + wait <= k:
-                    come.append(n)
-            value = sent[at][max(come)]
+            value = sent[at][last - older]
             lines[at] = [value, *lines[at]]
             shown.append(lines[at].pop())
         if k % loop["control"] == 0:

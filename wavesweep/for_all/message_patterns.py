@@ -68,12 +68,10 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[flo
     at = limit
     best: tuple[float, Word] = (np.nan, ())
     # Of the way to a refuted number, how far before it others are looked for.
-    for back in (0.0, 0.3, 0.1, 0.03, 0.01):
-        # Beyond the first ones patterns that grow are changed, and no others are looked for.
-        periods = PERIODS if back in (0.0, 0.1) else ()
+    for back in (0.0, 0.1, 0.03, 0.01):
         for _ in range(8):
             x = at + back * (start - at)
-            rate, word = growing_pattern(family, x, (best[1],) if best[1] else (), periods)
+            rate, word = growing_pattern(family, x, (best[1],) if best[1] else ())
             if rate < 1:
                 break
             begins = crossing(family, word, start, x)

@@ -35,7 +35,7 @@ from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.plan import TWO_VALUES
 
-MOST_WORDS = 100  # of whole messages: norms of more take longer than those of a ring
+MOST_WORDS = 50  # of whole messages: beyond it the norms of a ring are found ten times sooner
 MOST_HELD = 3000  # matrices of a ring: beyond it a step of a search takes minutes
 
 

@@ -28,7 +28,8 @@ from wavesweep.for_all.patterns import is_refuted
 LEAST_FORM = 1e-3  # what Lyapunov functions lose at a place, in units in which states are about 1
 
 SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
-WORK = 6e10  # operations of a search for norms, or of a proof on one side: about 20 s
+WORK = 1e11  # operations of a search for norms, or of a proof on one side: some 40 s
+STEPS = 40  # of Newton's, which a search takes at least
 # Of an interval, how far within it a loop is taken to be stable while patterns are searched.
 START = 1e-3
 
@@ -74,6 +75,10 @@ class RingSearch:
         same = _means(self.family, A)[self.graph.source]
         one = np.eye(A.shape[-1])
         P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
+        forms = len(one) * (len(one) + 1) / 2
+        band = min(3, self.graph.nodes) * forms  # of a ring: see `Graph.along`
+        if self.graph.nodes * forms * band**2 / 3 > work / STEPS:
+            return None
         try:
             centre = recentred(Centre(P, self.graph, one, one), same, 60)
             width = 0.0
@@ -117,7 +122,7 @@ class RingSearch:
                 except np.linalg.LinAlgError:  # singular to rounding
                     return x
                 # Of a number, or of the whole way: shorter steps end a proof.
-                if abs(at - x) < 1e-3 * min(whole, max(abs(x), 1e-3 * whole)):
+                if abs(at - x) < 5e-3 * min(whole, max(abs(x), 1e-3 * whole)):
                     return x
                 if self.proved((x, centre), (at, ahead)):
                     step = ahead, at
