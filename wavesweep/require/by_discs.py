@@ -9,7 +9,6 @@ import numpy as np
 from wavesweep.engine.frames import blocks_of, level, pole_inside
 from wavesweep.engine.intervals import END_ROUNDING, SHARE_OF_SPAN, Intervals
 from wavesweep.require.disc_panels import (
-    FIRST_PANELS,
     HALF_RIM,
     OPEN,
     SAFE,
@@ -94,7 +93,7 @@ class _LoopsInDiscs:
     def many(self) -> int:
         """Panels of a column that may be open, fewer of large matrices."""
         # Panels of a column that may be open, and entries of their matrices.
-        return min(1024, max(FIRST_PANELS, 50_000 // self.order**2))
+        return min(1024, max(16, 50_000 // self.order**2))
 
     @property
     def smooth(self) -> bool:

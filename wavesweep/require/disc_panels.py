@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 
-FIRST_PANELS = 16  # of a column to begin with
+FIRST_PANELS = 2  # of a column to begin with, as of one of many pieces along a dead time
 # of a disc; its lower half is the conjugate
 HALF_RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)
 NARROW_PANEL = 16  # see Accuracy
