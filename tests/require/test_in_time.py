@@ -266,18 +266,32 @@ def test_what_has_no_value_is_refused(changes, require, said):
         loop.stable_intervals(require={require: {**ENDS, "at_most": 0.1}})
 
 
-@pytest.mark.asks("check")
+def step_through_lag(gain, ticks):
+    """The largest place of an integrator behind a lag that rings by itself, under a step."""
+    place = most = 0.0
+    pushed = [0.0, 0.0]
+    lagged = [0.0, 0.0]
+    for _ in range(ticks):
+        lagged.append(1.2 * lagged[-1] - 0.61 * lagged[-2] + 0.41 * pushed[-2])
+        pushed.append(gain * (1 - place))
+        place += T * lagged[-1]
+        most = max(most, place)
+    return most
+
+
 @pytest.mark.slow
-def test_a_range_in_which_the_loop_comes_to_rest_too_slowly_is_left_open():
-    """A design beside it is known."""
-    sweep = {"along": "K", "K": {"start": 0, "stop": 150}, "require": {"overshoot": {**ENDS, "at_most": 0.3}}}
-    tables = INTEGRATOR | {"sweep": sweep}
-    (question,) = wavesweep.verdict(tables)["questions"]
-    assert question["status"] == "certified"
-    (row,) = wavesweep.stability_region(tables).itertuples()
-    assert (row.certified, row.doubt, row.open_places) == (False, "search", 1)
-    assert 0 < row.low < 0.02
-    assert row.high == pytest.approx(130, rel=1e-8)
+def test_no_overshoot_is_certified_down_to_the_slowest_mode():
+    """From a gain of 0 on, of an integrator by itself, and behind a lag, whose end is that of a march."""
+    require = {"overshoot": {**ENDS, "at_most": 0.05}}
+    (row,) = wavesweep.compile(INTEGRATOR).stable_intervals("K", (0, 150), require=require).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    assert row.high == pytest.approx(105, rel=1e-8)
+    lag = {"type": "tf", "num": [0.41], "den": [1, -1.2, 0.61], "discrete": True}
+    blocks = {"p": INTEGRATOR["block"]["p"], "c": lag}
+    loop = wavesweep.compile(INTEGRATOR | {"block": blocks})
+    (row,) = loop.stable_intervals("K", (0, 150), require=require).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    assert step_through_lag(row.high * (1 - 1e-6), 3000) <= 1.05 < step_through_lag(row.high * (1 + 1e-6), 3000)
 
 
 def test_a_product_of_matrices_with_large_errors_holds_its_corners():

@@ -19,6 +19,15 @@ The first S blocks of frames are summed. With u the largest state of these, entr
 In the middle, errors of the matrices and rounding are as if each block had added at most e to the
 states, which moves no sample by more than `sum_k |O A^k| e`; those of later blocks are as above with
 `|A^S| e` in place of that of states. These bounds are computed to first order.
+
+A step may come to rest by a slow mode, near 1 + w in all of a panel, -1 < w < 0, long after all others
+are gone. Of the samples y_k of a tick, `d_k = (y_(k+1) - (1 + w) y_k)/(-w)` hardly has that mode, and
+
+    y_(k+1) = (1 + w) y_k - w d_k
+
+is between y_k and d_k: if y_S and all d_k from there on are at most a level, so are all y_k. With u not
+less than `|A^S| u` and the states after S frames, every later state after a multiple of S frames is at
+most u, and so is d_k at most `max_(k < S) |O (A - 1 - w) A^k| u/(-w)`.
 """
 
 from __future__ import annotations
@@ -28,7 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.frames import Bounded, sum_rounding
+from wavesweep.engine.frames import Bounded, inverse, sum_rounding
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
 
@@ -329,6 +338,102 @@ class _Step:
         return values[np.arange(len(values)), place], UNSURE[place], known
 
 
+class _SlowMode(NamedTuple):
+    """The slowest mode of loops, where it is real and far from the others: its eigenvalue less 1, its left and right
+    vector, `(panels, points, ...)`, and the frames after which the others are gone beside
+    what it changes in one."""
+
+    w: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    frames: np.ndarray
+
+    @staticmethod
+    def of(E: np.ndarray) -> tuple[np.ndarray, _SlowMode]:
+        """Return the panels with one, and theirs.
+
+        On the rim it alone is within a circle about 0. It is so in all of the disc if no eigenvalue is on the circle
+        there, and if `det(r - E)` does not wind about 0 along the rim, there is none.
+        """
+        n = E.shape[-1]
+        w, V = np.linalg.eig(np.where(np.isfinite(E), E, 0.0))
+        order = np.abs(w).argsort(-1)
+        w, V = np.take_along_axis(w, order, -1), np.take_along_axis(V, order[..., None, :], -1)
+        radius = SAFE * np.abs(w[..., 0]).max(-1)
+        fading = np.abs(1 + w[:, 0, 1:]).max(-1, initial=0.0)
+        there = (w[:, 0, 0].real < 0) & (fading < 1)
+        there &= SAFE * radius < np.abs(w[..., 1:]).min((1, 2), initial=1.0)
+        there &= ~poles_inside(determinants(radius[:, None, None, None] * np.eye(n) - E)[..., None])
+        frames = np.log(1e-2 * np.abs(w[:, 0, 0])) / np.log(np.maximum(fading, 1e-6))
+        mode = _SlowMode(w[..., 0], inverse(V)[..., 0, :], V[..., 0], np.clip(frames, 1, 1024))
+        there = np.flatnonzero(there)
+        return there, _SlowMode(*(part[there] for part in mode))
+
+
+def _with_slow_mode(E: Bounded, O: Bounded, start: Bounded, seen, mode: _SlowMode) -> Enclosed:
+    """The same as `_over_blocks`, where a slow mode is the last."""
+    n = E.value.shape[-1]
+    # The mode is the first state; the others are those of the loop, without their part in it.
+    lead = np.abs(mode.left * mode.right)[:, 0].argmax(-1)[:, None]
+    others = np.argsort(np.arange(n) == lead, axis=-1, kind="stable")[:, :-1]
+    right, left = (
+        part / np.take_along_axis(part, lead[:, None], -1) for part in (mode.right, mode.left)
+    )
+    at = np.arange(len(lead))[:, None]
+    units = np.zeros(E.value.shape, complex)
+    units[..., 0] = right
+    units[at, :, others, np.arange(1, n)] = 1.0
+    units[at, :, lead, np.arange(1, n)] = -np.take_along_axis(left, others[:, None], -1).mT
+    units = Bounded.exact(units)
+    back = units.inverse()
+    whole = E
+    E = back @ E @ units
+    O = O @ units
+    w = mode.w[..., None, None]
+    filtered = (O @ (E + Bounded.exact(-w * np.eye(n)))).over(Bounded.exact(-w))
+    X, dX = back @ start
+    of_O, of_filtered = (each.part(slice(None), 0).with_rounding(n) for each in (O, filtered))
+    # what w may be off in the middle, to first order
+    of_w = (
+        np.abs(left[:, :1])
+        @ whole.part(slice(None), 0).with_rounding(n + 2)
+        @ np.abs(right[:, 0, :, None])
+    )
+    of_w = of_w / np.abs((left * right)[:, 0].sum(-1))[:, None, None]
+    of_filtered = of_filtered + np.abs((O @ E).value[:, 0]) * of_w / np.abs(w[:, 0]) ** 2
+    rough = E.part(slice(None), 0).with_rounding(n + 2) + sum_rounding(n + 2) * np.eye(n)
+    E, O, filtered = (each.value for each in (E, O, filtered))
+
+    # Frames until the others are gone, of the slowest of these.
+    frames = int(mode.frames.max())
+    power = np.zeros_like(E)  # A^k - 1
+    largest = np.zeros((len(E), n))
+    most = np.zeros((len(E), n, n))  # of |A^k|
+    summed = most
+    shown = np.zeros(O[:, 0].shape)
+    for _ in range(frames):
+        seen.look(O @ X)
+        largest = np.maximum(largest, np.abs(X[:, 0]).max(-1))
+        grown = power + np.eye(n)
+        size = _largest_on(grown)
+        most = np.maximum(most, size)
+        summed = summed + size
+        shown = np.maximum(shown, _largest_on(filtered @ grown))
+        X = X + E @ X
+        power = power + E + E @ power
+    of_all = _largest_on(power + np.eye(n))
+    pushed = summed @ (rough @ largest[..., None])
+    begun = dX[:, 0].max(-1, keepdims=True)
+    u = _largest_on(X).max(-1, keepdims=True) + of_all @ begun + pushed
+    of_all = of_all + summed @ rough
+    for _ in range(30):
+        u = np.maximum(u, of_all @ u * (1 + 1e-3))
+    holds = (of_all @ u <= u).all((1, 2))
+    later = shown @ u + _largest_on(filtered) @ (summed @ (rough @ u)) + of_filtered @ u
+    off = (of_O @ largest[..., None] + np.abs(O[:, 0]) @ (most @ begun + pushed))[..., 0]
+    return seen.value(_Rest(np.where(holds[:, None], later[..., 0], np.nan), off, off))
+
+
 def step(
     maps: Sequence[Bounded], level: float | None = None, *, settling: bool = False
 ) -> Enclosed:
@@ -350,6 +455,29 @@ def step(
         regular = ~poles_inside(determinants(E.value)[..., None])
         starts = G @ begun - end
         ends = O @ end + T @ ones
-        seen = _Step(T, steps, ends.part(..., 0), settling=settling)
-        seen.known &= regular
-        return _over_blocks(E, O, starts, seen, level)
+        ends = ends.part(..., 0)
+
+        def found(method, at, *more):
+            seen = _Step(T.part(at), steps, ends.part(at), settling=settling)
+            seen.known &= regular[at]
+            return method(*(each.part(at) for each in (E, O, starts)), seen, *more)
+
+        open_ = np.ones(len(E.value), bool)
+        value = Enclosed.unknown(open_.size)
+        if level is not None and not settling:
+            there, mode = _SlowMode.of(E.value)
+            if there.size:
+                slowly = found(_with_slow_mode, there, mode)
+                value.low[there] = slowly.low.real
+                value.high[there] = slowly.high.real
+                # Where the others are gone before the mode changes, only narrower panels tell more.
+                open_[there] &= np.abs(mode.w[:, 0]) * mode.frames > 1
+        open_ = np.flatnonzero(open_ & ~value.decided(level))
+        if not open_.size:
+            return value
+        by_blocks = found(_over_blocks, open_, level)
+        slow = np.zeros(len(value.low), bool)
+        slow[open_] = by_blocks.slow
+        value.low[open_] = np.fmax(value.low[open_], by_blocks.low.real)
+        value.high[open_] = np.fmin(value.high[open_], by_blocks.high.real)
+        return value._replace(slow=slow, looked_at=by_blocks.looked_at)

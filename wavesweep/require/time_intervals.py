@@ -18,7 +18,7 @@ from wavesweep.require.between import Between, by_panel, needed, of_panels, typi
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
 from wavesweep.require.enclosed import ROWS_OF_BLOCK, Enclosed, mean_square, step
 from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, STEP_SETTLING, TimeBound
-from wavesweep.require.gain_intervals import END_EXACTNESS, attached
+from wavesweep.require.gain_intervals import END_EXACTNESS, attached, begun_at_low_end
 
 MOST_TICKS = 128  # of a frame
 WHOLE_TICKS = 1e-9  # of a time, by which it is no other number of ticks
@@ -57,7 +57,7 @@ def along_time(
     in which the loops may be stable.
 
     The arguments are those of `along_gain`. The omegas of ends are 0, with a minus: no mode is on
-    the circle there. Accuracy: ends to END_EXACTNESS; a value that comes to rest too slowly is in
+    the circle there. Accuracy: ends to END_EXACTNESS; a value that comes to rest too slowly, not by one real mode alone, is in
     doubt. Errors: UsageError if the signal moves without end, for a step that ends at 0, and for a
     frame of more than MOST_TICKS.
     """
@@ -70,8 +70,7 @@ def along_time(
     level = wanted.at_most * (1 + WHOLE_TICKS * wanted.is_time)
     columns = np.arange(size)
     about = loops, along, route, level, drift, needed(port.maps), ticks
-    begun = np.full(size, END_EXACTNESS)
-    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun)
+    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, np.full(size, END_EXACTNESS), slow=True)
 
     # Next to an end of stability discs have loops that grow: there nothing is looked for.
     low = stable.low + BESIDE_END * ends.of(stable.low, domain.width) * (stable.low > span[0])
@@ -83,6 +82,7 @@ def along_time(
             f"sweep.require.{measure}: expected a step that ends at another value than 0, found one "
             f"from {wanted.source} to {wanted.signal}; rms bounds what comes of it"
         )
+    ends = ends._replace(begun=begun_at_low_end(judge, span))
     found = along_panels([judge], np.ones(size, bool), domain, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
     return attached(found, stable, SHARE_OF_SPAN * domain.width)
