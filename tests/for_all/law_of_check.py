@@ -1,4 +1,5 @@
-"""Whether the rows of random sets of loops and `check` of single values agree: `python -m tests.for_all.law_of_check 300`."""
+"""Whether the rows of random sets of loops and `check` of single values agree: `python -m tests.for_all.law_of_check 300`,
+or from a seed on, `... 40 300`."""
 
 import sys
 
@@ -7,10 +8,23 @@ import numpy as np
 from wavesweep.capabilities import offered
 from wavesweep.contact.verdict import of_wall
 from wavesweep.for_all.rows import verdict
+from wavesweep.for_all.varying import Rules
+from wavesweep.late_ticks.rows import claim
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
-KINDS = ("list", "range", "box", "frames", "delays", "both", "lost", "contact", "contact of a list", "contact in frames")
+KINDS = (
+    *("list", "range", "box", "frames", "delays", "both", "lost", "contact", "contact of a list", "contact in frames"),
+    *(
+        "one value",
+        "three ranges",
+        "chances",
+        "late ticks",
+        "contact of one value",
+        "contact of waves",
+        "contact of a coupling",
+    ),
+)
 PLACES = (1.01e-3, 0.02, 0.2, 0.5, 0.8, 0.95, 0.985, 1.001, 1.02, 1.3)  # of what nothing refutes
 
 
@@ -18,9 +32,10 @@ def random_set(seed):
     """A spec with [for_all] of each kind in turn."""
     rng = np.random.default_rng(seed)
     kind = KINDS[seed % len(KINDS)]
+    controllers = {"contact in frames": "dc-slow", "contact of waves": "pmw", "contact of a coupling": "dc-vc"}
     ratio = int(rng.choice([4, 10, 20]))
     spec = {
-        "controller": {"kind": "dc-slow" if kind == "contact in frames" else str(rng.choice(["pmw", "dc-slow"])), "b": 12.0},
+        "controller": {"kind": str(rng.choice(["pmw", "dc-slow"])), "b": 12.0},
         "rates": {"ratio": ratio},
         "environment": {
             "integration": "explicit",
@@ -30,6 +45,7 @@ def random_set(seed):
         "device": {"velocity": "difference", "mass": float(rng.uniform(0.07, 0.2)), "damping": float(rng.uniform(0.8, 2))},
         "sweep": {"K_VE": {"start": 0, "stop": 20000}},
     }
+    spec["controller"]["kind"] = controllers.get(kind, spec["controller"]["kind"])
     mass = {"start": 0.07, "stop": 0.07 * float(rng.uniform(1.1, 2.5))}
     frames = {"values": sorted({ratio, ratio + int(rng.integers(1, 4)), 2 * ratio}), "varying": True}
     rules = {
@@ -42,26 +58,38 @@ def random_set(seed):
         "lost": {"lost": int(rng.integers(1, 3))},
         "contact": {"contact": True},
         "contact of a list": {"contact": True, "device.mass": [0.08, 0.15]},
-        "contact in frames": {"contact": True, "rates.ratio": frames},
+        "one value": {"device.mass": [0.11]},
+        "three ranges": {
+            "device.mass": mass,
+            "operator.stiffness": {"start": 0, "stop": 100},
+            "device.damping": {"start": 0.9, "stop": 1.1},
+        },
+        "chances": {"rates.ratio": frames | {"shares": [3, 1, 1][: len(frames["values"])]}},
+        "late ticks": {"tick": {"late": float(rng.uniform(1e-4, 1e-3))}},
+        "contact of one value": {"contact": True, "operator.stiffness": [100.0]},
     }
+    in_frames = {"contact": True, "rates.ratio": frames}
+    rules |= dict.fromkeys(("contact in frames", "contact of waves", "contact of a coupling"), in_frames)
     return spec, rules[kind]
 
 
-def answer(spec, *, contact):
-    """What `check` says of the spec's own wall."""
-    if contact:
+def answer(spec, kind):
+    """What `check` says of the spec's own wall, in the terms of a kind of rows."""
+    if kind == "contact":
         rules = offered("switched").Rules.of(spec) if spec.for_all else None
         return of_wall(spec, rules)["verdict"]
-    return verdict(spec)["verdict"]
+    if spec.tick:
+        return claim(spec).status.name.lower()
+    return verdict(spec, Rules.of(spec).on_average() if kind == "mean_square" else None)["verdict"]
 
 
 def broken(seed):
     """The values at which row and `check` differ, in words, and how many were asked."""
     tables, rules = random_set(seed)
     spec = load(tables | {"for_all": rules})
-    contact = bool(rules.get("contact"))
     columns = intervals(spec, jobs=1).columns
-    rows = np.flatnonzero(columns["guarantee"] == ("contact" if contact else "for_all"))
+    kind = next(kind for kind in ("contact", "mean_square", "for_all") if kind in columns["guarantee"])
+    rows = np.flatnonzero(columns["guarantee"] == kind)
     row = {name: column[rows[0]] for name, column in columns.items()}
     end = row["fails_from"] if row["fails_from"] > 0 else 20000.0
     faults = []
@@ -69,7 +97,7 @@ def broken(seed):
         x = place * float(end)
         if x > tables["sweep"]["K_VE"]["stop"]:
             continue
-        said = answer(load(tables | {"for_all": rules}, [f"environment.K_VE={x!r}"]), contact=contact)
+        said = answer(load(tables | {"for_all": rules}, [f"environment.K_VE={x!r}"]), kind)
         within = bool(((columns["low"][rows] <= x) & (x <= columns["high"][rows])).any())
         if said == "proved" and not within and place <= 0.99 and not row["left_open"]:
             faults.append(f"{x:.6g} ({place} of {end:.6g}) is proved by check, and in no row")
@@ -82,10 +110,10 @@ def broken(seed):
 
 def main():
     """Print the faults of so many sets; 1 if there are any."""
-    count = int(sys.argv[1])
+    first, count = map(int, ("0", *sys.argv[1:])[-2:])
     asked = 0
     wrong = 0
-    for seed in range(count):
+    for seed in range(first, first + count):
         faults, places = broken(seed)
         asked += places
         wrong += bool(faults)
