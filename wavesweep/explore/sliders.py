@@ -80,6 +80,8 @@ def _keys_read(spec):
 
 
 def _paths(spec):
+    # Of a filter that is given by the edges of its bands these, and not its order and cutoff, which
+    # follow from them.
     if spec.drawing:
         return [path for path in spec.names.numeric if path in spec.values]
     read = _keys_read(spec)

@@ -41,19 +41,19 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
     cells, n = A.rest.shape[:2]
     degree = A.exponents.sum(1)
     work = DOUBLINGS * (2 + SIZING + len(degree)) * n**3 + CALLS
-    found: list[tuple[Centre, np.ndarray] | None] = [None] * cells
+    forms_of_cells: list[tuple[Centre, np.ndarray] | None] = [None] * cells
     decaying, powers = _powers(A.terms[0])
     if not decaying.size:
-        return found, work
-    one = np.eye(n)
+        return forms_of_cells, work
+    identity = np.eye(n)
     back = [power.mT for power in powers]
     with np.errstate(all="ignore"):
         size = np.ones((decaying.size, n))
-        P = _summed(powers, one)
+        P = _summed(powers, identity)
         for _ in range(SIZING):
-            moments = _summed(back, size[..., None] ** 2 * one)
+            moments = _summed(back, size[..., None] ** 2 * identity)
             size = (_diagonal(moments) / _diagonal(P)) ** 0.25
-            P = _summed(powers, size[..., None] ** -2.0 * one)
+            P = _summed(powers, size[..., None] ** -2.0 * identity)
         to = cholesky_of_each(P).mT
         basis = np.linalg.inv(to)
         after = to @ A.terms[:, decaying] @ basis
@@ -70,10 +70,10 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
             forms[here] = _summed(powers, forms[here])
             moved[here] += forms[here] @ after[0]
     for at, cell in enumerate(decaying.tolist()):
-        own = forms[:, at : at + 1]
-        if np.isfinite(own).all():
-            found[cell] = Centre(own[0], ALONE, basis[at], to[at]), own[1:]
-    return found, work
+        series = forms[:, at : at + 1]
+        if np.isfinite(series).all():
+            forms_of_cells[cell] = Centre(series[0], ALONE, basis[at], to[at]), series[1:]
+    return forms_of_cells, work
 
 
 def _powers(M):

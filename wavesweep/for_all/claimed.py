@@ -33,7 +33,8 @@ def scope_of(spec: Spec, rules: Rules, cases: Sequence[Case]) -> Scope:
     if rules.vary and (not rules.messages or rules.for_all.changing):
         frames = _common([_frames(rules, case) for case in cases])
     boxes = [
-        ({each.path: (each.start, each.stop) for each in case.ranges}, case.fixed) for case in cases
+        ({unknown.path: (unknown.start, unknown.stop) for unknown in case.ranges}, case.fixed)
+        for case in cases
     ]
     paths = [axis.path for axis in rules.for_all.unknown]
     return Scope(ranges_of(paths, boxes), frames, messages)
@@ -42,38 +43,38 @@ def scope_of(spec: Spec, rules: Rules, cases: Sequence[Case]) -> Scope:
 def _messages(rules: Rules, case: Case) -> tuple[Messages, ...]:
     """What the messages of a case may do."""
     losses = rules.losses(case.values) if rules.at_random else {}
-    found = []
+    messages = []
     for channel in channels_of(rules.drawing, case.values):
         if channel.name in losses:
             chances = tuple(losses[channel.name].written().items())
-            found.append(Messages(channel.name, channel.late, 0, chances))
+            messages.append(Messages(channel.name, channel.late, 0, chances))
         else:
-            found.append(Messages(channel.name, channel.late, channel.lost))
-    return tuple(found)
+            messages.append(Messages(channel.name, channel.late, channel.lost))
+    return tuple(messages)
 
 
 def _frames(rules: Rules, case: Case) -> Frames:
     """The frames of the plan of a case."""
     symbols = rules.plan(case.values).symbols
-    lengths = frozenset(float(each.ticks) for each in symbols)
-    delays = frozenset(each.delay for each in symbols) - {None, LOST}
+    lengths = frozenset(float(symbol.ticks) for symbol in symbols)
+    delays = frozenset(symbol.delay for symbol in symbols) - {None, LOST}
     if rules.at_random:
         chances = Chances.of(rules.for_all)
         loss = max(row[-1] for row in chances.results)
         return Frames(Order.AT_RANDOM, lengths, delays, 0, loss, chances)
-    return Frames(Order.ANY, lengths, delays, max(each.lost for each in symbols))
+    return Frames(Order.ANY, lengths, delays, max(symbol.lost for symbol in symbols))
 
 
 def _common(frames: Sequence[Frames]) -> Frames:
     """The frames that several plans have in common."""
-    first, *others = frames
-    for each in others:
-        first = Frames(
-            first.order,
-            first.lengths & each.lengths,
-            first.delays & each.delays,
-            min(first.lost, each.lost),
-            first.loss,
-            first.chances,
+    shared, *further = frames
+    for plan in further:
+        shared = Frames(
+            shared.order,
+            shared.lengths & plan.lengths,
+            shared.delays & plan.delays,
+            min(shared.lost, plan.lost),
+            shared.loss,
+            shared.chances,
         )
-    return first
+    return shared

@@ -103,7 +103,7 @@ class FramesOver:
 
     def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
         """What encloses the frames in boxes; see `Frames`."""
-        found: list[Enclosed | int] = [0] * len(boxes)
+        enclosed: list[Enclosed | int] = [0] * len(boxes)
         left = np.arange(len(boxes))
         while left.size:
             try:
@@ -116,7 +116,7 @@ class FramesOver:
                 unbounded = np.broadcast_to(error.cells, left.shape)
                 numbers = np.broadcast_to(error.number, left.shape)
                 for i, number in zip(left[unbounded], numbers[unbounded], strict=True):
-                    found[i] = self._side_of(boxes[i], int(number))
+                    enclosed[i] = self._side_of(boxes[i], int(number))
                 left = left[~unbounded]
                 continue
             frames = frames.in_cells((len(self.symbols), left.size))
@@ -124,9 +124,9 @@ class FramesOver:
             for at, i in enumerate(left.tolist()):
                 terms, rest = frames.terms[:, :, at], frames.rest[:, at]
                 matrices = Polynomials(terms, rest, frames.numbers, frames.order)
-                found[i] = Enclosed(boxes[i], matrices, due[at])
+                enclosed[i] = Enclosed(boxes[i], matrices, due[at])
             break
-        return found
+        return enclosed
 
     def _due(self, cells):
         """How much of what is left out of blocks and gains is due to each of the wide sides,
@@ -154,11 +154,11 @@ class FramesOver:
     def _maps(self, cells):
         """The maps of all kinds of ticks without drift, `(kinds, cells, n, n)`."""
         changes = []
-        known = {}
+        blocks = {}
         for loop, places in groupby(self.ticks, lambda pair: pair[0]):
-            model = loop.over(cells, known)
-            for _, each in places:
-                changes.append(model.tick(each.loop, each.place, each.held, each.exact))
+            model = loop.over(cells, blocks)
+            for _, tick in places:
+                changes.append(model.tick(tick.loop, tick.place, tick.held, tick.exact))
         # "Every kind of tick is a Taylor model": those of all kinds as one.
         E = without_drift(_stacked(changes), self.drift, self.copies)
         return E + E.identity()
@@ -184,8 +184,8 @@ class FramesOver:
                 units.append(np.exp(total))
         n = len(units)
         inverses = [1 / unit for unit in units]
-        own = [[unit] for unit in units]
-        column = Polynomials.of_entries(own, (n, 1), frames.numbers, frames.order, (1,))
+        by_unit = [[unit] for unit in units]
+        column = Polynomials.of_entries(by_unit, (n, 1), frames.numbers, frames.order, (1,))
         row = Polynomials.of_entries([inverses], (1, n), frames.numbers, frames.order, (1,))
         ratio = column @ row
         return Polynomials(ratio.terms[:, None], ratio.rest[None], frames.numbers, frames.order)
@@ -200,13 +200,15 @@ class FramesOver:
             products.of(row)
         before = _stacked([products.of(row) for row in self.rows])
         frames = maps.of(list(self.samples)) @ before
-        whole = np.moveaxis(frames.whole, 1, 0)
+        # What a cell's frames do not forget has to be among the states that those of the first cells
+        # do not: the others are left out.
+        sizes = np.moveaxis(frames.whole, 1, 0)
         every = np.arange(self.states)
-        states = [set(alive((each > 0).any(0), every).tolist()) for each in whole]
+        not_forgotten = [set(alive((of_cell > 0).any(0), every).tolist()) for of_cell in sizes]
         if not self.kept:
-            self.kept.extend(sorted(set.union(*states)))
-        known = np.array([each <= set(self.kept) for each in states])
-        _below(frames).refuse(~(known & np.isfinite(whole).all((1, 2, 3))))
+            self.kept.extend(sorted(set.union(*not_forgotten)))
+        within_kept = np.array([states <= set(self.kept) for states in not_forgotten])
+        _below(frames).refuse(~(within_kept & np.isfinite(sizes).all((1, 2, 3))))
         return frames.at(self.kept, self.kept)
 
 
@@ -245,12 +247,12 @@ class _Products:
         if (kind, count) not in self.powers:
             tick = self.ticks.of(kind)
             if count == 1:
-                found = tick
+                product = tick
             elif count % 2:
-                found = tick @ self._power(kind, count - 1)
+                product = tick @ self._power(kind, count - 1)
             else:
-                found = self._power(kind, count // 2) @ self._power(kind, count // 2)
-            self.powers[kind, count] = found
+                product = self._power(kind, count // 2) @ self._power(kind, count // 2)
+            self.powers[kind, count] = product
         return self.powers[kind, count]
 
 
@@ -329,9 +331,9 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
             E = replace(to, rest=rounding) @ E @ replace(back, rest=rounding)
     remaining = list(drift.remaining)
     leads = list(drift.varying)
-    own = E.at(remaining, remaining)
+    E_RR = E.at(remaining, remaining)
     if not leads:
-        return own
+        return E_RR
     # "`E_R V = -E_S` of all ticks together".
     E_R = _below(E.at(range(n), remaining))
     E_S = _below(E.at(range(n), leads))
@@ -350,7 +352,7 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     minus_V = (J @ E_R).inverse() @ (J @ E_S)
     # `E_RR - V E_SR`, for the states counted from the rest.
     shift = Polynomials(minus_V.terms[:, None], minus_V.rest[None], E.numbers, E.order)
-    return own + shift @ E.at(leads, remaining)
+    return E_RR + shift @ E.at(leads, remaining)
 
 
 def _below(E):
@@ -363,8 +365,8 @@ def _below(E):
 
 def _stacked(models: Sequence[Polynomials]) -> Polynomials:
     """Matrices in a row, `(models, cells, n, n)`."""
-    cells = np.broadcast_shapes(*(each.rest.shape[:-2] for each in models))
-    models = [each.in_cells(cells) for each in models]
-    terms = np.stack([each.terms for each in models], 1)
-    rest = np.stack([each.rest for each in models])
+    cells = np.broadcast_shapes(*(model.rest.shape[:-2] for model in models))
+    models = [model.in_cells(cells) for model in models]
+    terms = np.stack([model.terms for model in models], 1)
+    rest = np.stack([model.rest for model in models])
     return Polynomials(terms, rest, models[0].numbers, models[0].order)

@@ -126,12 +126,12 @@ def build(request: Request) -> ForAll | None:
     _refuse_what_is_swept(request, axes)
     request.refuse_beyond_limits("for_all", axes)
     _refuse_what_others_follow_from(request, axes)
-    _refuse_frames_below_delays(request, [each.axis for each in numbers if not each.varies])
+    _refuse_frames_below_delays(request, [asked.axis for asked in numbers if not asked.varies])
     varying = frozenset(number.axis.path for number in numbers if number.varies)
-    found = _with_chances(request, ForAll(axes, varying, lost, loss=loss), numbers)
+    table = _with_chances(request, ForAll(axes, varying, lost, loss=loss), numbers)
     channels = request.drawing.channels if request.drawing else ()
     if axes or lost or loss or channels:
-        return found
+        return table
     return None
 
 
@@ -234,9 +234,9 @@ def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> N
 def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
     """Add the mistake of a delay that is longer than a frame, where both are constant and
     [for_all] has the frame."""
-    known = {axis.path: axis for axis in axes}
-    ratio = known.get("rates.ratio")
-    delay = known.get(DELAY)
+    by_path = {axis.path: axis for axis in axes}
+    ratio = by_path.get("rates.ratio")
+    delay = by_path.get(DELAY)
     if ratio is None or request.values is None or (delay is None and is_frame(request.given)):
         return
     shortest = min(values_of_range(ratio))
@@ -246,30 +246,30 @@ def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
         request.mistakes.refuse(ratio.place, f"for_all.{ratio.name}", expected, show(shortest))
 
 
-def _with_chances(request: Request, found: ForAll, numbers: Iterable[AskedNumber]) -> ForAll:
+def _with_chances(request: Request, table: ForAll, numbers: Iterable[AskedNumber]) -> ForAll:
     """Return the table with the weights of values, and add their mistakes. numbers: of it."""
     given = request.belongs.keys
     mistakes = request.mistakes
-    lengths = [axis for axis in found.changing if axis.path != DELAY]
+    lengths = [axis for axis in table.changing if axis.path != DELAY]
     frames = len(values_of_range(lengths[0])) if lengths else 1
     for number in numbers:
-        if not number.chances or number.axis not in found.changing:
+        if not number.chances or number.axis not in table.changing:
             continue
         weights = _weights(mistakes, number, frames)
         if number.axis.path == DELAY:
-            found = replace(found, delays=weights)
+            table = replace(table, delays=weights)
         else:
-            found = replace(found, shares=weights)
-    if not found.at_random:
-        return found
-    if found.lost:
+            table = replace(table, shares=weights)
+    if not table.at_random:
+        return table
+    if table.lost:
         expected = "loss = PROBABILITY where what varies is at random"
-        mistakes.refuse(given[LOST.path], LOST.path, expected, show(found.lost), of_key=False)
+        mistakes.refuse(given[LOST.path], LOST.path, expected, show(table.lost), of_key=False)
     for number in numbers:
-        if number.axis in found.changing and not number.chances:
+        if number.axis in table.changing and not number.chances:
             expected = "shares beside values of each number that varies, where one is at random"
             mistakes.refuse(number.axis.place, number.label, expected, "none")
-    return found
+    return table
 
 
 def _weights(mistakes: Mistakes, number: AskedNumber, frames: int) -> tuple[tuple[float, ...], ...]:
@@ -300,13 +300,13 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     ranges: dict[str, Any] = {}
     for name, key in shapes.numbers.items():
         ranges[name] = shapes.define(f"range_of_{key.path}", _range(shapes, key))
-    own = {key.path.removeprefix("for_all."): shapes.value(key) for key in (LOST, LOSS)}
-    others = False
+    losses = {key.path.removeprefix("for_all."): shapes.value(key) for key in (LOST, LOSS)}
+    of_any_name = False
     if shapes.drawn:
         named = shapes.table({}, shapes.reference("range"))
-        others = shapes.define("range", {"anyOf": [_range(shapes), named]})
-        own = {name: {"anyOf": [shape, others]} for name, shape in own.items()}
-    return shapes.table(ranges | shapes.nested(ranges) | own, others)
+        of_any_name = shapes.define("range", {"anyOf": [_range(shapes), named]})
+        losses = {name: {"anyOf": [shape, of_any_name]} for name, shape in losses.items()}
+    return shapes.table(ranges | shapes.nested(ranges) | losses, of_any_name)
 
 
 def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:

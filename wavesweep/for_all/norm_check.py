@@ -217,11 +217,11 @@ def shrink_each(forms: Polynomials, A: Polynomials) -> tuple[list[bool], Slack]:
     """Return for each of some single matrices, `(cells, n, n)`, whether its powers are proved to
     shrink in its own form, and what the slack of each consists of: `shrink_over` for the graphs
     of one node that all of them have."""
-    own = np.arange(len(A.rest))
-    slack = _slack_over(forms, Graph(own, own, own), A, None)
+    cells = np.arange(len(A.rest))
+    slack = _slack_over(forms, Graph(cells, cells, cells), A, None)
     P = forms.terms
     shrinks = []
-    for cell in own.tolist():
+    for cell in cells.tolist():
         # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
         positive = _symmetric(P[:, cell]) and definite(P[0, cell], np.zeros_like(P[0, cell]))
         of_cell = Slack(
@@ -261,13 +261,13 @@ def _slack_over(forms, graph, A, weight) -> Slack:
         rest = root * moved.rest + 2 * UNIT_ROUNDING * root * np.abs(moved.terms).sum(0)
         moved = Polynomials(root * moved.terms, rest, A.numbers, A.order)
 
-    def summed(each):
+    def summed(of_edges):
         """On average: the sum over the edges from each node."""
         if weight is None:
-            return each
-        found = np.zeros((*each.shape[:-3], graph.nodes, n, n))
-        np.add.at(found, (..., at, slice(None), slice(None)), each)
-        return found
+            return of_edges
+        of_nodes = np.zeros((*of_edges.shape[:-3], graph.nodes, n, n))
+        np.add.at(of_nodes, (..., at, slice(None), slice(None)), of_edges)
+        return of_nodes
 
     # "Unknown numbers": `W' F(0) W` is near 1.
     A_0 = moved.terms[0]
@@ -286,8 +286,8 @@ def _slack_over(forms, graph, A, weight) -> Slack:
     terms = (terms + terms.mT) / 2
     # Its errors: what the models leave out, and rounding of all terms.
     size_of_first = size.mT @ np.abs(P_i.terms).sum(0) @ size
-    whole = size_of_first + summed(np.abs(after.terms).sum(0))
-    errors = summed(after.rest) + (4 * n + added) * UNIT_ROUNDING * whole
+    size_of_terms = size_of_first + summed(np.abs(after.terms).sum(0))
+    errors = summed(after.rest) + (4 * n + added) * UNIT_ROUNDING * size_of_terms
     higher = terms[len(monomials(A.numbers, 2)[0]) :]
     bounds = np.where(unbounded, np.inf, OWN_ROUNDING * _norm(errors))
     return Slack(terms, bounds, OWN_ROUNDING * _norm(higher).sum(0))

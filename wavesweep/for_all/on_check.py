@@ -21,14 +21,14 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     from wavesweep.for_all.varying import Rules
 
     rules = Rules.of(spec)
-    known, found = claim(spec, rules)
-    claims = [known]
-    facts_found: dict[str, Any] = {"for_all": found}
+    stability, verdict = claim(spec, rules)
+    claims = [stability]
+    answers: dict[str, Any] = {"for_all": verdict}
     if random := rules.on_average():
-        known, found = claim(spec, random)
-        claims.append(known)
-        facts_found["at_random"] = found
-    return facts_found | {"every_hand": damping(spec), "claims": claims}
+        stability, verdict = claim(spec, random)
+        claims.append(stability)
+        answers["at_random"] = verdict
+    return answers | {"every_hand": damping(spec), "claims": claims}
 
 
 def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
@@ -42,7 +42,7 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
         yield 1.5, _every_hand(spec, found["every_hand"])
 
 
-def _every_hand(spec: Spec, found: Mapping[str, Any]) -> str:
+def _every_hand(spec: Spec, damping: Mapping[str, Any]) -> str:
     """What is known with every passive hand, and what hands need of the device's damping."""
     from wavesweep.for_all.every_hand import EveryHandGuarantee
     from wavesweep.for_all.rows import CONTRADICTED
@@ -50,19 +50,19 @@ def _every_hand(spec: Spec, found: Mapping[str, Any]) -> str:
     from wavesweep.program.analyses.claims import STABLE, Claim, Status
     from wavesweep.program.number_words import rounded_up
 
-    needed = found["needed"]
-    device = found["device"]
+    needed = damping["needed"]
+    device = damping["device"]
     status = Status.UNKNOWN
     reason = ""
-    if found.get("doubt"):
+    if damping.get("doubt"):
         reason = CONTRADICTED
     elif needed is not None and needed <= device:
         status = Status.PROVED
-    elif found["refuted"] is not None and found["refuted"] > device:
+    elif damping["refuted"] is not None and damping["refuted"] > device:
         status = Status.REFUTED
-        reason = found["by"]
+        reason = damping["by"]
     claim = Claim(STABLE, EveryHandGuarantee(Rules.of(spec)).scope(spec), status, reason)
-    if found.get("doubt"):
+    if damping.get("doubt"):
         return claim.words()
     enough = "no damping is proved to suffice"
     if needed is not None:

@@ -31,7 +31,8 @@ class BlockType:
     linear; only the simulation and C read them. moments: outputs that are not held, each with the
     expression in those that are. either: two keys, of which a block has one. formula: numerator and
     denominator of the transfer function that a block of firmware is, in descending powers of z - 1,
-    of a biquad of z; empty of other blocks. stepwise: rows of its matrices A and B, then those of C
+    of a biquad of z; empty of other blocks, and so of each that may be continuous, whatever its
+    keys: a formula is taken as that of a run. stepwise: rows of its matrices A and B, then those of C
     and D, in states that mean the same at every period, if its own do not. The names in both are
     explained in `wavesweep.engine._drawing.drawn_block`.
     """

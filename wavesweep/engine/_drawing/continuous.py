@@ -35,8 +35,8 @@ def parted(
     wire = tree.linear(signals)
     held: list[tuple[str, Tree]] = []
     continuous: list[tuple[str, Tree]] = []
-    halves: list[tuple[str, Tree]] = []
-    alone: list[tuple[str, Tree]] = []
+    halves: list[tuple[str, Tree]] = []  # read another plant
+    alone: list[tuple[str, Tree]] = []  # read the plant itself
     for summand in _summands(tree):
         blocks = {name.rpartition(".")[0] for name in summand.names if name in signals}
         far_plants = plants.keys() & blocks - {own}
@@ -72,19 +72,19 @@ def parted(
 
 
 def _opposite_pairs(
-    alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]
+    near: list[tuple[str, Tree]], far: list[tuple[str, Tree]]
 ) -> list[tuple[str, Tree]]:
-    """Take the terms in another plant whose gains are those of terms in this one with the other
-    sign out of both lists."""
+    """Take pairs out of both lists, and return them: a term of the wire that reads this plant (near),
+    and one that reads another plant (far), with the opposite gain."""
     pairs = []
-    for half in list(halves):
-        port = half[0].rpartition(".")[2]
-        twins = [term for term in alone if _opposite(half[1], term[1])]
-        twin = min(twins, key=lambda term: not term[0].endswith(f".{port}"), default=None)
-        if twin:
-            alone.remove(twin)
-            halves.remove(half)
-            pairs += [half, twin]
+    for far_term in list(far):
+        port = far_term[0].rpartition(".")[2]
+        opposites = [term for term in near if _opposite(far_term[1], term[1])]
+        near_term = min(opposites, key=lambda term: not term[0].endswith(f".{port}"), default=None)
+        if near_term:
+            near.remove(near_term)
+            far.remove(far_term)
+            pairs += [far_term, near_term]
     return pairs
 
 

@@ -209,23 +209,25 @@ def _judged(sample, panels, settling) -> _Judged:
     noise = noise[function_of, panel] + hidden[function_of, panel]
     sure = np.zeros((functions, panels.column.size), bool)
     settled = np.zeros(panels.column.size, bool)
-    found = []
+    by_batch = []
     for rows, discs in _proved_roots(coefficients, noise):
         function = function_of[rows]
         at = panel[rows]
         sure[function, at] = True
-        of = function == settling
-        settled[at[of]] = ~discs.inside[of].any(-1) & (value[settling, at[of]] > 0).all(-1)
+        settles = function == settling
+        settled[at[settles]] = ~discs.inside[settles].any(-1) & (
+            value[settling, at[settles]] > 0
+        ).all(-1)
         row, root = np.nonzero(discs.inside & (function != settling)[:, None])
         of_root = at[row]
         half = panels.half[of_root]
         x = panels.middle[of_root] + half * discs.value[row, root]
         within = half * discs.radius[row, root]
         slopes = discs.slope_sign[row, root]
-        found.append((of_root, _Roots(panels.column[of_root], function[row], x, within, slopes)))
+        by_batch.append((of_root, _Roots(panels.column[of_root], function[row], x, within, slopes)))
     proved &= sure[counted].all(0)
     settled &= ~proved
-    roots = [some.take(proved[of_root]) for of_root, some in found]
+    roots = [of_batch.take(proved[of_root]) for of_root, of_batch in by_batch]
     # Roots may crowd next to the smallest sample, so it is put into a small half if it is near an
     # end.
     place = NODE[np.argmin(np.abs(value[counted]).min(0), axis=-1)]

@@ -85,9 +85,9 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * (cut.order - cut.late)))
         parts = []
         for first in range(0, column.size, step):
-            some = slice(first, first + step)
-            parts.append(sampled(column[some], theta[some]))
-        return tuple(np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+            chunk = slice(first, first + step)
+            parts.append(sampled(column[chunk], theta[chunk]))
+        return tuple(np.concatenate(of_chunks, axis=1) for of_chunks in zip(*parts, strict=True))
 
     limits = PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT)
     roots = panel_roots(sample, np.linspace(0, np.pi, 5), fixed.size, limits, settling=1)

@@ -233,8 +233,8 @@ def by_slice(batches: Sequence[Intervals]) -> Intervals:
 
 def in_place(intervals: Intervals, columns: np.ndarray, others: Intervals) -> Intervals:
     """Intervals with others in place of those of some columns, which `others` numbers from 0."""
-    rest = intervals.take(~np.isin(intervals.column, columns))
-    return by_slice([rest, replace(others, column=columns[others.column])])
+    kept = intervals.take(~np.isin(intervals.column, columns))
+    return by_slice([kept, replace(others, column=columns[others.column])])
 
 
 def common(loops: Sequence[Intervals]) -> Intervals:

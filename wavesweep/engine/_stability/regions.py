@@ -289,11 +289,11 @@ def _counts_at_zero(columns) -> np.ndarray:
     cut = replace(cut, integrates=cut.integrates and other == FIRST)
     beside = CutColumns(cut, columns.owner, other, 0 * fixed).apart(every)
     span = min(0.0, fixed.min()), max(0.0, fixed.max())
-    found = arc_crossings(beside, span)
-    counts = _counts_from_zero(beside, fixed, SLIVER * (span[1] - span[0]), found)
-    distance = np.abs(found.value - fixed[found.column])
-    near = distance <= NEAR_CROSSING * np.abs(fixed[found.column])
-    return np.where(np.bincount(found.column[near], minlength=fixed.size) > 0, -1, counts)
+    crossings = arc_crossings(beside, span)
+    counts = _counts_from_zero(beside, fixed, SLIVER * (span[1] - span[0]), crossings)
+    distance = np.abs(crossings.value - fixed[crossings.column])
+    near = distance <= NEAR_CROSSING * np.abs(fixed[crossings.column])
+    return np.where(np.bincount(crossings.column[near], minlength=fixed.size) > 0, -1, counts)
 
 
 def _judged_ends(columns, span, crossings, spans, unstable):

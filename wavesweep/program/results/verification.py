@@ -305,14 +305,18 @@ def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
 
 def _sampled(
     parquet: Path,
-    some: Callable[[Iterable[int]], Iterator[Columns]],
+    computed: Callable[[Iterable[int]], Iterator[Columns]],
     combinations: int,
     sample: int,
     seed: int,
     exact: bool,
     progress: Callable[[int, int], None],
 ) -> str:
-    """The first difference in a sample of the combinations."""
+    """The first difference in a sample of the combinations, in words; empty if there is none.
+
+    computed: new rows of the combinations with given numbers, one after another. combinations,
+    sample: how many there are, and are compared.
+    """
     rows, starts = rows_in(parquet), _starts(parquet)
     if starts is None:
         return "no column interval"
@@ -322,7 +326,7 @@ def _sampled(
         np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False)
     )
     ends = np.append(starts[1:], rows)
-    for number, new in zip(picked, some(_counted(picked.tolist(), progress)), strict=True):
+    for number, new in zip(picked, computed(_counted(picked.tolist(), progress)), strict=True):
         first, wanted = int(starts[number]), len(new["interval"])
         if ends[number] - first != wanted:
             return f"row {first + 1}: {ends[number] - first} intervals and not {wanted}"
