@@ -12,6 +12,7 @@ import late_ticks
 import numpy as np
 from scipy.linalg import expm
 
+from wavesweep.for_all.ring_search import walked
 from wavesweep.late_ticks import bracket
 from wavesweep.late_ticks.tick_curves import DEGREE, LateTicks, _curves, _family, _point
 from wavesweep.program.spec import load
@@ -114,8 +115,8 @@ def mass():
         began = time.process_time()
         masses = [MASS * (1 - share), MASS * (1 + share)]
         search = bracket.Search(of_masses(masses, (TICK, 1.1 * TICK)), 0)
-        centre = search.found(20.0)
-        _, reached = search.walked(centre, 20.0, 80.0, bracket.OPERATIONS_OF_BRACKET)
+        centre, _ = search.opened(search.alike(20.0), 20.0, 0.0)
+        _, reached = walked(search, centre, 20.0, 80.0, bracket.OPERATIONS_OF_BRACKET)
         print(f"mass within {share:.0%}: {reached:.2f} N/m, {time.process_time() - began:.1f} s", flush=True)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ class RingSearch:
             P = P / np.trace(P.mean(0)) * len(one)
         rough = np.linalg.cholesky(P).mT
         search = RingSearch(family, graph, rough, np.linalg.inv(rough))
-        forms = _lyapunov(_means(family, search.at(x)))
+        forms = periodic_forms(_means(family, search.at(x)))
         if forms is None:
             return None
         to = np.linalg.cholesky(forms).mT @ rough
@@ -106,30 +107,47 @@ class RingSearch:
             norms.append(Norms((P + P.mT) / 2, self.graph))
         return shrink_along(norms, *points, self.family.follows)
 
-    def walked(
-        self, centre: Centre, start: float, goal: float, work: float, report: Callable
-    ) -> float:
-        """The number that a proof without a gap reaches from a start towards a goal."""
-        x = start
-        whole = abs(goal - start)
-        while x != goal and centre.work < work:
-            target = goal
-            step = None
-            while step is None:
-                try:
-                    ahead, at = advanced(centre, self.at, x, target)
-                    ahead = ahead.rounded()
-                except np.linalg.LinAlgError:  # singular to rounding
-                    return x
-                # Of a number, or of the whole way: shorter steps end a proof.
-                if abs(at - x) < 5e-3 * min(whole, max(abs(x), 1e-3 * whole)):
-                    return x
-                if self.proved((x, centre), (at, ahead)):
-                    step = ahead, at
-                target = (x + at) / 2
-            centre, x = step
-            report(x, 100 * abs(x - start) / whole)
-        return x
+
+def walked(
+    search: Any,
+    centre: Centre,
+    x: float,
+    goal: float,
+    work: float,
+    least: float = 5e-3,
+    report: Callable[[float, float], None] = lambda *_: None,
+) -> tuple[Centre, float]:
+    """Return the last forms of a proof without a gap from x towards a goal, and the number that it
+    reaches.
+
+    search: `at` gives the matrices of a number for searches, and `proved` says whether forms at two
+    numbers are proved for all between. centre: proved at x. least: of a number, or of the way that
+    is left, a step that ends a proof. report: is called with each number that is reached, and the
+    percentage of the way.
+    """
+    start = x
+    for _ in range(80):  # steps of a proof with one graph
+        if x == goal or centre.work > work:
+            break
+        left = abs(goal - x)
+        target = goal
+        step = None
+        while step is None:
+            try:
+                ahead, at = advanced(centre, search.at, x, target)
+                ahead = ahead.rounded()
+            except np.linalg.LinAlgError:  # singular to rounding
+                break
+            if at == x or abs(at - x) < least * min(left, max(abs(x), 1e-3 * left)):
+                break
+            if search.proved((x, centre), (at, ahead)):
+                step = ahead, at
+            target = (x + at) / 2
+        if step is None:
+            break
+        centre, x = step
+        report(x, 100 * (x - start) / (goal - start))
+    return centre, x
 
 
 def decide_ring(family: RingFrames, x: float = 0.0, work: float = WORK) -> Decision:
@@ -170,9 +188,14 @@ def bracket_ring(
         if centre is None or not search.proved((start, centre)):
             continue
         begun = replace(centre, work=0.0)
-        above = search.walked(begun, start, goal, work, partial(report, start))
-        below = search.walked(
-            begun, start, low, work, lambda x, part, above=above: report(x, above, part)
+        _, above = walked(search, begun, start, goal, work, report=partial(report, start))
+        _, below = walked(
+            search,
+            begun,
+            start,
+            low,
+            work,
+            report=lambda x, part, above=above: report(x, above, part),
         )
         fails_below, first = np.nan, ()
         reached_low = below <= max(low, tolerance**2 * above)
@@ -189,8 +212,8 @@ def _means(family, A):
     return np.array([A[family.place == at].mean(0) for at in range(len(family.slots))])
 
 
-def _lyapunov(A: np.ndarray) -> np.ndarray | None:
-    """Forms that each of some matrices in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
+def periodic_forms(A: np.ndarray) -> np.ndarray | None:
+    """Return forms that each of some matrices in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
     loop is not stable."""
     from scipy.linalg import solve_discrete_lyapunov
 

@@ -7,6 +7,7 @@ from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.norm_check import Norms, definite, in_its_units, shrink, shrink_along
 from wavesweep.for_all.norms import Centre, advanced, recentred, rough_basis
 from wavesweep.for_all.patterns import is_refuted, refuted_beyond
+from wavesweep.for_all.ring_search import periodic_forms, walked
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
 from wavesweep.for_all.unknown import Part
 from wavesweep.for_all.varying import Rules, bracketed, decided, text_of_pattern
@@ -31,6 +32,7 @@ __all__ = [
     "definite",
     "in_its_units",
     "is_refuted",
+    "periodic_forms",
     "recentred",
     "recorded",
     "refuted_beyond",
@@ -39,5 +41,6 @@ __all__ = [
     "shrink",
     "shrink_along",
     "text_of_pattern",
+    "walked",
     "wall_frames",
 ]

@@ -36,7 +36,6 @@ OPERATIONS_OF_BRACKET = 4e9  # operations of searches for norms, for each side: 
 # of the way that is left: a step with which a search for norms ends, if the one before was longer
 STALLED = 0.03
 BEFORE_STALL = 0.9  # of a width that is reached: where the search on a finer graph begins
-LEAST_FORM = 1e-3  # what Lyapunov functions lose in a tick, in units in which ticks are about 1
 STARTS = (0.3, 0.05, 0.6, 0.01, 0.15)  # shares of an interval, at which a proof begins
 
 TicksWith = Callable[[int], LateTicks]
@@ -120,7 +119,7 @@ class Search:
         switched = offered("switched")
         A = self.at(x, 0.0)
         units, inverse = switched.rough_basis(A)
-        forms = _periodic(inverse @ A[:: 2 * self.ticks.cells] @ units)
+        forms = switched.periodic_forms(inverse @ A[:: 2 * self.ticks.cells] @ units)
         if forms is None:
             return None
         start = switched.Centre(forms[self.place], self.graph, units, inverse).rounded()
@@ -167,32 +166,6 @@ class Search:
         norms = [replace(centre.norms, graph=self.whole) for _, centre in several]
         return switched.shrink_along(norms, *points, self.ticks.family.follows)
 
-    def walked(self, centre: Any, x: float, goal: float, work: float) -> tuple[Any, float]:
-        """The last norms of a proof without a gap from x towards a goal, and the number that it
-        reaches."""
-        switched = offered("switched")
-        for _ in range(80):  # steps of a proof with one graph
-            if x == goal or centre.work > work:
-                break
-            target = goal
-            step = None
-            while step is None:
-                try:
-                    ahead, at = switched.advanced(centre, self.at, x, target)
-                    ahead = ahead.rounded()
-                except np.linalg.LinAlgError:  # singular to rounding
-                    break
-                least = LEAST_STEP * min(abs(goal - x), max(abs(x), LEAST_STEP * abs(goal - x)))
-                if at == x or abs(at - x) < least:
-                    break
-                if self.proved((x, centre), (at, ahead)):
-                    step = ahead, at
-                target = (x + at) / 2
-            if step is None:
-                break
-            centre, x = step
-        return centre, x
-
 
 def started(ticks_with: TicksWith, x: float) -> tuple[Search, Any] | None:
     """Return norms that are proved at x, with their search; None if none are found.
@@ -219,27 +192,6 @@ def started(ticks_with: TicksWith, x: float) -> tuple[Search, Any] | None:
     except np.linalg.LinAlgError:  # singular to rounding
         return None
     return None
-
-
-def _periodic(ticks: np.ndarray) -> np.ndarray | None:
-    """Forms that each of some ticks in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
-    loop is not stable."""
-    from scipy.linalg import solve_discrete_lyapunov
-
-    n = ticks.shape[-1]
-    frame = np.eye(n)
-    lost = np.zeros((n, n))
-    for tick in ticks:
-        lost = lost + LEAST_FORM * frame.T @ frame
-        frame = tick @ frame
-    if not np.isfinite(frame).all() or np.abs(np.linalg.eigvals(frame)).max() >= 1:
-        return None
-    P = solve_discrete_lyapunov(frame.T, lost)
-    forms = []
-    for tick in ticks[::-1]:
-        P = LEAST_FORM * np.eye(n) + tick.T @ P @ tick
-        forms.append((P + P.T) / 2)
-    return np.array(forms[::-1])
 
 
 def _first(pair):
@@ -309,7 +261,9 @@ def _side(ticks_with, search, centre, start, limit, tolerance) -> End:
             finer = Search(ticks_with(cells), remembered)
             centre = finer.refined(search, centre, reached)
             search = finer
-        centre, reached = search.walked(centre, reached, goal, OPERATIONS_OF_BRACKET)
+        centre, reached = offered("switched").walked(
+            search, centre, reached, goal, OPERATIONS_OF_BRACKET, LEAST_STEP
+        )
         near = abs(goal - reached) <= tolerance * max(abs(goal), tolerance * abs(goal - start))
         if near or centre.work > OPERATIONS_OF_BRACKET:
             break
