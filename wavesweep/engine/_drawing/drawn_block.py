@@ -88,7 +88,7 @@ class DrawnBlock:
         return self.type == "channel" and all(keys[name].is_number(0.0) for name in may_fail)
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
-        """The block itself, or of a block of firmware, which is one whose type has a formula, its
+        """The block itself, or of a block of firmware, a fir or one whose type has a formula, its
         transfer function; named: in the names of its keys, which are numbers or words, and of T."""
         if self.type == "fir":  # of any length, so that it has no formula
             num = dict(self.keys)["coefficients"]

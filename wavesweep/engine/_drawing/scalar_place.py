@@ -18,7 +18,7 @@ def scalar_place(drawing: Any, number: str) -> str:
 
     The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
-    words = {}  # of firmware: blocks with a formula, as transfer functions
+    words = {}  # of firmware: blocks whose cores are transfer functions
     for block, core in zip(drawing.blocks, drawing.cores, strict=True):
         if core.type != block.type:
             words[f"block.{block.name}"] = dict(core.keys)

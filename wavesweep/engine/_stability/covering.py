@@ -411,8 +411,10 @@ class _Round:
         open_ = self.open
         sides = self._sides()
         below, above = sides.inner
-        whole = (sides.proved[0] | (below <= open_.low)) & (sides.proved[1] | (above >= open_.high))
-        failed = self.closing & ~whole
+        both_proved = (sides.proved[0] | (below <= open_.low)) & (
+            sides.proved[1] | (above >= open_.high)
+        )
+        failed = self.closing & ~both_proved
         sharper = self.rough & (open_.stage < Stage.TIGHT)
         again = self.closing & (failed | sharper) & (open_.stage < Stage.LAST)
         tiles = []
