@@ -624,6 +624,12 @@ def hold_share(run, share):
     assert 0 <= share - widest + 1e-9 <= 10.0 ** (floor(log10(widest)) - 1) + 1e-9, (share, gaps)
 
 
+@shape(r"mine: (?:modes|responses|limits|margins|a run) for messages of h all in time; zwidth, .* and check answer (for .*)")
+def answered_elsewhere(run, said):
+    """Of messages that may be lost there are rows in the tables of these commands."""
+    return run.case.asks == AT_RANDOM and "mean_square" in run.claims and of_members(run, said)
+
+
 @shape(r"mine: ((?:modes|responses|limits|margins|a run) with .*)")
 @shape(r"margins proved (for .*) \(for_all\):", "margins")
 def assumed(run, said):

@@ -1,7 +1,6 @@
 """The summary of a table of stable intervals in sentences."""
 
 from collections.abc import Iterator, Mapping
-from functools import partial
 from textwrap import wrap
 
 import numpy as np
@@ -99,8 +98,8 @@ class Sentences:
     def reasons(self) -> Iterator[Line]:
         """Yield what each word of doubt means, and what helps."""
         for word in self._numbers["doubts"]:
-            yield f"  {word}: {DOUBTS[word].meaning}", True
-            yield f"    {DOUBTS[word].advice}", True
+            yield _folded(f"  {word}: {DOUBTS[word].meaning}"), True
+            yield _folded(f"    {DOUBTS[word].advice}"), True
 
     def extremes(self) -> list[str]:
         """Sentences on the largest value, the least one, and the largest one without a gap."""
@@ -110,13 +109,7 @@ class Sentences:
         if not upwards:
             texts.append(self._largest())
         texts.append(self._least(upwards))
-        fold = partial(
-            wrap,
-            width=WIDEST - 2,  # with two spaces before those about one of several kinds of rows
-            subsequent_indent="    ",
-            break_on_hyphens=False,
-        )
-        return ["\n".join(fold(text)) for text in texts if text]
+        return [_folded(text) for text in texts if text]
 
     def _largest(self) -> str:
         """The largest stable value and its place."""
@@ -303,6 +296,12 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
             kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)),
             True,
         )
+
+
+def _folded(text: str) -> str:
+    """A text in lines of at most WIDEST letters, with two spaces before those about one of several
+    kinds of rows."""
+    return "\n".join(wrap(text, WIDEST - 2, subsequent_indent="    ", break_on_hyphens=False))
 
 
 def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:
