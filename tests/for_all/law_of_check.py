@@ -9,7 +9,6 @@ from wavesweep.capabilities import offered
 from wavesweep.contact.verdict import of_wall
 from wavesweep.for_all.rows import verdict
 from wavesweep.for_all.varying import Rules
-from wavesweep.late_ticks.rows import claim
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
@@ -79,6 +78,8 @@ def answer(spec, kind):
         rules = offered("switched").Rules.of(spec) if spec.for_all else None
         return of_wall(spec, rules)["verdict"]
     if spec.tick:
+        from wavesweep.late_ticks.rows import claim
+
         return claim(spec).status.name.lower()
     return verdict(spec, Rules.of(spec).on_average() if kind == "mean_square" else None)["verdict"]
 
