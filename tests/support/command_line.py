@@ -79,6 +79,7 @@ def bode_table(specs):
 def sweep(monkeypatch):
     """Replace the sweep, and give what it was called with."""
     import wavesweep.program.tables.specs  # noqa: F401 - which would keep what is replaced, if it were first imported then
+
     calls = Calls()
 
     def intervals(spec, **given):
