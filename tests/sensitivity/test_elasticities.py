@@ -210,6 +210,22 @@ def test_at_whole_ticks_of_a_dead_time_an_end_moves_otherwise_up_than_down(ticks
         assert (rows["slope" + side] * rows.value).tolist() == pytest.approx(moved.tolist())
 
 
+@pytest.mark.parametrize(("ticks", "ups", "downs"), [(2, [-1], [1]), (1, [-1, 1, None], [0, 0, None])])
+def test_along_a_dead_time_an_end_at_a_whole_tick_moves_as_the_loop_on_the_side_it_moves_to(ticks, ups, downs):
+    """Two intervals meet at one tick: a gain that falls joins them, so their ends have no derivative for it."""
+    tables = with_dead_times(0.25)
+    tables["numbers"]["k"] = largest_gain(ticks / 10, 10.0)
+    rows = wavesweep.compile(tables).sensitivity("lag", (0, 2)).set_index("number").loc[["k"]]
+    assert len(rows) == len(ups)
+    for column, sides in (("elasticity", ups), ("elasticity_down", downs)):
+        for found, side in zip(rows[column], sides, strict=True):
+            if side == 0:
+                assert np.isnan(found)
+            elif side:
+                by_lag = one_sided(lambda lag: largest_gain(lag, 10.0), ticks / 10, side)
+                assert found == pytest.approx(1 / by_lag, rel=1e-4)
+
+
 @pytest.mark.slow
 def test_along_a_dead_time_every_part_of_the_range_has_the_derivatives_of_its_loop():
     """The end is at seven ticks, the spec's own dead time at three."""

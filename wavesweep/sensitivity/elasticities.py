@@ -365,8 +365,9 @@ def _one_sided(loops: _VariedLoops, ends: _Ends, crossings: EndCrossings, sign) 
         return crossings
     at = crossings.end
     of_crossings = replace(loops, loops=loops.loops.some(at))
-    slope = crossings.slope.copy()
     error = crossings.error.copy()
+    # An end that is none of the loop as it is built here may be one of the loop on the other side.
+    slope = np.where(np.isfinite(error), crossings.slope, -crossings.slope)
     paths = list(loops.loops.drawing.building)
     assumed = np.empty((*slope.shape, len(paths)), int)
     assumed[:] = [loops.loops.values[path] for path in paths]
