@@ -194,7 +194,8 @@ def _assemble(name, sections) -> Block:
         D = d @ D
         C[..., own] = c
         at += size
-    states = tuple(f"{name}{k}" for k in range(n))
+    # what stands before the last point of a state's name is its block
+    states = tuple(f"{name.rpartition('.')[2]}{k}" for k in range(n))
     labels = (f"filter {name}",)
     if n != 1:
         labels = tuple(f"filter {name} ({k + 1} of {n})" for k in range(n))
