@@ -173,10 +173,16 @@ def test_a_rounding_for_each_term():
     assert sum_rounding(1000) >= 500 * EPS
 
 
-def test_an_infinite_bound_stays_unknown_without_a_warning():
-    """Times zero it is NaN, which is below no limit."""
+def test_an_infinite_bound_is_that_of_whatever_it_is_multiplied_with():
+    """Times zero it leaves the others as they are; some BLAS multiply it by zeros of their own."""
     unknown = Bounded(np.ones((3, 3)), np.full((3, 3), np.inf))
-    for right in (np.eye(3), np.ones((3, 3))):
-        assert not (unknown @ right).error.min() < np.inf
-        assert not Bounded.exact(right - np.eye(3)).then(unknown).error.min() < np.inf
-        assert not unknown.then(Bounded.exact(-right)).error.min() < np.inf
+    assert ((unknown @ np.ones((3, 3))).error == np.inf).all()
+    assert (Bounded.exact(np.zeros((3, 3))).then(unknown).error == np.inf).all()
+    assert (unknown.then(Bounded.exact(np.ones((3, 3)))).error == np.inf).all()
+    assert (unknown.then(Bounded.exact(-np.eye(3))).error < 1e-14).all()
+    column = Bounded(np.ones((3, 3)), np.array([[np.inf, 0, 0]] * 3))
+    found = column @ np.diag([0.0, 1, 1])
+    assert (found.error < 1e-14).all()
+    assert ((Bounded.exact(np.diag([0.0, 1, 1])) @ column.mT).error[0] < 1e-14).all()
+    found = column @ np.ones((3, 3))
+    assert (found.error == np.inf).all()

@@ -125,7 +125,11 @@ ON_SMALLER = ("before a hold", "a dead time", "an unstable loop")
 
 
 @pytest.mark.parametrize(
-    ("name", "require"), [*((name, None) for name in IN_SERIES), *((name, SMALLER) for name in ON_SMALLER)]
+    ("name", "require"),
+    [
+        *((name, None) for name in IN_SERIES),
+        *(pytest.param(name, SMALLER, marks=pytest.mark.asks("require")) for name in ON_SMALLER),
+    ],
 )
 def test_intervals_are_those_of_the_delay_as_states(monkeypatch, name, require):
     """Also on a smaller circle, and along negative values."""

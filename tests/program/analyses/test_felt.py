@@ -93,6 +93,7 @@ def beside_a_tilted_wall(angle, n):
     }  # fmt: skip
 
 
+@pytest.mark.asks("axes")
 @pytest.mark.parametrize("n", [1, 11])
 def test_a_hand_that_slides_along_a_wall_feels_nothing_at_rest(n):
     """At rest `K n n' u` is the hand's force (0, 1), which for a normal n beside the axis is so for no u."""

@@ -37,6 +37,21 @@ def sum_rounding(terms: int, of_complex: bool = False) -> float:
     return terms * UNIT_ROUNDING / (1 - terms * UNIT_ROUNDING)
 
 
+def _sizes(times: Callable, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a product of sizes. One that is not known, infinite, leaves what it is multiplied with
+    by 0 as it is, which a BLAS does not: some multiply it by zeros of their own."""
+    with np.errstate(invalid="ignore"):
+        product = times(a, b)
+    if np.isfinite(product).all():
+        return product
+    known_a = np.isfinite(a)
+    known_b = np.isfinite(b)
+    product = times(np.where(known_a, a, 0.0), np.where(known_b, b, 0.0))
+    lost = times((~known_a).astype(float), (b != 0).astype(float))
+    lost = lost + times((a != 0).astype(float), (~known_b).astype(float))
+    return np.where(lost > 0, np.inf, product)
+
+
 class Bounded(NamedTuple):
     """A matrix, perhaps of each loop of a batch, and bounds on the errors of its entries.
 
@@ -97,7 +112,6 @@ class Bounded(NamedTuple):
         """The product entry by entry; an array is exact."""
         return self._times(np.multiply, other, 1)
 
-    @np.errstate(invalid="ignore")  # infinite bounds, by which some BLAS multiply zeros
     def _times(self, times, other, terms):
         """With A within dA of a, and B within dB of b, `A B - a b = (A - a) B + a (B - b)` is at
         most
@@ -111,8 +125,9 @@ class Bounded(NamedTuple):
         a = np.abs(self.value)
         b = np.abs(other.value)
         rounding = sum_rounding(terms, np.iscomplexobj(value)) * b
-        error = times(self.error, b + other.error) + times(a, other.error + rounding)
-        error = error * (1 + (terms + 4) * EPS)
+        error = _sizes(times, self.error, b + other.error)
+        error = error + _sizes(times, a, other.error + rounding)
+        error = np.where(np.isfinite(value), error * (1 + (terms + 4) * EPS), np.inf)
         smallest = a.min(where=a > 0, initial=np.inf) * b.min(where=b > 0, initial=np.inf)
         if smallest < LEAST_NORMAL / EPS:
             error = error + 2 * terms * SMALLEST_DOUBLE
@@ -168,7 +183,7 @@ class Bounded(NamedTuple):
         column = column * _unit(self.value * row * column, -2)
         A = self.each(lambda entries: entries * row * column)
         b = right.each(lambda entries: entries * row)
-        S, off = _near_inverse(*A)
+        S, off = _near_inverse(*A, EPS**2)
         X = S @ b.value
         for _ in range(2):
             X = X + S @ (b.value - A.value @ X)
@@ -178,7 +193,6 @@ class Bounded(NamedTuple):
         error = (error + _neumann(off, error, size)) * (1 + EPS)
         return Bounded(X * column.mT, error * column.mT)
 
-    @np.errstate(invalid="ignore")  # as `_times`
     def then(self, later: Bounded) -> Bounded:
         """Return `(I + later)(I + self) - I`, the change by two in a row, from both changes.
 
@@ -191,7 +205,8 @@ class Bounded(NamedTuple):
         eye = np.eye(n)
         value = P + Q + Q @ P
         size = np.abs(P) + np.abs(Q) + np.abs(Q) @ np.abs(P)
-        error = np.abs(eye + Q) @ dP + dQ @ (np.abs(eye + P) + dP)
+        error = _sizes(np.matmul, np.abs(eye + Q), dP)
+        error = error + _sizes(np.matmul, dQ, np.abs(eye + P) + dP)
         error = error + sum_rounding(n + 2, np.iscomplexobj(value)) * size
         return Bounded(value, error * (1 + (n + 8) * EPS))
 
@@ -208,13 +223,15 @@ class Bounded(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _near_inverse(A, dA):
+def _near_inverse(A, dA, least=0.0):
     """About the inverse of A, and how much it times a matrix within dA of A is off the identity at
-    most."""
+    most. least: entries below count as noise and are left out, as they would join what is
+    separate."""
     n = A.shape[-1]
     eye = np.eye(n)
     S = inverse(A)
     S = S + S @ (eye - A @ S)  # for the digits of small rows
+    S = np.where(np.abs(S) < least, 0.0, S)
     rounding = sum_rounding(n, np.iscomplexobj(A)) * np.abs(A)
     off = np.abs(eye - S @ A) + np.abs(S) @ (dA + rounding)
     return S, off * (1 + (n + 8) * EPS)
