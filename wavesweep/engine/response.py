@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._response.at_hand import (
         Route,
         port_of_loops,
+        ports_by_rate,
         ports_of_batch,
     )
     from wavesweep.engine._response.gain import gain_of
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 else:
     __getattr__ = on_demand(
         {
-            "_response.at_hand": ("Route", "port_of_loops", "ports_of_batch"),
+            "_response.at_hand": ("Route", "port_of_loops", "ports_by_rate", "ports_of_batch"),
             "_response.gain": ("gain_of",),
             "_response.lifted": ("Lifted", "held_over_frame", "over_frame"),
             "_response.peak": ("PeakGain", "l1_norm"),

@@ -67,9 +67,9 @@ def _fill_felt(felt, loops):
     unknown = np.flatnonzero(np.isnan(felt))
     if not unknown.size:
         return
-    from wavesweep.engine.response import Lifted, ports_of_batch, static_response
+    from wavesweep.engine.response import Lifted, ports_by_rate, static_response
 
-    for members, port in ports_of_batch(loops.some(unknown), unknown.size):
+    for members, port in ports_by_rate(loops.some(unknown), unknown.size):
         response = static_response(Lifted.of(port))
         found = np.where(
             response.impedance_error <= KNOWN_STIFFNESS, response.impedance.real, np.nan

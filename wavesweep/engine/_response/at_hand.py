@@ -33,6 +33,13 @@ def ports_of_batch(
     The ports are the hand's or, if a route names an input and an output, those between them.
     """
     loops.refuse_unsuitable()
+    yield from ports_by_rate(loops, size, route)
+
+
+def ports_by_rate(
+    loops: Loops, size: int, route: Route | None = None
+) -> Iterator[tuple[np.ndarray, Port]]:
+    """See `ports_of_batch`; of loops that may have any numbers, such as steps of 1e-300 from 0."""
     rates = varied_rates(loops)
     if not rates:
         yield np.arange(size), port_of_loops(loops if size > 1 else loops.one(0), route)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from wavesweep.engine.arguments import boolean
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.atomic_files import make_folders, read_file, remove_empty, sync, write_file
+from wavesweep.program.atomic_files import make_folders, read_file, remove_empty, sync
 from wavesweep.program.results.folder import refuse_folders, refuse_unusable, remove_unfinished
 
 if TYPE_CHECKING:
@@ -77,7 +77,9 @@ def _lock(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> "Bas
         hint = f" (the file system has no locks: if that process has ended, remove {holder})"
         return acquired(SoftFileLock(holder), hint)
     with suppress(OSError):
-        write_file(holder, f"{os.getpid()}\n{platform.node()}\n".encode())
+        holder.unlink(missing_ok=True)
+        with holder.open("x", encoding="utf-8") as file:
+            file.write(f"{os.getpid()}\n{platform.node()}\n")
     return lock
 
 
