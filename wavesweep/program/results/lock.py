@@ -78,8 +78,8 @@ def _lock(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> "Bas
         return acquired(SoftFileLock(holder), hint)
     with suppress(OSError):
         holder.unlink(missing_ok=True)
-        with holder.open("x", encoding="utf-8") as file:
-            file.write(f"{os.getpid()}\n{platform.node()}\n")
+        with holder.open("x", encoding="utf-8") as written:
+            written.write(f"{os.getpid()}\n{platform.node()}\n")
     return lock
 
 
