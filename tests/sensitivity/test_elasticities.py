@@ -239,3 +239,11 @@ def test_along_a_dead_time_every_part_of_the_range_has_the_derivatives_of_its_lo
     assert rows.elasticity["rates.tick_hz"] == pytest.approx(-by_rate / by_lag, abs=1e-5)
     assert rows.elasticity.tolist() == rows.elasticity_down.tolist()
     assert 0 < rows.damping_ratio.iloc[0] < 0.1
+
+
+def test_what_is_felt_has_derivatives_also_beside_an_end_at_0():
+    """From which they step by less than any number of a spec."""
+    rows = wavesweep.compile({"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}).sensitivity()
+    felt = rows[(rows.quantity == "felt") & (rows.side == "high")]
+    assert len(felt)
+    assert (felt.doubt == "").all()

@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from wavesweep.engine._monodromy import bounded
 from wavesweep.engine._monodromy.bounded import Bounded, sum_rounding
 from wavesweep.engine.doubles import EPS
 
@@ -141,10 +142,14 @@ def test_nothing_is_known_of_what_may_be_divided_by_zero():
     assert (singular.solved(Bounded.exact(np.ones((2, 1)))).error == np.inf).all()
 
 
-def test_an_unknown_that_may_be_anything_leaves_those_that_do_not_depend_on_it_their_bounds():
-    A = Bounded(np.array([[2.0, 0.0], [1.0, 1e-20]]), np.array([[1e-3, 0.0], [0.0, 1e-10]]))
+@pytest.mark.parametrize("noise", [0.0, 1e-38])
+def test_an_unknown_that_may_be_anything_leaves_those_that_do_not_depend_on_it_their_bounds(noise, monkeypatch):
+    """noise: where the inverse has a 0, of the factors that a processor's LAPACK makes it from."""
+    inverse_of = bounded.inverse
+    monkeypatch.setattr(bounded, "inverse", lambda A: inverse_of(A) + noise * np.array([[0, 1], [0, 0]]))
+    A = Bounded((2 + 0.6j) * np.array([[1, 0], [1, 1e-20]]), np.array([[1e-3, 0.0], [0.0, 1e-10]]))
     found = A.solved(Bounded.exact(np.array([[1.0], [3.0]])))
-    assert np.abs(found.value[0] - 1 / 1.999) <= found.error[0] < 1e-3
+    assert np.abs(found.value[0] - 1 / (1.9991 + 0.6j)) <= found.error[0] < 1e-3
     assert found.error[1] == np.inf
 
 
