@@ -23,15 +23,14 @@ from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import PROVED_FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
     GROW,
+    Over,
     Rules,
-    bracketed,
     bracketed_over,
-    decided,
     decided_along,
     decided_over,
     placed,
-    text_of_pattern,
 )
+from wavesweep.for_all.worst import SOON
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import (
     MEAN_SQUARE,
@@ -63,8 +62,6 @@ GUARANTEES = ("for_all", "mean_square")
 QUICK = 3e10
 FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
-# operations of a verdict at one value, half a second, before it is asked of intervals
-SOON_OPERATIONS = 4e9
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it"
 TEXT = 2000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
@@ -347,11 +344,12 @@ class _Loop:
         return [row for row in rows if row.low < row.high]
 
     def _bracketed(self, case, about) -> Row | None:
-        family = None if case.ranges else self.rules.family(case.values, self.along)
-        if family is None or family.drift is not None:
-            return self._over_ranges(case, about)
-        bracket = bracketed(family, self.along, self.span, about)
-        return bracket and self._row(case, family, bracket)
+        bracket = self.bracketed(case, about)
+        return bracket and self._row(case, bracket)
+
+    def bracketed(self, case: Case, about: tuple[float, float]) -> Over | None:
+        """What is proved and refuted of a case about an interval."""
+        return bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
 
     def _on_average(self) -> list[Row]:
         """The rows of what is at random: what the intervals of all cases have in common."""
@@ -361,13 +359,13 @@ class _Loop:
             family = self.rules.family(case.values | middles, self.along)
             if case.ranges or family.family.drift is not None:
                 over_ranges = (
-                    self._over_ranges(case, interval)
+                    self._bracketed(case, interval)
                     for interval in parts_that_decay(family, *family.probable(*self.span))
                 )
                 own = list(filter(None, over_ranges))
             else:
                 own = [
-                    self._row(case, family, bracket)
+                    self._row(case, Over.of_family(family, bracket))
                     for bracket in brackets_on_average(family, self.span)
                 ]
             both = [all_of(pair) for pair in product(rows, own)]
@@ -384,43 +382,20 @@ class _Loop:
             for family in families
         )
 
-    def _row(self, case, family, found) -> Row:
-        texts = [text_of_pattern(family, word) for word in found.words]
-        below, above = ({**case.fixed, text: None} if text else None for text in texts)
-        first = found.fails_below if below else found.low
-        last = found.fails_from if above else found.high
-        interval = Part(first, last, below, above)
-        open_ends = []
-        for text, edge, end in zip(texts, self.span, (found.low, found.high), strict=True):
-            if not text and end != edge:  # where the proof ends, and not what it is of
-                open_ends.append(span_around(*sorted((edge, end)), 4))
-        if open_ends:
-            left_open = f"within {name_of(self.along)} {' and '.join(open_ends)}"
-        else:
-            left_open = ""
-        return Row(
-            found.low, found.high, interval, found.settled, text_of_part(interval), left_open
-        )
-
-    def _over_ranges(self, case, about) -> Row | None:
-        """The row of a case whose numbers have ranges, or whose drift depends on the number
-        along which it lies."""
-        bracket = bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
-        if bracket is None:
-            return None
-        ends = [bracket.below, bracket.above]
+    def _row(self, case, found: Over) -> Row:
+        ends = [found.below, found.above]
         by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
-        low = bracket.below.x if bracket.below.word else bracket.low
-        high = bracket.above.x if bracket.above.word else bracket.high
-        interval = Part(low, high, *by)
-        return Row(
-            bracket.low,
-            bracket.high,
-            interval,
-            bracket.settled,
-            text_of_part(interval),
-            open_in_words(bracket.open),
-        )
+        low = found.below.x if found.below.word else found.low
+        high = found.above.x if found.above.word else found.high
+        part = Part(low, high, *by)
+        left_open = open_in_words(found.open)
+        places = []
+        for refuted, edge, end in zip(by, self.span, (found.low, found.high), strict=True):
+            if refuted is None and end != edge:  # where the proof ends, and not what it is of
+                places.append(span_around(*sorted((edge, end)), 4))
+        if places and not (case.ranges or left_open):
+            left_open = f"within {name_of(self.along)} {' and '.join(places)}"
+        return Row(found.low, found.high, part, found.settled, text_of_part(part), left_open)
 
 
 def open_in_words(open_: LeftOpen | None) -> str:
@@ -571,12 +546,9 @@ def _verdict(spec, rules):
 def _case_verdict(spec, rules, number, case):
     """The verdict on a case, if it is refuted the numbers with which it is unstable, and what is
     proved of one that is not."""
-    if rules.vary and case.ranges:
-        said, by = decided_over(rules, case.values, case.ranges)
-        return said, case.fixed | by, ""
     if rules.vary:
-        said, pattern = _decided(spec, rules, number, case)
-        return said, {**case.fixed, pattern: None}, ""
+        said, by = _decided(spec, rules, number, case)
+        return said, case.fixed | by, ""
     if not case.ranges:
         numbers = case.unstable()
         if numbers is None:
@@ -607,44 +579,37 @@ def _partly(case, covered):
 
 
 def _decided(spec, rules, number, case):
-    """Whether a case whose frames vary is stable, and the pattern with which it is not.
+    """Whether a case whose frames vary is stable, and what it is not stable with.
 
     What is not decided soon is asked of the intervals along the wall, or the spec's own number, as
-    the tables have them: the patterns that set their ends are found nearer to them.
+    the tables have them: their proofs go on from numbers at which norms are found at once, and the
+    patterns that set their ends are found nearer to them.
     """
-    values = dict(spec.values)
-    family = rules.family(case.values, "")
-    said, pattern = decided(family, SOON_OPERATIONS)
+    own = rules, case.values, case.ranges
     if spec.wall:
         path = spec.wall[0]
     else:
         path = spec.along and spec.names.find(spec.along).path
-    if said != UNKNOWN or not path or rules.at_random:
-        if said != UNKNOWN:
-            return (said, pattern)
-        return decided(family)
-    value, axis = (
-        float(values[path]),
-        next((axis for axis in spec.sweep if axis.path == path), None),
-    )
+    if not path or rules.at_random:
+        return decided_over(*own)
+    said, by = decided_over(*own, SOON)
+    if said != UNKNOWN:
+        return said, by
+    value = float(spec.values[path])
+    axis = next((axis for axis in spec.sweep if axis.path == path), None)
     low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
     span = min(value, low), max(value, high)
-    along = _Loop(rules, path, span, loops_of(spec, values, path)).cases[number]
-    try:
-        family_along = rules.family(along.values, path)
-    except UsageError:  # its frames cannot be cut there
-        return decided(family)
-    if family_along.drift is not None:  # nothing is proved along such a number without ranges
-        return decided(family)
-    for interval in searched([along], span):
-        said, pattern = decided_along(
-            family_along,
-            value,
-            bracketed(family_along, path, span, (interval.low, interval.high)),
-        )
+    loop = _Loop(rules, path, span, loops_of(spec, dict(spec.values), path))
+    along = loop.cases[number]
+    for interval in searched(loop.cases, span, narrow=False):
+        try:
+            found = loop.bracketed(along, (interval.low, interval.high))
+        except UsageError:  # its frames cannot be cut there
+            return decided_over(*own)
+        said, by = decided_along(rules, along.values, path, along.ranges, value, found)
         if said != UNKNOWN:
             break
-    return said, pattern
+    return said, by
 
 
 def recorded(

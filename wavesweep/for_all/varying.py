@@ -286,14 +286,23 @@ class End:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Over:
-    """A `Bracket` for all numbers of some ranges. open: see `worst.Bracket`."""
+    """A `Bracket` for all numbers of some ranges, or of a loop without. open: see `worst.Bracket`."""
 
     low: float
     high: float
     below: End
     above: End
     settled: bool
-    open: LeftOpen | None
+    open: LeftOpen | None = None
+
+    @staticmethod
+    def of_family(family: LoopFrames | RingFrames | Chances, found: Bracket) -> "Over":
+        """The bracket of a family."""
+        fails = (found.fails_below, found.fails_from)
+        ends = []
+        for x, word in zip(fails, found.words, strict=True):
+            ends.append(End(x, (), word, text_of_pattern(family, word)))
+        return Over(found.low, found.high, *ends, found.settled)
 
 
 def bracketed_over(
@@ -304,8 +313,13 @@ def bracketed_over(
     span: tuple[float, float],
     about: tuple[float, float],
 ) -> Over | None:
-    """What is proved and refuted about an interval for all numbers of some ranges; None if no
-    start of a proof is found."""
+    """What is proved and refuted about an interval for all numbers of some ranges, if there are
+    any; None if no start of a proof is found."""
+    family = None if ranges else rules.family(values, along)
+    if family is not None and family.drift is None:
+        bracket = bracketed(family, along, span, about)
+        return bracket and Over.of_family(family, bracket)
+    # Numbers in a box, or a drift that depends on the number along which the interval is.
     loops = _over(rules, values, along, ranges, span)
     low, high = about
     report = partial(PROOF_LOGGER.info, SO_FAR, rules.said + name_of(along))
@@ -383,12 +397,22 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
 
 
 def decided_over(
-    rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]
+    rules: Rules,
+    values: Mapping[str, object],
+    ranges: Sequence[Axis],
+    work: float | None = None,
 ) -> tuple[str, dict[str, float | None]]:
-    """Whether a loop is stable for all numbers of some ranges and every order of frames, and
-    what it is not stable with."""
+    """Whether a loop is stable for all numbers of some ranges, if there are any, and every order of
+    frames, and what it is not stable with.
+
+    work: operations after which no more is tried.
+    """
+    if not ranges:
+        family = rules.family(values, "")
+        said, pattern = decided(family, work or OPERATIONS_OF_SEARCH)
+        return said, {pattern: None}
     loops = _over(rules, values, "", ranges)
-    point, word, proved = decide_over(loops)
+    point, word, proved = decide_over(loops, work or WORK_OVER)
     if word:
         by = dict(zip((axis.path for axis in ranges), point, strict=False))
         return REFUTED, {**by, text_of_pattern(loops.family(point), word): None}
@@ -410,17 +434,28 @@ def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) ->
     return found.verdict, text_of_pattern(family, found.word)
 
 
-def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
-    """The same at a value of a number, by what is found about an interval along it, its proof and
-    the patterns of its ends, or by a short pattern: a long one may grow next to its end alone."""
+def decided_along(
+    rules: Rules,
+    values: Mapping[str, object],
+    along: str,
+    ranges: Sequence[Axis],
+    value: float,
+    found: Over | None,
+) -> tuple[str, dict[str, float | None]]:
+    """`decided_over` at a value of a number, by what is found about an interval along it: its proof
+    and the patterns of its ends; or by a short pattern: a long one may grow next to its end alone."""
     if found is not None and found.low <= value <= found.high:
-        return PROVED, ""
-    words = [word for word in found.words if word] if found else []
-    words += growing_of(family.at(value), short_words(family.follows))
-    for word in words:
-        if is_refuted(family, word, value):
-            return REFUTED, text_of_pattern(family, word)
-    return UNKNOWN, ""
+        return PROVED, {}
+    ends = [end for end in (found.below, found.above) if end.word] if found else []
+    family = None if ranges else rules.family(values, along)
+    if family is not None and family.drift is None:
+        for word in growing_of(family.at(value), short_words(family.follows)):
+            ends.append(End(value, (), word, text_of_pattern(family, word)))
+    for end in ends:
+        by = dict(zip((axis.path for axis in ranges), end.point, strict=True))
+        if is_refuted(rules.family({**values, **by}, along), end.word, value):
+            return REFUTED, {**by, end.text: None}
+    return UNKNOWN, {}
 
 
 def text_of_pattern(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:

@@ -34,6 +34,7 @@ POINTS_LOOKED_AT = 3  # points of a climb at which all words are searched
 # relative: frames, or growths, that differ by less have the same words that grow first
 SAME_FRAMES = 1e-3
 OPERATIONS_OF_PROOFS = 7e11  # operations of the proofs: about a minute
+SOON = 4e9  # the same of a proof that is tried first: half a second
 UPWARD = 0.6  # part of the work for the way to the upper end
 # ratio of the ends of the number between which units of the states are found
 UNITS = 64.0
@@ -307,13 +308,15 @@ def decide_over(
     """
     sides = as_sides(loops.box, loops.sides)
     if (loops.growth.of(loops.starts) < 1).all():
-        soon = cover(loops.frames, sides, loops.follows, min(work, 4e9))  # half a second
+        soon = cover(loops.frames, sides, loops.follows, min(work, SOON))
         if not soon.open and not contradicted(loops.growth, loops.box):
             return (), (), True
     for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
         point, word = _worst_member(loops, loops.box, starts())
         if word:
             return point, word, False
+    if work <= SOON:
+        return (), (), False
     found = cover(loops.frames, sides, loops.follows, work)
     if found.word:
         point = tuple(np.clip(as_numbers(found.point, loops.sides), *loops.box).tolist())
