@@ -106,14 +106,17 @@ def test_a_link_that_is_tiny_and_0_at_some_values_may_close_a_loop_of_large_gain
             assert stable
 
 
-@pytest.mark.parametrize("steps", [60, 100])
-def test_a_slow_crossing_behind_a_long_delay_is_known_to_the_digits_of_its_distance_from_1(steps):
-    """A mass on a spring of 2 N/m that is felt late: the crossing is at 1.4 rad/s of 1000 ticks a second."""
+@pytest.mark.parametrize("later", [None, {"type": "delay", "steps": 15, "every": 2, "phase": 1}])
+def test_a_slow_crossing_behind_long_delays_is_known_to_the_digits_of_its_distance_from_1(monkeypatch, later):
+    """A mass on a spring of 2 N/m that is felt late, also at two rates: the crossing is at 1.4 rad/s of 1000 ticks a second."""
+    nothing = reduced_equation.Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)
+    monkeypatch.setattr(along_any, "tiles_of", lambda *_, **__: nothing)
+    late = {"type": "delay", "steps": 100 if later is None else 80, "every": 1 if later is None else 3}
     tables = {
         "rates": {"tick_hz": 1000},
         "numbers": {"d": 1.0},
-        "block": {"body": {"type": "mass", "mass": 1, "damping": "d"}, "late": {"type": "delay", "steps": steps}},
-        "wire": {"late.u": "2*body.x", "body.f": "-late.y"},
+        "block": {"body": {"type": "mass", "mass": 1, "damping": "d"}, "late": late, "last": later or {"type": "gain", "k": 1}},
+        "wire": {"late.u": "2*body.x", "last.u": "late.y", "body.f": "-last.y"},
     }
     loop = wavesweep.compile(tables)
     (row,) = loop.stable_intervals("d", (0.01, 100)).itertuples()

@@ -108,15 +108,17 @@ class Panels(Rows):
         nonzero = np.abs(self.coefficients[:, 0]) + rest > 0
         moved = np.abs(self.coefficients[:, 0] + np.eye(n)) + rest
         nonzero[:, range(n), range(n)] = moved[:, range(n), range(n)] >= 0.5
-        kinds, kind = np.unique(nonzero.reshape(-1, n * n), axis=0, return_inverse=True)
+        remembered = {}
         groups = {}
-        for number, entries in enumerate(kinds.reshape(-1, n, n)):
-            of_kind = np.flatnonzero(kind.ravel() == number)
-            groups.setdefault(tuple(_remembered(entries)), []).append(of_kind)
+        for panel, entries in enumerate(nonzero):
+            kind = entries.tobytes()
+            if kind not in remembered:
+                remembered[kind] = tuple(_remembered(entries))
+            groups.setdefault(remembered[kind], []).append(panel)
         results = []
-        for remembered, of_kinds in groups.items():
-            states = np.array(remembered)
-            results.append((self.take(np.concatenate(of_kinds)).of_states(states), states))
+        for left, of_group in groups.items():
+            states = np.array(left)
+            results.append((self.take(np.array(of_group)).of_states(states), states))
         return results
 
 

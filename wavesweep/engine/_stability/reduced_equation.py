@@ -37,9 +37,8 @@ BESIDE_CROSSING = 1e-7  # next to a crossing, in parts of a panel, where S is no
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
 WANTED_WEIGHTS = 0.93  # of weights, what is wanted to be left of them
 SHRUNK_WEIGHTS = 0.95  # and what is left of them at most: room for rounding between the two
-# of the terms of a sum, and so much for each state of a line, three quarters of it for its link
-SUM_ROUNDING = 256 * EPS
-LINKED = 0.75 * SUM_ROUNDING  # of a link of a delay line, which is 1
+SUM_ROUNDING = 256 * EPS  # of the terms of a sum, and a quarter of it for each state of a line
+MOST_OFF_LINK = 1e-11  # of a link of a line, which is 1: delays of two rates in series need 1e-13
 # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one
 # crosses
 LARGER_CIRCLE = 1e-7
@@ -118,11 +117,12 @@ class ReducedEquation:
 
     A term of G_m is the product of an entry of B, from where a state enters a line, and one of C,
     from where the line is read m steps later. lag: m of each term. place: the entry of S that it
-    belongs to, as a matrix of ones, `(terms, n n)`.
+    belongs to, as a matrix of ones, `(terms, n n)`. off_link: see `_off_link`.
     """
 
-    def __init__(self, panels: Panels, lines: DelayLines) -> None:
+    def __init__(self, panels: Panels, lines: DelayLines, off_link: float) -> None:
         self.panels = panels
+        self.per_link = SUM_ROUNDING / 4 + 1.01 * off_link  # (1 + x)^m - 1 is hardly more than m x
         self.n = lines.solved.size
         self.longest = max(map(len, lines.lines))
         solved = lines.solved
@@ -183,12 +183,12 @@ class ReducedEquation:
         A2, B2, C2 = self.split(bends)
         dA, dB, dC = self.split(self.series.error[panel])
         of_entries = dA + self.summed(dC * (B + dB) + C * dB)
-        terms = A + self.summed((1 + self.lag) * C * B)
+        of_sums = SUM_ROUNDING * A + self.summed((SUM_ROUNDING + self.per_link * self.lag) * C * B)
         return _Bounds(
             by_angle=unit + self.summed(self.lag**2 * C * B),
             by_both=self.summed(self.lag * (C1 * B + C * B1)),
             by_x=A2 + self.summed(C2 * B + 2 * C1 * B1 + C * B2),
-            rounding=of_entries + SUM_ROUNDING * terms,
+            rounding=of_entries + of_sums,
         )
 
     def around(self, value, slope, theta, radius=1.0):
@@ -343,9 +343,10 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
     lines = DelayLines.of(E)
     if lines.delayed.size < max(LONG_LINES, E.shape[-1] / 2):
         return None
-    if not _same_lines(panels, lines):
+    off_link = _off_link(panels, lines)
+    if off_link > MOST_OFF_LINK:
         return None
-    equation = ReducedEquation(panels, lines)
+    equation = ReducedEquation(panels, lines, off_link)
     if equation.lag.size > 1000:  # terms of S
         return None
     pad = 4 * EPS * np.abs(span).max() / panels.half
@@ -366,12 +367,9 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
     return Tiles.join([stretches, _labelled(windows, stretches, equation, errors)])
 
 
-def _same_lines(panels, lines):
-    """Whether all panels have these lines, as frames at some points have.
-
-    No other entry of theirs is anything but exactly 0, since a loop of large gains may be closed by
-    the smallest one.
-    """
+def _off_link(panels, lines) -> float:
+    """By how much a link of these lines may be off 1 on all panels; infinite if another entry of theirs
+    is anything but exactly 0, since a loop of large gains may be closed by the smallest one."""
     rows = lines.delayed[:, None]
     links = -np.eye(panels.error.shape[-1])
     for line in lines.lines:
@@ -379,7 +377,7 @@ def _same_lines(panels, lines):
     links = links[rows, lines.delayed]
     c = panels.coefficients[..., rows, lines.delayed]
     off = np.abs(c[:, 0] - links) + np.abs(c[:, 1:]).sum(1) + panels.error[:, rows, lines.delayed]
-    return bool((off <= np.where(links == 0, 0.0, LINKED)).all())
+    return float(np.where((links == 0) & (off > 0), np.inf, off).max())
 
 
 def _around_circle(equation, panel, low, high):
