@@ -129,7 +129,7 @@ def test_the_command_ends_when_its_page_is_closed(tmp_path):
     process, port, token = started(tmp_path)
     page = http.client.HTTPConnection("127.0.0.1", port, timeout=300)
     page.request("GET", f"/{token}/alive")
-    assert page.getresponse().read(1) == b":"
+    assert page.getresponse().read(5) == b"data:"
     time.sleep(2 * SHORT)
     assert process.poll() is None
     page.close()

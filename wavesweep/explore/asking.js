@@ -1,14 +1,17 @@
 // The questions to the server: a preview while something moves, and the certified answer if all rests.
-const REST = 220;
-let visible = saved, moves = 0, busy = false, again = false, timer = 0, stamps = [], refused = null, late = "", proving = Promise.resolve();
+const REST = 220, PATIENCE = 2400;  // ms without a move before a proof, and without an answer before nothing is shown; the server cuts one after 2000
+let visible = saved, moves = 0, busy = false, again = false, timer = 0, overdue = 0, retries = 2, stamps = [], refused = null, late = "", proving = Promise.resolve();
 
 async function ask(name, question) {
   const reply = await fetch(name, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(question)});
   if (!reply.ok) throw new Error(`the server answered ${reply.status}`);
-  return reply.json();
+  const found = await reply.json();
+  $("gone").hidden = true;
+  return found;
 }
 function moved() {  // a step
   record();
+  retries = 2;
   changed();
 }
 function changed() {
@@ -20,16 +23,28 @@ function changed() {
   timer = setTimeout(certify, REST, moves);
   if (busy) again = true; else follow();
 }
-function waiting(on) {  // the numbers shown are those of an earlier design
+const isWaiting = () => document.body.classList.contains("waiting"), isBlank = () => document.body.classList.contains("nothing");
+function waiting(on) {  // the numbers shown are those of an earlier design, and before long none are
   document.body.classList.toggle("waiting", on);
-  if (on) chip("proof", "… preview", "preview");
+  if (on && !isBlank()) chip("proof", "… preview", "preview");
+  if (on) { overdue ||= setTimeout(blank, PATIENCE, "… no answer for these numbers"); return; }
+  clearTimeout(overdue);
+  overdue = 0;
+}
+function blank(state) {  // nothing of another design stands beside these sliders
+  picture = null; ranges = {};
+  document.body.classList.add("nothing");
+  if (plane) { drawPlane(); legend(); }
+  how();
+  chip("proof", "", "");
+  chip("state", state, "no");
 }
 function chip(id, words, look) { $(id).textContent = words; $(id).className = "chip " + look; }
 function send() {
   again = false;
   const key = pictureKey(), drawn = picture && picture.key === key;
   const search = plane ? {[plane.y]: reach(plane.y), [plane.x]: reach(plane.x)} : {};
-  const question = {values: changedValues(), plane, preview: !drawn, search, response: visible, ...loopQuestion()};
+  const question = {values: changedValues(), plane, preview: !drawn, search, response: visible, ...(visible ? loopQuestion() : {})};
   return {key, drawn, reply: ask("quick", question).catch(error => ({lost: error}))};
 }
 async function follow() {
@@ -38,7 +53,10 @@ async function follow() {
     const {key, drawn, reply} = sent, found = await reply;
     sent = again && !found.lost ? send() : null;  // the server is at work while this answer is drawn
     if (found.lost) { lost(found.lost); again = false; break; }
-    if (refuse(found)) continue;
+    waiting(false);
+    const wrong = refuse(found);
+    if (again) waiting(true);
+    if (wrong) continue;
     if (drawn) delete found.plane;
     stamps = [...stamps, performance.now()];
     setTimeout(how, 1010);
@@ -51,24 +69,26 @@ function take(found, key) {
   answer = found;
   if (found.plane) picture = {...found.plane, key};
   if (key === pictureKey() && !away() && found.response && !ghost.response) ghost.response = found.response;
-  if (!again) waiting(false);
-  if (!("response" in found)) {
-    answer.response = null;
-    if (visible && data.hand) changed();  // it came into view after the question
-  }
-  if (loopMissing()) changed();
+  if (visible && lacking()) changed();  // they came into view after the question
   else if (!again) proveMargins(false);
   ranges = Object.fromEntries((found.ranges || []).map(each => [each.path, each]));
   draw();
 }
+const lacking = () => (data.hand && !answer.response) || (cut && !answer.open);  // charts, which are asked for while something moves only if they are in view
 function certify(at) {  // one after another: a proof that nobody waits for any more keeps the server from the next
   proving = proving.then(() => certified(() => at !== moves)).catch(lost);
 }
 async function certified(stale) {
   while (busy) await new Promise(done => setTimeout(done, 15));
-  if (stale() || !answer || await refit(stale) || refused) return;
+  if (stale() || !answer || await refit(stale) || refused || isWaiting()) return;
   proveMargins(true);
-  const set = {values: changedValues()}, along = plane ? [plane.y, plane.x] : data.sliders.filter(s => s.search).slice(0, 1).map(s => s.path);
+  const set = {values: changedValues()};
+  if (lacking()) {  // also what is not in view is printed
+    const found = await ask("quick", {...set, response: true, ...loopQuestion()});
+    if (stale()) return;
+    if (!found.error) { answer = {...answer, ...found}; draw(); }
+  }
+  const along = plane ? [plane.y, plane.x] : data.sliders.filter(s => s.search).slice(0, 1).map(s => s.path);
   for (const path of along) {
     if (ranges[path] && "certified" in ranges[path]) continue;
     const found = await ask("certified", {...set, along: path, span: reach(path)});
@@ -123,9 +143,10 @@ function reach(path) {  // where stable intervals are searched: the range of the
   const ends = [...(search || [low, high]), values[path], ...more];
   return [Math.min(...ends), Math.max(...ends)];
 }
-function lost(error) {
+function lost(error) {  // until the next answer
   $("gone").hidden = false;
-  $("gone").textContent = `No answer: ${error.message}. The numbers on this page are the last ones; start wavesweep explore again to go on.`;
+  $("gone").textContent = `No answer: ${error.message}. If none comes, start wavesweep explore again.`;
+  if (isWaiting()) blank("… no answer for these numbers");
 }
 
 // ---- a saved page: the designs of the sweep

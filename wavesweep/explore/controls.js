@@ -30,22 +30,18 @@ function refuse(found) {  // say what a design or its axes cannot be: at the fie
   for (const s of data.sliders) if (!s.typed) calm(s.fault, [s.number]);
   if (refused && found.error !== refused.error) calm($("axesfault"), ["x0", "x1", "y0", "y1"].map($));
   refused = found.error ? found : null;
-  document.body.classList.toggle("nothing", Boolean(refused));  // no number of another design stands beside these sliders
+  if (!isWaiting()) document.body.classList.remove("nothing");
   fill($("fault"));
   if (!refused) return false;
-  picture = null; ranges = {};
-  if (plane) { drawPlane(); legend(); }
+  blank(found.cut ? "✕ cut" : "✕ not possible");
   const ends = (found.at || []).filter(place => $(place)), at = (found.at || []).filter(path => sliders.has(path));
   if (ends.length) complain($("axesfault"), found.error, ends.map($));
   const named = ends.length ? [] : [...new Set([latest, ...at])].filter(each => each !== null).map(each => sliders.get(each));
   for (const s of named) complain(s.fault, found.error, [s.number]);
-  chip("proof", "", "");
   if (found.cut) {
-    chip("state", "✕ cut", "no");
     fill($("fault"), `Cut: an answer about this design ${found.error}. wavesweep check computes it; the spec can be copied.`);
     return true;
   }
-  chip("state", "✕ not possible", "no");
   const links = named.flatMap((s, k) => [k ? ", " : "see ", element("a", {href: "#" + s.range.id}, s.name)]);
   fill($("fault"), "Not possible: ", ...(ends.length ? ["these axes, see above"] : named.length ? links : [found.error]), ".");
   return true;
@@ -78,16 +74,15 @@ function typed(s) {
 function build() {
   let group = "";
   for (const s of data.sliders) {
-    const table = s.path.split(".")[0];
-    if (table !== group) { $("sliders").append(element("h3", {}, table.replace("_", " "))); group = table; }
+    const table = s.path.split(".")[0], heading = table.replace("_", " "), name = s.name === s.path ? s.path.slice(table.length + 1) : s.name, spoken = `${heading} ${name}`;
+    if (table !== group) { $("sliders").append(element("h3", {}, heading)); group = table; }
     const id = "s-" + s.path, stops = s.stops = saved ? data.stops[s.path] : s.stops.length ? s.stops : null, fixed = saved && !stops;
     s.ends = [s.low, s.high];  // a number that is typed may lie beyond them
-    s.range = element("input", {type: "range", id, min: s.step && !stops ? s.low : 0, max: stops ? stops.length - 1 : s.step ? s.high : STEPS, step: s.step || stops ? 1 : "any", title: s.description});
-    s.number = element("input", {type: "text", id: id + "-number", inputmode: "decimal", "aria-label": `${s.name}, number`, autocomplete: "off"});
+    s.range = element("input", {type: "range", id, min: s.step && !stops ? s.low : 0, max: stops ? stops.length - 1 : s.step ? s.high : STEPS, step: s.step || stops ? 1 : "any", title: s.description, "aria-label": `${spoken} ${s.unit}`});
+    s.number = element("input", {type: "text", id: id + "-number", inputmode: "decimal", "aria-label": `${spoken}, number`, autocomplete: "off"});
     s.number.readOnly = saved;
     s.fault = element("p", {class: "fault", id: id + "-fault", role: "alert"});
-    const name = element("b", {}, s.name === s.path ? s.path.slice(table.length + 1) : s.name);
-    s.box = element("div", {class: "slider"}, [element("label", {for: fixed ? id + "-number" : id, title: s.description}, [name, element("span", {}, s.unit)]), ...(fixed ? [] : [s.range]), s.number, ...(s.limited && !fixed ? [element("p", {class: "limited"}, s.limited)] : []), s.fault]);
+    s.box = element("div", {class: "slider"}, [element("label", {for: fixed ? id + "-number" : id, title: s.description}, [element("b", {}, name), element("span", {}, s.unit)]), ...(fixed ? [] : [s.range]), s.number, ...(s.limited && !fixed ? [element("p", {class: "limited"}, s.limited)] : []), s.fault]);
     s.range.addEventListener("input", () => { const place = Number(s.range.value); set(s.path, stops ? stops[place] : s.step ? place : toValue(s, place)); });
     if (!s.step && !stops) s.range.addEventListener("keydown", event => {
       const by = {ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10}[event.key];

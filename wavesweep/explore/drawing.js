@@ -29,6 +29,7 @@ function axes(r, X, Y, xs, ys, xName, yName) {
   return g;
 }
 
+const isProved = p => p.how === "certified" && p.known.every(Boolean) && p.columns.every((c, i) => !p.partly[i] && c.every(each => each[2]));
 // ---- the plane: filled is what is proved stable between proved columns, dotted a preview, hatched what nobody knows
 const isKnown = p => p.how === "cells" || p.known.some(Boolean);
 function region(p, r, X, Y, ghostly) {
@@ -101,7 +102,9 @@ function drawPlane() {
   const clip = element("svg:clipPath", {id: "inside"}, element("svg:rect", {x: r.left, y: r.top, width: r.right - r.left, height: r.bottom - r.top}));
   const ticks = Math.max(3, Math.min(9, (r.right - r.left) / 80)), up = Math.max(3, (r.bottom - r.top) / 55);
   fill(svg, clip, axes(r, X, Y, nice(...plane.x_span, ticks), nice(...plane.y_span, up), axisName(plane.x), axisName(plane.y)), inside);
-  svg.setAttribute("aria-label", `${title(plane.y)} over ${title(plane.x)}; the design is at ${text(values[plane.x])} and ${text(values[plane.y])}.${saved ? "" : " Arrow keys move it."}`);
+  for (const each of svg.children) each.setAttribute("aria-hidden", true);
+  const [vertical, horizontal] = [plane.y, plane.x].map(path => `${title(path)} from ${span(path).map(end => text(end)).join(" to ")}${unit(path)}`);
+  svg.setAttribute("aria-label", `Stable designs, ${vertical} over ${horizontal}; the design at ${text(values[plane.y])} and ${text(values[plane.x])} is ${verdict()}.${saved ? "" : " Arrow keys move it."}`);
 }
 const KEYS = {stable: "stable", unproved: "stable, not certified", quick: "stable, preview", point: "stable here, preview", bar: "stable at this value", doubt: "boundary, not certified", unknown: "not known", ghost: "at the start", ghostmark: "design at the start", limit: "measured limit", held: "measured stable", failed: "measured unstable"};
 function legend() {  // of what is in the picture
@@ -120,8 +123,8 @@ function how() {
   else if (p.how === "curve") say("Preview: ", `the boundary's explicit curve at ${p.angles} angles, not certified.`);
   else if (p.how === "cells") say("Preview: ", `eigenvalues of ${p.x.length} × ${p.y.length} designs, not certified.`);
   else {
-    const all = p.known.every(Boolean), proved = p.columns.every((c, i) => !p.partly[i] && c.every(each => each[2]));
-    say(p.how === "columns" ? "Preview: " : proved ? "Certified: " : "Not all certified: ", `${p.x.length} values of ${title(plane.x)}; ` +
+    const all = p.known.every(Boolean);
+    say(p.how === "columns" ? "Preview: " : isProved(p) ? "Certified: " : "Not all certified: ", `${p.x.length} values of ${title(plane.x)}; ` +
       (isKnown(p) ? `lines between them are right to ${p.how === "columns" ? "two pixels" : "half a pixel"}${all ? "." : ", or nothing is known there."}` : "nothing is known between them."));
   }
   if (plane && p && p.key === pictureKey()) parts.push(...beyond(p));
@@ -142,7 +145,7 @@ function beyond(p) {  // what is known outside the axes, and what is not
   else if (edges) parts.push(` Stable designs reach the ${edges} edge; what lies beyond is not shown.`);
   for (const each of [plane.y, plane.x]) {
     const [a, b] = span(each), found = (ranges[each]?.intervals || []).flatMap(i => [[i.low, Math.min(i.high, a)], [Math.max(i.low, b), i.high]]).filter(([from, to]) => from < to);
-    if (found.length) parts.push(` Outside the axes, ${title(each)} through the design is stable in ${found.map(([from, to]) => `${text(from)} to ${text(to)}`).join(" and ")}${unit(each)}.`);
+    if (found.length) parts.push(` Outside the axes, ${title(each)} through the design is stable in ${found.map(([from, to]) => `${rounded(from, 1)} to ${rounded(to, -1)}`).join(" and ")}${unit(each)}.`);
     if (!within(each)) parts.push(` The design lies outside: ${title(each)} is ${text(values[each])}.`);
   }
   return parts;
@@ -178,6 +181,8 @@ function chart(id, name, column, log, factor = 1) {
 }
 
 // ---- the numbers
+const SIGNS = {stable: "● ", unstable: "✕ ", "not known": "? "};
+const verdict = () => isBlank() || answer.own.spectral_radius === null ? "not known" : answer.own.stable ? "stable" : "unstable";
 function numbers() {
   const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
   const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
@@ -198,7 +203,7 @@ function numbers() {
   const more = data.asked.length ? `The spec asks ${data.asked.join(" and ")}: wavesweep check answers that; this page is of these numbers alone. ` : "";
   $("assumes").textContent = more + (o.assumes ? "Assumes: " + o.assumes : "");
   const these = data.asked.length ? " with these numbers" : "";
-  if (!refused) chip("state", (o.stable ? "● stable" : o.spectral_radius === null ? "? not known" : "✕ unstable") + these, o.stable ? "yes" : "no");
+  if (!isBlank()) chip("state", SIGNS[verdict()] + verdict() + these, o.stable ? "yes" : "no");
 }
 const HEADS = ["along", "from", "to", "oscillation there", "felt at the ends", "proof"];
 function intervals() {
@@ -222,10 +227,10 @@ function intervals() {
   fill($("intervals"), ...rows);
 }
 function proof() {
-  if (refused || document.body.classList.contains("waiting")) return;
+  if (isBlank() || isWaiting()) return;
   const p = picture && picture.key === pictureKey() && picture.how === "certified" ? picture : null;
   const ended = Object.values(ranges).filter(each => "certified" in each).length >= (plane ? 2 : 1) && (!plane || p || late === pictureKey());
-  const done = ended && Object.values(ranges).every(each => each.certified) && (!plane || (p && p.columns.every((c, i) => !p.partly[i] && c.every(each => each[2]))));
+  const done = ended && answer.own.spectral_radius !== null && Object.values(ranges).every(each => each.certified) && (!plane || (p && isProved(p)));
   chip("proof", done ? "✓ certified" : ended ? "not all certified" : "… preview", done ? "yes" : ended ? "no" : "preview");
 }
 function draw() {
@@ -236,7 +241,8 @@ function draw() {
   how();
   $("responses").hidden = !data.hand;
   drawLoop();
-  if (answer.response && visible) {
+  $("responses").classList.toggle("nothing", !answer.response);
+  if (answer.response) {
     chart("c0", `admittance (m${data.units.admittance}) over Hz`, "admittance_abs", true, 1e3); chart("c1", `impedance (${data.units.impedance}) over Hz`, "impedance_abs", true);
     chart("c2", "admittance phase (deg)", "admittance_deg", false); chart("c3", "impedance phase (deg)", "impedance_deg", false);
     const r = answer.response;

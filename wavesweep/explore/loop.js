@@ -2,10 +2,9 @@
 let cut = data.cuts?.[0] ?? null, route = data.routes?.[0] ?? null, margins = null, took = 0, proving2 = Promise.resolve();
 const SLOWEST = 150;  // ms up to which margins are asked for while something moves
 const marginsKey = () => JSON.stringify({values: changedValues(), cut});
-const loopQuestion = () => visible && cut ? {cut, route} : {};
-const loopMissing = () => visible && cut && answer && !answer.open;
+const loopQuestion = () => cut ? {cut, route} : {};
 function proveMargins(rests) {
-  if (saved || !cut || !visible || (took > SLOWEST && !rests)) return;
+  if (saved || !cut || (!rests && (!visible || took > SLOWEST))) return;
   const key = marginsKey(), question = JSON.parse(key);
   if (margins?.key === key) return;
   proving2 = proving2.then(async () => {
@@ -85,7 +84,8 @@ function drawBode() {
 const MARGINS = {gain_up: "▲ gain may grow to", gain_down: "▼ gain may fall to", phase: "● phase margin", delay: "◇ dead time up to", delay_frames: "◇ whole frames of delay below", disk: "disk margin", sensitivity: "peak sensitivity Ms", complementary: "peak of T, Mt"};
 function drawLoop() {
   $("loop").hidden = saved || !cut;
-  if ($("loop").hidden || !answer?.open || !visible) return;
+  $("loop").classList.toggle("nothing", !answer?.open);
+  if ($("loop").hidden || !answer?.open) return;
   drawStep(); drawNyquist(); drawBode();
   const s = answer.step, item = (name, shown, id, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]), time = v => v === null || v === undefined ? "not known" : v < 1 ? `${text(1e3 * v, 4)} ms` : `${text(v, 4)} s`;
   const rows = s.error ? [] : s.known ? [item("□ rise time, 10 to 90 %", time(s.rise_s), "m-rise", s.rise_s), item("× overshoot", s.overshoot === null ? "not known" : `${text(100 * s.overshoot, 4)} % at ${time(s.peak[0])}`, "m-overshoot", s.overshoot), item("▸ within 2 % after", time(s.settling_s), "m-settling", s.settling_s)] : [item("× farthest", `${text(s.peak[1], 4)} at ${time(s.peak[0])}`, "m-farthest", s.peak[1])];
@@ -94,12 +94,12 @@ function drawLoop() {
     const each = now ? margins.margins.find(row => row.name === name) : null, gain = name.startsWith("gain");
     if (now ? !each : name === "delay_frames") continue;
     const side = ["gain_down", "sensitivity", "complementary"].includes(name) ? 1 : -1, to = v => rounded(v, side, 4);
-    const value = !now ? "…" : each.value === null ? `not known (${each.doubt})` : !each.limited ? "no limit" : (each.unit === "deg" ? `${to(each.value)}°` : each.unit === "s" ? (each.value < 1 ? `${to(1e3 * each.value)} ms` : `${to(each.value)} s`) : to(each.value) + (gain ? ` (${text(20 * Math.log10(each.value), 3)} dB)` : "")) + (each.line_hz ? ` at ${text(each.line_hz, 4)} Hz` : "") + (each.doubt ? `, not certified (${each.doubt})` : "");
+    const value = !now ? "…" : each.value === null ? `not known (${each.doubt})` : !each.limited ? "no limit" : (each.unit === "deg" ? `${to(each.value)}°` : each.unit === "s" ? (each.value < 1 ? `${to(1e3 * each.value)} ms` : `${to(each.value)} s`) : to(each.value) + (gain ? ` (${rounded(20 * Math.log10(each.value), side, 3)} dB)` : "")) + (each.line_hz ? ` at ${text(each.line_hz, 4)} Hz` : "") + (each.doubt ? `, not certified (${each.doubt})` : "");
     rows.push(item(words, value, "m-" + name, each?.value));
   }
   fill($("margins"), ...rows);
   const cutShort = now && margins.cut === true, bad = now && !cutShort && !margins.margins.length;
-  $("loopnote").textContent = (cutShort ? "Margins take longer than 2 s, and were cut: wavesweep margins computes them. " : bad ? `No margins: the loop is not ${margins.doubt ? "known to be " : ""}stable${margins.doubt ? ` (${margins.doubt})` : ""}. ` : now ? "✓ Margins as the table of wavesweep margins has them. " : "… margins follow. ") + (o => o.several ? "L is made several times in a frame: its eigenvalues. " : "")(answer.open) + "The samples of a step response, and what comes after them, are bounded.";
+  $("loopnote").textContent = (cutShort ? "Margins take longer than 2 s, and were cut: wavesweep margins computes them. " : bad ? `No margins: the loop is not ${margins.doubt ? "known to be " : ""}stable${margins.doubt ? ` (${margins.doubt})` : ""}. ` : now ? "Margins as the table of wavesweep margins has them. " : "… margins follow. ") + (o => o.several ? "L is made several times in a frame: its eigenvalues. " : "")(answer.open) + "The samples of a step response, and what comes after them, are bounded.";
 }
 function loopChoices() {
   if (saved || !cut) return;

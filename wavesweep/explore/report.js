@@ -14,9 +14,10 @@ function report() {
     copy.addEventListener("click", async () => { try { await navigator.clipboard.writeText(t.csv + "\n"); copy.textContent = "Copied"; } catch { copy.textContent = "Not allowed here"; } });
     const units = t.units.map(u => u === "1" ? "" : u), cut = t.rows > rows.length ? `The first ${rows.length} of ${t.rows} rows.` : `${t.rows} rows.`;
     const table = element("table", {}, [element("thead", {}, element("tr", {}, head.map((name, i) => element("th", {}, name + (units[i] ? ` (${units[i]})` : ""))))), body]);
-    const note = element("p", {class: "note"}, cut), wide = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": t.title}, table);
-    $("report").append(element("section", {class: "card", "data-kind": t.kind}, [element("h2", {}, t.title), element("div", {class: "scroll"}, element("img", {src: t.figure, alt: `Figure: ${t.title} of ${data.name}`})),
-      note, wide, element("p", {class: "row"}, [all, copy]), element("details", {}, [element("summary", {}, "Facts of this run, with the resolved spec"), element("pre", {}, JSON.stringify(t.facts, null, 1))])]));
+    const note = element("p", {class: "note"}, cut), scrolls = name => ({class: "scroll", tabindex: 0, role: "region", "aria-label": name});
+    const wide = element("div", scrolls(t.title), table), facts = "Facts of this run, with the resolved spec", image = element("img", {src: t.figure, alt: `Figure: ${t.title} of ${data.name}`});
+    $("report").append(element("section", {class: "card", "data-kind": t.kind}, [element("h2", {}, t.title), element("div", scrolls(`Figure of ${t.title}`), image), note, wide,
+      element("p", {class: "row"}, [all, copy]), element("details", {}, [element("summary", {}, facts), element("pre", scrolls(facts), JSON.stringify(t.facts, null, 1))])]));
     if (wide.scrollWidth > wide.clientWidth) note.append(" The table scrolls sideways.");
   }
 }
@@ -32,6 +33,8 @@ if (saved) {
   const stops = Object.keys(data.stops).length;
   $("mode").textContent = data.left ? `Saved: the spec's own design. Its sweep has ${data.left} designs, too many for this page; all are in the table.` : stops ? "Saved: sliders with stops choose among the values of the sweep; the others are fixed." : "Saved: the numbers of the spec's own design.";
   document.body.classList.add("saved");
+  $("plane").setAttribute("role", "img");
+  $("plane").removeAttribute("tabindex");
   $("undo").hidden = $("redo").hidden = $("reset").hidden = !stops;
   chosen();
   report();
@@ -40,13 +43,13 @@ if (saved) {
   if (plane) pointing();
   new IntersectionObserver(entries => {
     visible = entries.at(-1).isIntersecting;
-    if (visible) { if (answer && !answer.response && data.hand || loopMissing()) changed(); else draw(); }
+    if (visible && answer && lacking()) changed();
   }, {rootMargin: "100px"}).observe($(data.hand ? "responses" : "loop"));
   take(data.first, pictureKey());
   timer = setTimeout(certify, 0, moves);
   const alive = new EventSource("alive");
   alive.onerror = () => lost(new Error("the server has ended"));
-  alive.onopen = () => { $("gone").hidden = true; };
+  alive.onmessage = () => { if (retries && !busy && (isWaiting() || !$("gone").hidden)) { retries--; changed(); } };  // each second
 }
 new ResizeObserver(() => draw()).observe($("picture"));
 window.ready = true;

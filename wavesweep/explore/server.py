@@ -171,7 +171,7 @@ class Handler(BaseHTTPRequestHandler):
         self.server.open_page(1)
         try:
             while True:
-                self.wfile.write(b": here\n\n")
+                self.wfile.write(b"data: here\n\n")
                 self.wfile.flush()
                 # Seconds between two signs of life on the connection that a page keeps open.
                 time.sleep(1.0)
