@@ -32,14 +32,16 @@ class Element {
 }
 const made = () => new Element();
 globalThis.window = {};
-globalThis.document = {body: made(), getElementById: id => places[id] ??= made(), createElement: made, createElementNS: made, addEventListener() {}};
+const getElementById = id => places[id] ??= made();
+globalThis.document = {body: made(), getElementById, createElement: made, createElementNS: made, addEventListener() {}};
 globalThis.ResizeObserver = globalThis.IntersectionObserver = Element;
 let stream;
 globalThis.EventSource = class { constructor() { stream = this; } };
 Element.prototype.observe = () => {};
-globalThis.setTimeout = (call, ms, ...given) => { const key = {}; timers.set(key, [clock + ms, () => call(...given)]); return key; };
+let keys = 0;
+globalThis.setTimeout = (call, ms, ...given) => { timers.set(++keys, [clock + ms, () => call(...given)]); return keys; };
 globalThis.clearTimeout = key => timers.delete(key);
-globalThis.fetch = name => new Promise((answer, lose) => asked.push({name, lose, answer: found => answer({ok: true, json: () => found})}));
+globalThis.fetch = () => new Promise((done, lose) => asked.push({lose, answer: found => done({ok: true, json: () => found})}));
 const soon = () => new Promise(setImmediate);
 async function pass(ms) {
   clock += ms;
@@ -48,6 +50,7 @@ async function pass(ms) {
 }
 document.getElementById("data").textContent = GIVEN;
 """
+SAY = "console.log(JSON.stringify({}));"
 
 
 def ran(data, run):
@@ -57,7 +60,7 @@ def ran(data, run):
         pytest.skip("no node on the PATH")
     scripts = "\n".join((files("wavesweep.explore") / name).read_text(encoding="utf-8") for name in SCRIPTS)
     program = "\n".join((PAGE.replace("GIVEN", json.dumps(as_json(data))), scripts, run))
-    done = subprocess.run([node, "-"], input=program, capture_output=True, text=True)
+    done = subprocess.run([node, "-"], input=program, capture_output=True, text=True, check=False)
     assert done.stderr == ""
     return json.loads(done.stdout)
 
@@ -72,7 +75,7 @@ def test_ends_are_printed_to_the_inner_side(page):
     limits = {"low": 1.2345612, "high": 799.713412, "low_omega": 3.0, "high_omega": 125.0}
     range_ends = {"low": 1000.0, "high": 6000.0, "low_omega": None, "high_omega": None}
     run = f"ranges = {{[plane.y]: {{certified: true, intervals: {json.dumps([limits | beside, range_ends | beside])}}}}};"
-    run += "intervals(); console.log(JSON.stringify(places.intervals.parts.map(row => row.parts.map(cell => cell.parts.join('')))));"
+    run += "intervals();" + SAY.format("places.intervals.parts.map(row => row.parts.map(cell => cell.parts.join('')))")
     assert ran(page._data(), run)[:2] == [
         ["K_VE", "1.23457 N/m", "799.713 N/m", "0.5 / 20 Hz", "1.25 / 800 N/m", "✓ certified"],
         ["K_VE", "1000 N/m (range ends)", "6000 N/m (range ends)", "0.5 / 20 Hz", "1.25 / 800 N/m", "✓ certified"],
@@ -80,8 +83,9 @@ def test_ends_are_printed_to_the_inner_side(page):
 
 
 SCENE = """
-const said = [], note = () => said.push([places.state.textContent, places.proof.textContent, document.body.classes.has("nothing"),
-  Boolean(picture) || Object.keys(ranges).length > 0, !$("gone").hidden && $("gone").textContent !== ""]);
+const said = [], drawn = () => Boolean(picture) || Object.keys(ranges).length > 0;
+const alert = () => !$("gone").hidden && $("gone").textContent !== "";
+const note = () => said.push([places.state.textContent, places.proof.textContent, isBlank(), drawn(), alert()]);
 (async () => {
   await soon(); note();
   values["controller.b"] = 40; changed();
@@ -111,8 +115,8 @@ def test_nothing_of_an_earlier_design_is_shown_for_long(page):
 
 
 def test_controls_have_names_of_their_own_and_the_plane_says_what_it_shows(page):
-    run = "console.log(JSON.stringify([data.sliders.flatMap(s => [s.range, s.number]).map(each => each.names['aria-label']), places.plane.names]))"
-    names, plane = ran(page._data(), run)
+    controls = "data.sliders.flatMap(s => [s.range, s.number])"
+    names, plane = ran(page._data(), SAY.format(f"[{controls}.map(each => each.names['aria-label']), places.plane.names]"))
     assert len(names) == len({*names}) == 2 * len(page.sliders)
     assert "device mass kg" in names
     assert plane["aria-label"].endswith("the design at 500 and 1 is stable. Arrow keys move it.")
