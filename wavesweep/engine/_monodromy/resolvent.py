@@ -25,11 +25,13 @@ class DelayLines:
     as those of a delay.
 
     solved: all other states, which alone have to be solved for. lines: the delayed states, each
-    after the one that it takes over.
+    after the one that it takes over. steps: of each delayed state, line by line, how many frames
+    pass in it: `z^steps x_i = x_j`.
     """
 
     solved: np.ndarray
     lines: tuple[np.ndarray, ...]
+    steps: np.ndarray
 
     @staticmethod
     def of(E) -> "DelayLines":
@@ -59,12 +61,45 @@ class DelayLines:
             lines.append(np.array(line))
         # States in a ring are not reached, and are solved for.
         solved = np.setdiff1d(np.arange(len(links)), np.concatenate([*lines, []]))
-        return DelayLines(solved, tuple(lines))
+        return DelayLines(solved, tuple(lines), np.ones(delayed.sum(), int))
+
+    def condensed(self, system: StateSpace) -> tuple["DelayLines", StateSpace]:
+        """Return the same lines and loops, `(loops, ...)`, with one state in place of a run of those
+        that do nothing but take over a value: its first alone takes others in, its last alone is
+        read."""
+        E, B, C, D = system
+        passed = (E + np.eye(E.shape[-1]) != 0).any(0)
+        handed = (passed.sum(1) == 1) & ~(B != 0).any((0, 2))
+        unread = (passed.sum(0) == 1) & ~(C != 0).any((0, 1))
+        first = [self.solved]
+        last = [self.solved]
+        lines = []
+        steps = [np.zeros(0, int)]
+        begin = self.solved.size
+        for line in self.lines:
+            cut = np.flatnonzero(~(unread[line[:-1]] & handed[line[1:]])) + 1
+            ends = np.append(cut, line.size)
+            starts = np.append(0, cut)
+            first.append(line[starts])
+            last.append(line[ends - 1])
+            steps.append(ends - starts)
+            lines.append(begin + np.arange(ends.size))
+            begin += ends.size
+        rows = np.concatenate(first)[:, None]
+        columns = np.concatenate(last)
+        solved = np.arange(self.solved.size)
+        states = StateSpace(E[:, rows, columns], B[:, rows[:, 0]], C[..., columns], D)
+        return DelayLines(solved, tuple(lines), np.concatenate(steps)), states
 
     @property
     def delayed(self) -> np.ndarray:
         """Indices of the delayed states, line by line."""
         return np.concatenate([*self.lines, np.zeros(0, int)])
+
+    @property
+    def longest(self) -> int:
+        """Steps of the longest line."""
+        return max((int(self.steps[at].sum()) for at in self._places()), default=0)
 
     def along(self, added, z):
         """Return the delayed states, `(..., delayed, k)`, if all others are 0; added: the same, to
@@ -87,14 +122,14 @@ class DelayLines:
         if not nonzero.size:
             return result
         for at in self._places():
-            power = np.repeat(z[..., 0], at.stop - at.start, axis=-1)
-            power[..., 0] = 1
-            power = np.cumprod(power, axis=-1, out=power)[..., None, :]
-            forward, back = (power, 1 / power) if step > 0 else (1 / power, power)
+            of_state = z[..., 0] ** self.steps[at]
+            behind = np.cumprod(of_state, axis=-1)
+            before = (behind / of_state)[..., None, :]
+            behind = behind[..., None, :]
+            forward, back = (before, 1 / behind) if step > 0 else (1 / behind, before)
             sums = inputs[..., nonzero, at] * forward
             np.cumsum(sums[..., ::step], -1, out=sums[..., ::step])
-            sums *= back / z
-            result[..., nonzero, at] = sums
+            result[..., nonzero, at] = sums * back
         return result
 
     def _places(self):

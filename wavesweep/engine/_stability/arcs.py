@@ -49,21 +49,21 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         """What is late of some columns, an index that gives `fixed` the axes of angles."""
         return cut.late and _Late(cut.late, fixed[columns] if np.any(fixed) else None)
 
-    lines = DelayLines.of(opened.E)
+    lines, system = DelayLines.of(opened.E).condensed(opened)
     poles, _ = eigenvalues(opened.E)
     poles = poles[:, (poles != -1).any(0)]  # those at z = 0 are equally far from all of the circle
     solver = lines
-    system = opened
+    solved = system
     if lines.solved.size > FEW_SOLVED:
         solver = TriangularForm.of(opened.E, opened.B, opened.C)
-        system = solver.system(opened)
+        solved = solver.system(opened)
     largest = max(map(abs, span))
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
     def sampled(column, theta):
         # Many states are not copied for each panel.
         loops = np.zeros(1, int) if fixed.size == 1 else column
-        systems = StateSpace(*(matrix[loops][:, None] for matrix in system))
+        systems = StateSpace(*(matrix[loops][:, None] for matrix in solved))
         value, value_off, beyond, beyond_off = _boundary(
             systems, solver, theta, largest, loops, late((column, None))
         )
@@ -82,7 +82,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         return phase, log, np.minimum([value_off, beyond_off] / magnitude, MOST_ERROR)
 
     def sample(column, theta):
-        step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * (cut.order - cut.late)))
+        step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * solved.B.shape[-2]))
         parts = []
         for first in range(0, column.size, step):
             chunk = slice(first, first + step)
@@ -93,17 +93,19 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     roots = panel_roots(sample, np.linspace(0, np.pi, 5), fixed.size, limits, settling=1)
     at = np.flatnonzero(roots.open_low)
     if at.size:
-        loops = StateSpace(*(matrix[at] for matrix in opened))
-        roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at], late((at, None)))
+        loops = StateSpace(*(matrix[at] for matrix in system))
+        roots.open_low[at] = ~_is_clear_next_to_one(
+            opened.E[at], loops, lines, poles[at], late((at, None))
+        )
 
     def boundary(theta):
-        return _boundary(opened, lines, theta, late=late(slice(None))).value
+        return _boundary(system, lines, theta, late=late(slice(None))).value
 
     return _collect(columns, span, boundary, roots)
 
 
 @np.errstate(all="ignore")
-def _is_clear_next_to_one(opened, lines, poles, late):
+def _is_clear_next_to_one(E, condensed, lines, poles, late):
     """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there,
     `(columns,)`.
 
@@ -112,21 +114,20 @@ def _is_clear_next_to_one(opened, lines, poles, late):
     1, or of 2 m at most if products of two responses are in it (see `_of_late`), and `F = theta^q
     f` is analytic on a disc that no other eigenvalue is in. F(0) is the mean of its rim, and by
     Schwarz's lemma F is off from that by at most the largest difference on the rim times the part
-    of the way there.
+    of the way there. condensed: the loops in the states of the lines.
     """
-    E = opened.E
     m = poles_at_one(E)
     away = np.sort(np.abs(poles), axis=-1)
     if m < away.shape[-1]:
         radius = np.minimum(WIDEST, away[:, m] / 4)
     else:
         radius = np.full(len(E), WIDEST)
-    if late:
-        radius = np.minimum(radius, 1 / (4 * late.frames))  # of a part of a turn
+    longest = max(late.frames if late else 1, lines.steps.max(initial=1))
+    radius = np.minimum(radius, 1 / (4 * longest))  # of a part of a turn
     count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
     value, off_in_roundings, _, _ = _boundary(
-        StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta, late=late
+        StateSpace(*(matrix[:, None] for matrix in condensed)), lines, theta, late=late
     )
     q = m + m % 2
     if late and late.fixed is not None:
@@ -220,9 +221,15 @@ def _response(opened, solver, right, theta, loops, row=0) -> _Response:
     size_forward = np.abs(forward).sum(-1) + np.abs(D)
     size_back = np.abs(back).sum(-1) + np.abs(D)
     if isinstance(solver, DelayLines):
-        roundings = CAUTION + max(map(len, solver.lines), default=0)
+        roundings = CAUTION + solver.longest
         of_turning = 0.0
         of_gain = 0.0
+        runs = solver.delayed[solver.steps > 1]
+        if runs.size:  # of the states of a run the products are those of its ends, turned
+            _, turned, _, unsure = _turned(solver.steps[solver.steps > 1], theta[..., None])
+            of_turning = (np.abs(terms[..., runs]) * unsure).sum(-1)
+            terms[..., runs] *= turned
+            size = np.abs(terms).sum(-1)
     else:
         roundings = CAUTION + E.shape[-1]
         of_turning, of_gain = _errors_of_form(solver, loops, left, right, theta)
@@ -300,7 +307,7 @@ def _turned(late, theta):
     """
     far = theta.real > np.pi / 2
     a = np.where(far, (np.pi - theta) + REST_OF_PI, theta)
-    sign = np.where(far & bool(late % 2), -1.0, 1.0)
+    sign = np.where(far & (late % 2 == 1), -1.0, 1.0)
     size = np.exp(late * np.abs(np.imag(theta)))
     turn = sign * np.cos(late * a)
     per_turn = np.where(far, -sign, sign) * np.sin(late * a) / np.sin(a)

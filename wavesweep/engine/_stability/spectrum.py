@@ -274,9 +274,9 @@ def _sure_radius(E, radius, delta):
 def _may_reach(E, balanced, units, w, rounding):
     """Whether a rounding of that size may make one of w `(points,)` an eigenvalue of E, of many
     states: the cheap bounds come first, and few points are left for the others."""
-    w = w[_by_eigenvectors(balanced, w) <= rounding]
+    w = w[_at_least(E, units, w) <= rounding]
     if w.size:
-        w = w[_at_least(E, units, w) <= rounding]
+        w = w[_by_eigenvectors(balanced, w) <= rounding]
     return any(_smallest(balanced[None], point[None, None]) <= rounding for point in w)
 
 
@@ -407,8 +407,12 @@ def _count_outside(E):
         count = np.zeros(len(E), int)
         clear = np.ones(len(E), bool)
         for group in groups:
-            blocks = [*group.blocks, group.alone] if group.alone.size else group.blocks
-            for block in blocks:
+            of_alone = group.alone.diagonal(axis1=-2, axis2=-1)
+            alone = _count_outside(of_alone.reshape(-1, 1, 1))
+            outside_alone, clear_alone = (facts.reshape(of_alone.shape) for facts in alone)
+            count[group.index] += outside_alone.sum(-1)
+            clear[group.index] &= clear_alone.all(-1)
+            for block in group.blocks:
                 outside_block, clear_block = _count_outside(block)
                 count[group.index] += outside_block
                 clear[group.index] &= clear_block
