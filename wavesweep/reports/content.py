@@ -256,31 +256,28 @@ def _answer(
     own: the first line about the spec's own numbers; judged: the verdict.
     """
     yield html.element("h2", "Answer")
-    assumed = []
     title, *others = judged.lines(_own_place(spec))
-    lines = [(line.strip(), True) for line in others]
     good = judged.status > Status.UNKNOWN
+    lines = [(line.strip(), not good) for line in others]
     if not intervals:
         yield html.verdict(good, title, "The ranges of its numbers follow below.", [*lines, own])
+        return
+    rows = interval_rows(intervals.table)
+    doubtful = any(warned for _, warned in intervals.lines)
+    # Lines of single slices repeat the rows that follow.
+    repeats = bool(rows) and not whose_column(intervals.table.columns)
+    for text, warning in intervals.lines:
+        if warning or not (repeats and text.startswith("  ")):
+            lines.append((text, warning))
+    how_known = _known(intervals.table, doubtful=doubtful)
+    yield html.verdict(good and not doubtful, title, how_known, [*lines, own])
+    if rows:
+        yield html.table(*rows)
     else:
-        rows = interval_rows(intervals.table)
-        doubtful = any(warned for _, warned in intervals.lines)
-        # Lines of single slices repeat the rows that follow.
-        repeats = bool(rows) and not whose_column(intervals.table.columns)
-        for text, warning in intervals.lines:
-            if warning or not (repeats and text.startswith("  ")):
-                lines.append((text, warning))
-        how_known = _known(intervals.table, doubtful=doubtful)
-        yield html.verdict(good and not doubtful, title, how_known, [*lines, own])
-        if rows:
-            yield html.table(*rows)
-        else:
-            yield html.element("p", f"All rows: {intervals.command}", "small")
-        yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
-        facts = intervals.table.facts
-        assumed += _assumed(facts)
+        yield html.element("p", f"All rows: {intervals.command}", "small")
+    yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
     yield html.element("h2", "What the proof assumes")
-    yield html.listing((line, False) for line in assumed)
+    yield html.listing((line, False) for line in _assumed(intervals.table.facts))
 
 
 def _own_place(spec: Spec) -> str:

@@ -56,7 +56,9 @@ pre { white-space: pre-wrap; padding: .6rem .8rem; background: #f6f6f4; }
 </style>
 </head>
 <body>
+<main>
 $body
+</main>
 </body>
 </html>
 """)
@@ -117,9 +119,12 @@ def _headings(lines: Iterable[tuple[str, bool]]) -> list[tuple[int, str, bool]]:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of texts."""
-    lines = [_row("th", head), *(_row("td", row) for row in rows)]
-    return '<div class="wide"><table>\n' + "\n".join(lines) + "\n</table></div>"
+    """A table of texts, which scrolls on its own where it is too wide."""
+    lines = "\n".join([_row("th", head), *(_row("td", row) for row in rows)])
+    region = (
+        f'class="wide" role="region" tabindex="0" aria-label="Table of {escape(", ".join(head))}"'
+    )
+    return f"<div {region}><table>\n{lines}\n</table></div>"
 
 
 def _row(name: str, texts: Sequence[str]) -> str:
@@ -141,4 +146,4 @@ def figure(svg: str, number: int, caption: str) -> str:
     inside = re.sub(r"<metadata>.*?</metadata>\s*", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     inside = re.sub(r'\b(width|height)="([\d.]+)pt"', _enlarged, inside, count=2)
     inside = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>f{number}-", inside).strip()
-    return f"<figure>\n{inside}\n{element('figcaption', f'Figure {number}. {caption}')}\n</figure>"
+    return f'<figure tabindex="0">\n{inside}\n{element("figcaption", f"Figure {number}. {caption}")}\n</figure>'

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.errors import SpecError, WavesweepError
-from wavesweep.program.analyses.claims import Claim, Status, lost_in_words, of_rows
-from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.analyses.claims import Claim, Question, Status, of_rows, questions
 from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
 from wavesweep.program.number_words import lasting, rounded_down, rounded_up
 from wavesweep.program.row_kinds import row_kinds
@@ -38,20 +37,22 @@ HEADS = {
     "fails_below": "refuted below",
     "fails_from": "refuted from",
 }
+CLAUSES = {  # of the forms of properties
+    "adjective": "is the loop {}",
+    "requirement": "is {}",
+    "motions": "does every motion come to rest",
+}
 OWN = ("", "spec", "operator")  # whose rows are those of the spec's own loop
 
 
 def question(spec: Spec) -> str:
-    """The question of the spec's [sweep] and [for_all]; without an axis, that of `check`."""
+    """What a spec asks of its loops, along the axis of its [sweep]; without one, that of `check`."""
+    asked = "; and ".join(map(_clause, questions(spec)))
     try:
         along, other_axes = sweep_axes(spec)
     except WavesweepError:  # a drawn loop without an axis to look along
-        return "Is the loop stable, and how far may each of its numbers go?"
-    asked_for = "is the loop stable"
-    if spec.require:
-        words = required_in_words(spec.require.written(), drawn=bool(spec.drawing))
-        asked_for = f"is {words}"
-    text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {asked_for}"
+        return f"{asked[:1].upper()}{asked[1:]}, and how far may each of its numbers go?"
+    text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)}"
     single = []
     several = []
     for axis in other_axes:
@@ -61,14 +62,16 @@ def question(spec: Spec) -> str:
         else:
             several.append(values)
     if single:
-        text += f", at {' and '.join(single)}"
+        text += f", at {' and '.join(single)},"
     if several:
-        text += f", for each of {' and of '.join(several)}"
-    if spec.for_all:
-        text += f", {'; '.join(_ranges(spec))}"
-    if spec.tick:
-        text += f", for {spec.tick.in_words(spec.tick_hz)}"
-    return f"{text}?"
+        text += f", for each of {' and of '.join(several)},"
+    return f"{text} {asked}?"
+
+
+def _clause(asked: Question) -> str:
+    """What is asked of which loops, with chances, contact and all that varies."""
+    what, scope = asked
+    return f"{CLAUSES[what.form].format(what.words)} {scope.in_words(whole=True)}".rstrip()
 
 
 def _values(spec: Spec, axis: Axis) -> str:
@@ -76,27 +79,6 @@ def _values(spec: Spec, axis: Axis) -> str:
     if len(axis.values) > MOST_VALUES:
         return f"{len(axis.values)} {axis.name} from {min(axis.values):g} to {max(axis.values):g}{unit}"
     return f"{axis.name} = {', '.join(f'{value:g}' for value in axis.values)}{unit}"
-
-
-def _ranges(spec: Spec) -> Iterator[str]:
-    """Yield the numbers of [for_all] with their ranges."""
-    for axis in spec.for_all.axes:
-        unit = _unit(spec, axis)
-        if axis.scale is None:
-            span = f"in {', '.join(map(str, axis.values))}{unit}"
-        else:
-            span = f"from {axis.start:g} to {axis.stop:g}{unit}"
-        if axis.path in spec.for_all.varying:
-            varies = ", another one in each frame"
-        else:
-            varies = ""
-        yield f"for every {axis.name} {span}{varies}"
-    if spec.for_all.lost:
-        yield f"with results that are {lost_in_words(spec.for_all.lost)}"
-    if spec.for_all.loss:
-        yield f"with results that are lost with probability {spec.for_all.loss:g}"
-    if spec.drawing and spec.drawing.channels:
-        yield "with messages that are late or lost"
 
 
 def _unit(spec: Spec, axis: Axis) -> str:

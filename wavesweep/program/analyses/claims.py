@@ -599,9 +599,10 @@ class Scope:
             said.append(ALL_OF.get(self.walls, self.walls))
         return f"for all {' and '.join(said).removeprefix('all ')}"
 
-    def in_words(self) -> str:
-        """The loops of the scope, beside the spec's own numbers; empty if there are none."""
-        loops = self._loops_of_a_line()
+    def in_words(self, *, whole: bool = False) -> str:
+        """The loops of the scope, beside the spec's own numbers; empty if there are none. whole:
+        however long they are."""
+        loops = self.loops() if whole else self._loops_of_a_line()
         words = [f"{'with' if self.run else 'for'} {loops}"] if loops else []
         if self.hands != OPERATOR:
             words.append(f"with {self.hands}")
