@@ -57,9 +57,8 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
-        drawn = at.drawn()
         with np.errstate(all="ignore"):
-            port = Port.of(drawn, hand, drift)
+            port = Port.of(at.drawn(), hand, drift)
             of_displacement = slice(port.axes)
             maps_of_ticks = [
                 (E, B, C[..., of_displacement, :], D[..., of_displacement, :])
@@ -69,7 +68,7 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
             lifted = ticks.lifted(measured=False)
             if port.drifts < port.axes:
                 lifted = apart_at_rest(lifted, port.position, port.held)
-        return lifted, pivots_of(at, path, drawn, p.shape)
+        return lifted, pivots_of(at, path, port.pivot, p.shape)
 
     return remembered(maps)
 
@@ -120,7 +119,9 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
         _, damping, _ = device_keys(at)
         paid = np.broadcast_to(damping / drawn.period, p.shape)
         T = lifted.T + paid[:, None, None] * np.eye(lifted.T.shape[-1])
-        return replace(lifted, T=T), pivots_of(at, path, drawn, p.shape)
+        return replace(lifted, T=T), pivots_of(
+            at, path, Ticks.of(drawn, alone=True).facts[0], p.shape
+        )
 
     return remembered(maps)
 
@@ -226,7 +227,7 @@ def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
         if ticks.loops != p.size:
             ticks = TickMaps.of(ticks.maps, ticks.kind, p.shape)
         lifted = bounded_by(ticks.lifted(measured=False), square)
-        return lifted, pivots_of(at, path, at.drawn(), p.shape)
+        return lifted, pivots_of(at, path, Ticks.of(at.drawn(), alone=True).facts[0], p.shape)
 
     return remembered(maps)
 
@@ -248,9 +249,9 @@ def remembered(maps: Maps) -> Maps:
     return lambda p: cached(p.tobytes(), p.dtype.str)
 
 
-def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:
-    """What has a zero where the maps are not analytic in the number, `(*shape, k)`."""
-    pivot, _ = Ticks.of(drawn, alone=True).facts
+def pivots_of(loop: HeldLoop, path: str, pivot: np.ndarray, shape) -> np.ndarray:
+    """What has a zero where the maps are not analytic in the number, `(*shape, k)`; pivot: see
+    `Ticks.facts`."""
     pivots = np.broadcast_to(np.asarray(pivot)[..., None], (*shape, 1))
     guards = loop.guards_at(path, shape)
     return np.concatenate([pivots, guards], axis=-1)

@@ -134,7 +134,7 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
                 h = sums.T @ (lifted.T @ sums + lifted.O @ moved)
             else:
                 h = port.position @ moved
-        return PairMap(lifted, h, 2 - port.drifts, pivots_of(at, path, drawn, p.shape))
+        return PairMap(lifted, h, 2 - port.drifts, pivots_of(at, path, port.pivot, p.shape))
 
     return remembered(maps)
 

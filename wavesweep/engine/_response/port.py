@@ -37,7 +37,7 @@ class Port:
     (see `static`). of_signal: the first output is a signal itself and not a displacement; see
     `between`. Of several ports or axes the maps go from all forces to all displacements,
     position has a row for each also if all drift, and drifts is the number of ways in which they do
-    so; moves: by how much each shift moves the position.
+    so; moves: by how much each shift moves the position. pivot: see `Ticks.facts`.
     """
 
     maps: tuple[StateSpace, ...]
@@ -51,6 +51,7 @@ class Port:
     of_signal: bool = False
     drifts: int = 0
     moves: np.ndarray | None = None
+    pivot: object = 1.0
 
     @staticmethod
     def of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> "Port":
@@ -88,7 +89,14 @@ class Port:
         drifts = int(np.linalg.matrix_rank(moves, rtol=NO_SHIFT).max()) if moving else 0
         timing = _timing(drawn)
         return Port(
-            maps, sizes, ticks.kind, position=position, **timing, drifts=drifts, moves=moves
+            maps,
+            sizes,
+            ticks.kind,
+            position=position,
+            **timing,
+            drifts=drifts,
+            moves=moves,
+            pivot=ticks.facts[0],
         )
 
     @staticmethod
