@@ -1,17 +1,21 @@
 """Walls that push and never pull while frames vary: against a march of its own, and what is said."""
 
 import math
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from wavesweep.capabilities import offered
-from wavesweep.contact.coming_rests import edges_of
+from wavesweep.contact.coming_rests import _Rests, edges_of
 from wavesweep.contact.rows import records_in_frames, records_through_contact, refuse
 from wavesweep.contact.rows_in_frames import in_frames
-from wavesweep.contact.stored_check import falls
+from wavesweep.contact.stored_check import Stored, _bernstein_coefficient, falls
+from wavesweep.contact.stored_search import find_stored
 from wavesweep.contact.verdict import of_wall
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.frames import Bounded
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 
@@ -144,14 +148,16 @@ def test_a_march_of_its_own_comes_to_rest_where_it_is_proved(delay, high, refute
 
 @pytest.mark.parametrize(("lengths", "kind"), [(LENGTHS, "pmw"), ([19, 20, 21], "pmw"), (LENGTHS, "pmw-lm")])
 def test_rests_of_waves_are_enclosed_for_frames_at_random(lengths, kind):
-    """omega of long random sequences, by its recursion, lies in the hull of its node.
+    """omega of long random sequences, by its recursion, lies in the hull of its node, though frames are
+    known to a thousandth alone.
 
     A local model turns what it shrinks in a frame, and a set is held by several in a row alone.
     """
     spec = load(waves(lengths) | {"controller": {"kind": kind, "b": 10.0}})
     frames = in_frames(rules_of(spec), dict(spec.values), [K, B]).frames
     n = frames.changes.shape[-1] - 1
-    A = np.eye(n) + frames.changes[:, :n, :n]
+    errors = 1e-3 * np.abs(frames.changes)
+    frames = replace(frames, changes_error=errors)
     edges = {(each.source, each.frame, each.target): each for each in edges_of(frames, 1)}
     rng = np.random.default_rng(1)
     for _ in range(40):
@@ -161,24 +167,109 @@ def test_rests_of_waves_are_enclosed_for_frames_at_random(lengths, kind):
             word = np.resize(word[: rng.integers(1, 4)], 160)
         for here, following in zip(word[-2::-1], word[::-1], strict=False):
             edge = edges[here, here, following]
-            turned = frames.changes[here, n, n] + rest @ frames.changes[here, :n, n]
-            rest = frames.changes[here, n, :n] + A[here].T @ rest
+            off = rng.choice([-1, 1]) * np.sign(np.append(rest, 1.0))
+            moved = np.append(rest, 1.0) @ (frames.changes[here] + off[:, None] * errors[here])
+            turned, rest = moved[n], rest + moved[:n]
         assert edge.turned[0] <= turned <= edge.turned[1]
         low, high = edge.vertices.min(0) - edge.errors, edge.vertices.max(0) + edge.errors
         assert (low <= rest).all()
         assert (rest <= high).all()
 
 
+def test_the_rests_before_a_frame_hold_the_worst_of_all_errors():
+    """Every corner of a set of rests, moved by a frame whose entries are off by all that they may."""
+    rng = np.random.default_rng(2)
+    rests = _Rests(rng.normal(size=3), rng.normal(size=(3, 3)) * [1, 0.5, 0.1], rng.random(3))
+    A = Bounded(rng.normal(size=(3, 3)), rng.random((3, 3)))
+    step, pushed = (Bounded(rng.normal(size=n), rng.random(n)) for n in (3, 4))
+    corners = np.array(list(product([-1, 1], repeat=6)))
+    omega = rests.middle + corners[:, :3] @ rests.G.T + corners[:, 3:] * rests.errors
+    vertices, off = rests.hull()
+    moved = rests.before(A, step.part(slice(None), None))
+    for sign in (-1, 1):
+        most = (sign * vertices).max(0) + off
+        assert (sign * omega <= most).all()
+        most = sign * moved.middle + np.abs(moved.G).sum(1) + moved.errors
+        worst = sign * (omega @ A.value.T + step.value) + np.abs(omega) @ A.error.T + step.error
+        assert (worst <= most).all()
+    turned = omega @ pushed.value[:3] + pushed.value[3]
+    off = np.abs(omega) @ pushed.error[:3] + pushed.error[3]
+    least, most = rests.turned(pushed)
+    assert least <= (turned - off).min() < (turned + off).max() <= most
+
+
 def test_the_check_refuses_forms_that_do_not_serve():
-    """Forms of one wall at another, and forms that a wall does not lower."""
+    """Forms of one wall at another, a weight below 0, and rests that move against a push."""
     spec = load(slow())
     loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
     found = loop.found((120.0, 1.0), best=True)
     assert loop.proved((found, (120.0, 1.0)))
     assert not loop.proved((found, (150.0, 1.0)))
     assert not loop.proved((found, (120.0, 1.0)), (found, (150.0, 1.0)))
-    higher = type(found.stored)(found.stored.P, found.stored.g, -found.stored.h)
-    assert not falls(loop.conditions, [(higher, loop.wall(120.0, 1.0))])
+    wall = loop.wall(20.0, 1.0)
+    soft = loop.found((20.0, 1.0), best=True).stored
+    fall = [falls(loop.conditions, [(replace(soft, h=h), wall)]) for h in (0.0, -1e-6)]
+    assert fall == [True, False]
+    wall = loop.wall(120.0, 1.0)
+    conditions = replace(loop.conditions, R=loop.conditions.R * -1.0)
+    found = find_stored(conditions, conditions.terms(wall), best=True)
+    assert (np.linalg.eigvalsh(found.stored.P) > 0).all()
+    assert not falls(conditions, [(found.stored, wall)])
+
+
+def test_the_condition_between_two_walls_is_a_polynomial_of_its_coefficients():
+    """F of walls, forms and weights that are a share between two, by Bernstein's sum of degree 3."""
+    spec = load(slow())
+    loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
+    walls = loop.wall(120.0, 1.0), loop.wall(60.0, 2.0)
+    rng = np.random.default_rng(3)
+    forms = [Stored(each + each.mT, *rng.random(2)) for each in rng.normal(size=(2, 1, 3, 3))]
+    terms = [loop.conditions.terms(wall) for wall in walls]
+    parts = [_bernstein_coefficient(loop.conditions, forms, terms, k).value for k in range(4)]
+    for s in (0.0, 0.3, 1.0):
+        mean = [(1 - s) * np.array(a) + s * np.array(b) for a, b in zip(*walls, strict=True)]
+        P, g, h = ((1 - s) * getattr(forms[0], of) + s * getattr(forms[1], of) for of in ("P", "g", "h"))
+        own = [loop.conditions.terms(mean)]
+        F = _bernstein_coefficient(loop.conditions, [Stored(P, g, h)], own, 0).value
+        summed = sum(math.comb(3, k) * s**k * (1 - s) ** (3 - k) * parts[k] for k in range(4))
+        assert summed == pytest.approx(F, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "said"),
+    [(139.0, "proved"), (142.0, "unknown"), (144.0, "a wall, in frames of 33"), (150.0, "the linear")],
+)
+def test_the_verdict_on_a_wall_while_frames_vary(stiffness, said):
+    """Proved by forms that know the next frame; the nearest of what refutes is a motion, and farther on
+    a pattern of frames, in which a march grows."""
+    tables = slow()
+    tables["environment"]["K_VE"] = stiffness
+    spec = load(tables)
+    found = of_wall(spec, rules_of(spec))
+    assert (found["counterexample"] or found["verdict"]).startswith(said)
+    if said == "the linear":
+        linear = np.array([-1e9, 1e9]), np.array([-1e9, 1e9])
+        pattern = [int(each) for each in found["counterexample"].rpartition("frames ")[2].split(", ")]
+        force = forces(stiffness, pattern * 300, linear, 1, (1, 0, 1))
+        assert np.abs(force[-40:]).max() > np.abs(force[400:440]).max()
+
+
+def test_a_row_while_frames_vary_is_what_single_walls_are(monkeypatch):
+    """And nothing, if what lies between these is not proved."""
+    tables = slow()
+    tables["for_all"]["rates.ratio"]["values"] = [16, 33]
+    spec = load(tables)
+    asked = rules_of(spec), loops_of(spec, dict(spec.values), K), K, (90.0, 200.0)
+    (row,) = records_in_frames(*asked)
+    assert row["low"] == 90
+    assert 139.5 < row["high"] < 141
+    assert row["fails_from"] == pytest.approx(143.8, rel=1e-3)
+    assert row["counterexample"].startswith("a wall, in frames of 33 ticks")
+    assert not row["settled"]
+    at_one = "wavesweep.contact.rows_in_frames.falls"
+    monkeypatch.setattr(at_one, lambda conditions, ends: len(ends) == 1 and falls(conditions, ends))
+    (row,) = records_in_frames(*asked)
+    assert (row["intervals"], row["certified"]) == (0, False)
 
 
 def forces_of_waves(stiffness, lengths, wall, starts):

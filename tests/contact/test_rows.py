@@ -62,16 +62,22 @@ def test_rows_of_contact_stand_beside_those_of_the_linear_wall():
     assert texts[0].startswith("a wall through (")
 
 
-def test_intervals_along_the_damping_are_proved_too():
-    """The end of a proof along B_VE is one of proofs along K_VE, to the resolution of both."""
-    sweep = {"along": "B_VE", "B_VE": {"start": 0, "stop": 50}, "K_VE": [100]}
-    along = spec_of(SLOW, sweep=sweep)
-    (row,) = contact_rows(along).itertuples()
-    assert row.high < 49
-    beyond = contact_rows(spec_of(SLOW, environment={"B_VE": 1.01 * row.high}))
-    inside = contact_rows(spec_of(SLOW, environment={"B_VE": 0.99 * row.high}))
-    assert inside["high"].max() > 100
-    assert not ((beyond["low"] < 100) & (beyond["high"] > 100)).any()
+@pytest.mark.parametrize(
+    ("tables", "stiffness", "stop", "settled"),
+    [(FIG4, 500, 50, True), (SLOW, 240, 50, True), (SLOW, 240, 1, False)],
+)
+def test_intervals_along_the_damping_are_proved_too(tables, stiffness, stop, settled):
+    """What is proved next to an end along B_VE is so along K_VE, and nothing beyond it."""
+    sweep = {"along": "B_VE", "B_VE": {"start": 0, "stop": stop}, "K_VE": [stiffness]}
+    (row,) = contact_rows(spec_of(tables, sweep=sweep)).itertuples()
+    assert 0.97 * row.low < row.fails_below < row.low
+    assert row.settled == settled
+    environment = tables.get("environment", {})
+    along = [
+        contact_rows(spec_of({**tables, "environment": environment | {"B_VE": damping}}))
+        for damping in (row.fails_below, 1.01 * row.low)
+    ]
+    assert along[0]["high"].max() < 1.001 * stiffness < 1.002 * along[1]["high"].max()
 
 
 def test_a_loop_that_is_unstable_without_its_wall_has_no_row():

@@ -127,15 +127,18 @@ class Line:
         seed = self._seed(low, ceiling)
         if seed is None:
             return None
-        bottom = self.end(seed, low)
+        motion = motion_beyond(self.walls, seed, low)
+        floor = motion.value + 2e-3 * abs(motion.value) if motion else low
+        bottom = self.end(seed, floor)
         top = self.end(seed, ceiling)
         pieces: list[Piece] = []
-        # Shares that are given up in turn, for a check.
-        for back in (0, 1e-3, 3e-3, 0.01, 0.03, 0.1):
+        # Shares that are given up in turn, for a check of the first piece; after it they mean nothing.
+        for back in (0, 1e-3, 3e-3, 0.01, 0.03, *[0.1] * 20):
             at = pieces[-1].low if pieces else top - back * (top - bottom)
             piece = self.proved(bottom, at) or self.proved(bottom, at, whole=False)
             if piece:
                 pieces.append(piece)
-            if (pieces and not piece) or (piece and piece.low <= bottom):
+            ended = piece.low <= bottom if piece else pieces or back == 0.1
+            if ended:
                 break
         return Stretch(tuple(pieces)) if pieces else None
