@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from wavesweep.engine._search.interval_search import Search, Searches
     from wavesweep.engine._search.question import Prover, Question
     from wavesweep.engine._stability.along_any import END_ROUNDING, stable_along_any
-    from wavesweep.engine._stability.boundary import terms_at
     from wavesweep.engine._stability.intervals import Intervals
     from wavesweep.engine._stability.positive import FunctionValues, positive
     from wavesweep.engine._stability.regions import SHARE_OF_SPAN
@@ -30,7 +29,6 @@ else:
             "_search.interval_search": ("Search", "Searches"),
             "_search.question": ("Prover", "Question"),
             "_stability.along_any": ("END_ROUNDING", "stable_along_any"),
-            "_stability.boundary": ("terms_at",),
             "_stability.intervals": ("Intervals",),
             "_stability.positive": ("FunctionValues", "positive"),
             "_stability.regions": ("SHARE_OF_SPAN",),

@@ -12,18 +12,12 @@ import numpy as np
 
 from wavesweep.capabilities import asked
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.frames import LinearFractional
 from wavesweep.engine.response import Lifted, respond
-from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
-from wavesweep.haptics.controller_page import wall_cut
-from wavesweep.haptics.controllers import WALL
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over
 from wavesweep.program.analyses.own_design import own_design
 from wavesweep.program.analyses.plane_columns import (
-    NARROW,
-    Interval,
     PlaneCurve,
     View,
     curves_of,
@@ -90,24 +84,23 @@ def quick(spec: Spec, with_response: bool = True) -> dict:
 def preview(
     spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[float, float]], by_gain: bool
 ) -> dict:
-    """The fastest preview of a plane, and the intervals through the design if these come with it.
+    """The fastest preview of a plane and, if y is a gain, see `is_gain`, the intervals through the
+    design.
 
-    By the boundary's explicit curve if the plane is that of a wall, by proved columns if y is a
-    gain, see `is_gain`, and otherwise by so many cells along each side; without any this plane is
-    left out, and so are columns. search: path -> range of the stable intervals through the design.
+    By proved columns if y is a gain, and otherwise by so many cells along each side; without any
+    this plane is left out. search: path -> range of the stable intervals through the design.
     """
-    cut = None if spec.drawing else wall_cut(spec.values)
-    if cut is not None and {plane.x, plane.y} == set(WALL):
-        return _by_curve(spec, cut, plane, search)
-    if not cells:
-        return {}
-    if by_gain or (cut is not None and plane.y in WALL):
+    answer = {}
+    if by_gain:
+        answer["ranges"] = [stable_ranges(spec, path, span) for path, span in search.items()]
+    if cells and by_gain:
         curve, view = _columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2 + 1))
         low, high = plane.y_span
         gaps = known_gaps(curve.columns, view, PREVIEW_PIXELS * (high - low) / view.high)
-        shape = plane_of(PlaneCurve(curve.columns, gaps), view)
-        return {"plane": {**shape, "how": "columns"}}
-    return {"plane": _cell_plane(spec, plane, cells)}
+        answer["plane"] = {**plane_of(PlaneCurve(curve.columns, gaps), view), "how": "columns"}
+    elif cells:
+        answer["plane"] = _cell_plane(spec, plane, cells)
+    return answer
 
 
 def is_gain(spec: Spec, plane: Plane) -> bool:
@@ -118,63 +111,6 @@ def is_gain(spec: Spec, plane: Plane) -> bool:
     except WavesweepError:
         return False
     return way is Way.CUT
-
-
-def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
-    """The wall's plane and the intervals through the design by the boundary's explicit curve;
-    K_VE may be either axis."""
-    solved = WALL.index(plane.y)  # 0: K_VE, 1: B_VE
-    if solved == 0:
-        window = (plane.y_span, plane.x_span)
-    else:
-        window = (plane.x_span, plane.y_span)
-    curve = refined_curve(cut, window)
-    ranges = []
-    for path, span in search.items():
-        along = WALL.index(path)
-        other_value = spec.values[WALL[1 - along]]
-        other = np.array([other_value])
-        (column,) = quick_columns(cut, curve, along, other, span, 6)  # steps of false position
-        intervals = [{"low": low, "high": high} for low, high in column]
-        ranges.append({"path": path, "span": span, "intervals": intervals})
-    shape = _preview(plane, lambda x: quick_columns(cut, curve, solved, np.array(x), plane.y_span))
-    return {"plane": {**shape, "how": "curve", "angles": curve.angles.size}, "ranges": ranges}
-
-
-def _preview(plane, columns_at) -> dict:
-    """The plane by columns without a proof, which lie closer together where lines between them are
-    not right.
-
-    columns_at: gives a list of intervals for each of some values of x.
-    """
-    low, high = plane.y_span
-    view = View(plane.x, False, *PIXELS)
-    rough = PREVIEW_PIXELS * (high - low) / view.high
-    intervals_at = {}
-
-    def compute(places):
-        if not places:
-            return
-        for x, column in zip(places, columns_at(places), strict=True):
-            intervals = [
-                Interval(first, last, first > low, last < high, False) for first, last in column
-            ]
-            intervals_at[x] = (tuple(intervals), ())
-
-    places = np.linspace(*plane.x_span, COLUMNS).tolist()
-    compute(places)
-    gaps = known_gaps(intervals_at, view, rough)
-    finer = []  # the cells in which lines are not right yet, divided
-    for left, right in pairwise(places):
-        if (left, right) not in gaps:
-            # Parts of the cells of a preview in which lines are not right.
-            finer.append([left, *view.between(left, right, 8), right])
-    compute([x for cell in finer for x in cell[1:-1]])
-    for cell in finer:
-        gaps |= known_gaps({x: intervals_at[x] for x in cell}, view, rough)
-    for gap in pairwise(sorted(intervals_at)):
-        gaps.setdefault(gap, NARROW)
-    return plane_of(PlaneCurve(intervals_at, gaps), view)
 
 
 def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:

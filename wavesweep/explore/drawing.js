@@ -120,7 +120,6 @@ function how() {
   const rate = stamps.length, p = picture, parts = [], say = (word, rest) => parts.push(element("b", {}, word), rest);
   if (!plane) parts.push("This loop has a single number that varies smoothly: no plane.");
   else if (!p || (p.how === "certified" && p.key !== pictureKey())) parts.push("…");
-  else if (p.how === "curve") say("Preview: ", `the boundary's explicit curve at ${p.angles} angles, not certified.`);
   else if (p.how === "cells") say("Preview: ", `eigenvalues of ${p.x.length} × ${p.y.length} designs, not certified.`);
   else {
     const all = p.known.every(Boolean);

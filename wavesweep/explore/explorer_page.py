@@ -98,7 +98,6 @@ class Page:
             "version": __version__,
             "sliders": [{**asdict(slider), "unit": _unit(slider.unit)} for slider in self.sliders],
             "plane": asdict(self.plane) if self.plane else None,
-            "wall": [] if spec.drawing or spec.uneven else list(WALL),
             "slow": self.by_cells,
             "hand": self.first["response"] is not None,
             "units": {

@@ -4,26 +4,18 @@ and the loops that they draw."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from math import ceil, floor
+from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.drawing import Drawing
+from wavesweep.engine.drawing import TYPES, Drawing, DrawnBlock
 from wavesweep.engine.errors import UsageError
-from wavesweep.haptics.controllers import CONTROLLERS, WALL
-
-if TYPE_CHECKING:
-    from wavesweep.engine.frames import LinearFractional
-
-
-from dataclasses import dataclass, replace
-from fractions import Fraction
-from math import ceil, floor
-
-from wavesweep.engine.drawing import TYPES, DrawnBlock
 from wavesweep.engine.expressions import Tree, parse
-from wavesweep.haptics.controllers import MOST_SLOW_STEPS
+from wavesweep.haptics.controllers import CONTROLLERS, MOST_SLOW_STEPS, WALL
 
 RATIO = "rates.ratio"
 # the wall's force on a displacement x and a velocity v
@@ -208,20 +200,6 @@ def assumption_of_page(values: Mapping[str, Any]) -> str:
     kind, items = _page_of(values)
     page: BlockDiagram = CONTROLLERS[kind].page(dict(items))
     return page.assumes
-
-
-def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
-    """Return the loops of a controller cut at both numbers of its wall; None if its frame reads
-    these more than once.
-
-    values: flat keys, with numbers or arrays over the loops.
-    """
-    from wavesweep.engine.frames import open_loops
-    from wavesweep.engine.loop import Loops
-
-    loops = Loops(loop_drawing(values), values).read
-    opened = open_loops(loops, *WALL, per_loop=True)
-    return opened.cut if opened else None
 
 
 _Items = tuple[tuple[str, Any], ...]
