@@ -55,6 +55,12 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
 @click.option("--spring", is_flag=True, help="Fit a spring as well.")
 @click.option("--friction", is_flag=True, help="Fit Coulomb friction as well.")
 @click.option(
+    "--axes",
+    metavar="X,Y,Z",
+    help="Fit a device of the axes x,y or x,y,z: the log has the position x and the force fx of each, or columns that --column "
+    "gives with commas, as position=q1,q2.",
+)
+@click.option(
     "--two-masses",
     is_flag=True,
     help="Fit two masses on a spring, as of a drive with a flexible coupling: the log is of the first, which the force moves.",
@@ -129,6 +135,9 @@ def identify(
     With --two-masses the device is a motor with a load on a spring; mass, damping, position and
     velocity are the motor's.
 
+    With --axes x,y,z the device has several axes: a mass matrix, a damping matrix and maybe friction
+    of each are fitted, and the spec has them before a flat wall of any direction.
+
     With --frames nothing of a device is read: the table is identify-frames, and the spec,
     frames.toml, has [for_all] alone.
 
@@ -140,6 +149,7 @@ def identify(
     Examples:
       wavesweep identify log.csv --resolution 2e-5 --out device.toml
       wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
+      wavesweep identify log.csv --axes x,y,z --friction --out device.toml
       wavesweep identify --frames times.csv --fast-hz 1000
     """
     from wavesweep.identification.device_spec import spec_text
@@ -225,6 +235,7 @@ def _fit_options(given: dict[str, Any], motor_constant: str | None) -> dict[str,
     """What a fit of a log is asked for."""
     names = ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")
     options = {name: given[name] for name in names}
+    options["axes"] = given["axes"] and given["axes"].split(",")
     if motor_constant:
         options["motor_constant"] = _bounds(motor_constant)
     return options

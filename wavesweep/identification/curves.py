@@ -79,13 +79,19 @@ def alone(place: Place, first: int, end: int) -> Beside:
     return _fitted(few._replace(point=least_of(*few, STEPS_WITH_CURVE)))
 
 
-def with_curve(name: str, place: Place) -> Beside:
-    """The fit of a log with a curve, from that without."""
+def with_curve(name: str, place: Place, others: Sequence[np.ndarray] = ()) -> Beside:
+    """The fit of a log with a curve, from that without; with forces of other axes in its place, if
+    there are some."""
     fit = place
     numbers = []
     # Passes of the smoother: the second with the curve, the third with what it does within a tick.
     for _ in range(3):
-        log = replace(fit.log, beside=tuple(_held(CURVES[name], fit)))
+        if others:
+            ticks = round(fit.search.found(fit.point)["delay"])
+            beside = [np.stack([late(each, ticks), 0.0 * each]) for each in others]
+        else:
+            beside = _held(CURVES[name], fit)
+        log = replace(fit.log, beside=tuple(beside))
         fit = fit._replace(log=log)
         fit = fit._replace(point=least_of(*fit, STEPS_WITH_CURVE))
         found = fit.search.found(fit.point)

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -36,7 +38,7 @@ TOLD = 0.1  # ticks that a delay may differ from the one in the spec
 def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Sentences on numbers below 0."""
     delay = parameters["delay"]
-    if parameters["mass"]["low"] is None:
+    if withheld(parameters):
         return
     unit = delay["unit"].replace("tick", "ticks")
     if delay["high"] < -EARLY:
@@ -47,6 +49,11 @@ def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
     for name in dict.fromkeys((*PATHS, *DRAWN)):
         if name in parameters and parameters[name]["low"] < 0:
             yield f"the log allows a {name} below 0, which no device has; the spec's range begins at 0"
+
+
+def withheld(parameters: Mapping[str, Any]) -> bool:
+    """Whether the numbers have no intervals; the first one is a mass."""
+    return next(iter(parameters.values()))["low"] is None
 
 
 def spoken(each: Mapping[str, Any]) -> str:
@@ -111,6 +118,8 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     parameters = facts["parameters"]
     if "load_mass" in parameters:
         return "\n".join([*_comments(facts), _two_masses(facts)])
+    if "axes" in facts:
+        return "\n".join([*_comments(facts), _several_axes(facts)])
     fitted = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
     tables: dict[str, dict[str, Any]] = {
         "controller": {"kind": "dc"},
@@ -138,6 +147,22 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     if not tables["for_all"]:
         del tables["for_all"]
     return "\n".join([*_comments(facts), as_toml(tables)])
+
+
+def _several_axes(facts: Mapping[str, Any]) -> str:
+    """A device of several axes before a flat wall: a template with the numbers that were found."""
+    parameters = facts["parameters"]
+    template = Path(__file__).with_name(f"axes-{len(facts['axes'])}.toml").read_text("utf-8")
+    values = {"tick_hz": float(f"{1 / facts['period_s']:.9g}")}
+    for name, number in parameters.items():
+        values |= {
+            name: number["value"],
+            f"{name}_low": number["low"],
+            f"{name}_high": number["high"],
+        }
+    values["delay"] = max(parameters["delay"]["value"], 0.0) * facts["period_s"]
+    text, ranges, bounds = Template(template).substitute(values).partition("[for_all]")
+    return text if withheld(parameters) else text + ranges + bounds
 
 
 def _of_positions(facts):
@@ -190,7 +215,7 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
 
 def _place_of_delay(facts: Mapping[str, Any]) -> str:
     """What has the delay in the spec."""
-    if "load_mass" in facts["parameters"]:
+    if "load_mass" in facts["parameters"] or "axes" in facts:
         return "tau"
     if late(facts):
         return f"device.{late(facts)}"
@@ -201,16 +226,16 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     delay = facts["parameters"]["delay"]
     millis = 1e3 * facts["period_s"]
     two = "load_mass" in facts["parameters"]
-    withheld = facts["parameters"]["mass"]["low"] is None
+    bare = withheld(facts["parameters"])
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
-        "# Numbers without intervals:" if withheld else "# Intervals of 95 %, in [for_all]:",
+        "# Numbers without intervals:" if bare else "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(estimate)}" for name, estimate in facts["parameters"].items()),
         f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms. It is {_place_of_delay(facts)}.",
     ]
-    if _of_positions(facts) and not two:
+    if _of_positions(facts) and not two and "axes" not in facts:
         lines.append("# The log has positions, so the velocity is that of their differences.")
-    if two and not withheld:
+    if two and not bare:
         lines.append(
             "# A proof takes five ranges, so the load's damping Dl has the ends of its interval as values, and tau its own."
         )
@@ -221,7 +246,7 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     if facts["missing"] == "unseen":
         lines.append("# The log cannot tell whether the model is enough.")
     elif not facts["explained"]:
-        if withheld:
+        if bare:
             hint = "no number has an interval"
         else:
             hint = "the intervals are wider by what is left"

@@ -1,7 +1,7 @@
 """Whether a fit explains a log: the residual against that of the encoder alone, and which effect
 is missing."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import dropwhile, takewhile
 from operator import attrgetter, itemgetter
@@ -51,7 +51,7 @@ class Verdict:
     """The judgement of a fit.
 
     explained: the encoder and white noise explain the residual. missing: "friction", "spring",
-    "delay", "resonance", one of `CURVES`, "force" (one that the log does not have), "noise" (of the
+    "delay", "resonance", one of `CURVES`, "axes" (the forces of others), "force" (one that the log does not have), "noise" (of the
     reading, which is not white), "one-way" (friction or a constant force), "unknown", "unseen" (the
     log would show no resonance at all), or empty if it is explained. frequency_hz: of the
     resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that
@@ -76,13 +76,18 @@ class Verdict:
 
 
 def identified(
-    model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+    model: Model,
+    force: np.ndarray,
+    reading: np.ndarray,
+    period: float,
+    resolution: float,
+    others: Sequence[np.ndarray] = (),
 ) -> tuple[Fit, Verdict]:
     """Fit a model to a log and judge the fit.
 
     If the encoder and white noise explain what is left, it is the fit by the likelihood of rounded
     readings, see `fit.fitted`; otherwise that by the errors of predictions, whose intervals allow
-    for forces that the log does not have.
+    for forces that the log does not have. others: those of other axes, which may be what it lacks.
 
     Errors: UsageError if the force does not show in the readings, or if friction comes out below 0
     in a log that the model does not explain.
@@ -93,7 +98,7 @@ def identified(
     verdict = judged(fit) if fit else None
     if verdict is None or verdict.missing not in ("", "one-way", "unseen"):
         refuse_friction_below_zero(found)
-        fit, verdict = lacking(by_prediction(found, *log), found)
+        fit, verdict = lacking(by_prediction(found, *log), found, others)
     if fit.estimate:
         one_way = "offset" in fit.model.without
     else:
@@ -129,21 +134,22 @@ def _least_explained_part(found, rows):
     return first, first + SAMPLES_TRIED
 
 
-def _with_curves(model, bare, count):
-    """Yield the effects that are curves of the motion, of so many rows, beside a fit without."""
-    curves = list(CURVES)
+def _with_curves(model, bare, count, others):
+    """Yield the effects that are curves of the motion, or forces of other axes, of so many rows,
+    beside a fit without."""
+    curves = [*CURVES, *["axes"] * bool(others)]
     # Beside friction that which depends on direction is a constant force, which the walk has.
     if model.friction:
         curves.remove("sided friction")
     for number, name in enumerate(curves, 1):
         FIT_LOGGER.info(LACKING, name, number, len(curves))
-        beside = with_curve(name, bare.place)
+        beside = with_curve(name, bare.place, others if name == "axes" else ())
         if beside.force < np.inf:
             likelier = count * np.log(bare.rms / beside.rms)
             yield Effect(name, likelier, beside.force, moved=beside.theta - bare.theta)
 
 
-def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
+def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray] = ()) -> tuple[Fit, Verdict]:
     """What a fit by predictions lacks: the effect without which most is left of the innovations, or
     else a force.
 
@@ -161,7 +167,8 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         count = end - first
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
         if seen and not fit.model.load:
-            effects += _with_curves(fit.model, bare, count)
+            acting = [force[first:end] for force in others]
+            effects += _with_curves(fit.model, bare, count, acting)
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
     best = _best(effects)
     name = "force" if seen else "noise"

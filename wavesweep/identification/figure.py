@@ -29,6 +29,10 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
     measured = facts.get("measured", "position")
     times = columns["time_s"]
+    time = "time (s)"
+    if "axes" in facts:
+        times = facts["period_s"] * np.arange(len(times))
+        time = f"time (s), {', '.join(facts['axes'])} one after the other"
     force = "torque (N·m)" if facts["turns"] else "force (N)"
     unit = READ[measured]
     unit = (turned(unit) if facts["turns"] else unit).replace("^2", "²")
@@ -60,7 +64,7 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
             panels[2].axhline(
                 side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":", label=said
             )
-        panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
+        panels[2].set(ylabel=f"residual ({unit})", xlabel=time)
         hertz, density, white = _spectrum(columns, facts)
         panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
         panels[3].loglog(

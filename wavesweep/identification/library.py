@@ -46,6 +46,9 @@ def identify(log: str | Path, **asked: Unpack[table.FitOptions]) -> DataFrame:
         The file is a frequency response, whose force was held at this rate (Hz).
     motor_constant : tuple of float, optional
         Bounds, (low, high), in N/A or N*m/A, for a current.
+    axes : list of str, optional
+        `["x", "y", "z"]`, or the first two: the log has the forces and positions of all. Columns
+        are then given with commas, `columns={"position": "q1,q2"}`.
 
     Raises
     ------

@@ -31,6 +31,11 @@ NAMES = {  # of a column, in small letters, in place of those above
     "speed": ("speed", "omega"),
     "angular_acceleration": ("angular_acceleration", "alpha"),
 }
+OF_AXES = (
+    "fx",
+    "fy",
+    "fz",
+)  # columns with the forces of other axes, if they are not the one that is read
 UNITS = {  # of what is read; those of a coil are volt and ampere
     "time": ("s",),
     "force": ("N", "V"),
@@ -54,7 +59,7 @@ class Log:
     turns: the force is a torque (N*m), and the reading one of an angle (rad), in place of N and m.
     jitter: the largest deviation of a time from equal steps, in periods. sha256: of the file.
     scaled: names of the columns whose scale was given. taken: sentences on columns that have
-    another unit in their names.
+    another unit in their names. others: what the file has as forces of other axes.
     """
 
     force: np.ndarray
@@ -67,6 +72,7 @@ class Log:
     sha256: str
     scaled: tuple[str, ...]
     taken: tuple[str, ...] = ()
+    others: tuple[np.ndarray, ...] = ()
 
     @property
     def times(self) -> np.ndarray:
@@ -97,6 +103,22 @@ def _places_in(
         elif columns[name] in file_names:
             found[name] = (columns[name], unit_in(columns[name], *UNITS[name]))
     return found
+
+
+def columns_of(axes: Sequence[str], columns: Mapping[str, str]) -> list[dict[str, str]]:
+    """The columns of each axis, as of `read_log`: x and fx of an axis x, or those that are given,
+    one for each axis with commas between them, as position=q1,q2. Errors: UsageError."""
+    forces = ",".join(f"f{axis}" for axis in axes)
+    of_axes: list[dict[str, str]] = [{} for _ in axes]
+    for name, text in {"position": ",".join(axes), "force": forces, **columns}.items():
+        each = [text] * len(axes) if name == "time" else text.split(",")
+        if len(each) != len(axes):
+            raise UsageError(
+                f"--column {name}: expected {len(axes)} columns with commas, found {text}"
+            )
+        for of_axis, column in zip(of_axes, each, strict=True):
+            of_axis[name] = column
+    return of_axes
 
 
 def _turns(columns: Mapping[str, str], places: Collection[str]) -> bool:
@@ -180,7 +202,9 @@ def read_log(
         if name not in places:
             _refuse_missing(path, name, columns.get(name, name), file)
     _refuse_motor_constant(path, push, constant, turns)
-    rows = file.numbers([places[name][0] for name in used], 50)  # rows, at least
+    taken_columns = [places[name][0] for name in used]
+    beside = [name for name in OF_AXES if name in file.names and name not in taken_columns]
+    rows = file.numbers(taken_columns + beside, 50)  # rows, at least
     readings = {}
     taken = []
     for at, name in enumerate(used):
@@ -204,6 +228,7 @@ def read_log(
         file.sha256,
         tuple(scales),
         tuple(filter(None, taken)),
+        tuple(rows[:, len(used) :].T),
     )
 
 

@@ -18,7 +18,7 @@ delay, a curve in place of a line change.
 """
 
 import logging
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from operator import itemgetter
@@ -91,8 +91,9 @@ class ScaledLog:
     path: the velocity within the ticks; None for straight lines. moving: 0 while it rests.
     one_way: there is friction, and the device moves one way only, so that a constant force would do
     the same. beside: forces of unit size that act as well, whose gains are fitted, as means over
-    each tick, see `side`. The last values that `remembered` made are kept: a search asks for most
-    of them again with one other number.
+    each tick, see `side`; gains of the first `coupled` of them are numbers of the device. The last
+    values that `remembered` made are kept: a search asks for most of them again with one other
+    number.
     """
 
     model: Model
@@ -107,6 +108,7 @@ class ScaledLog:
     path: "Path | None" = None
     one_way: bool = False
     beside: tuple[np.ndarray, ...] = ()
+    coupled: int = 0
     _kept: dict[Hashable, Any] = field(init=False, default_factory=dict, repr=False)
 
     def remembered(self, key: Hashable, make: Callable[[], Any]) -> Any:
@@ -445,18 +447,26 @@ def _least_variances(rows):
 
 
 def predicted(
-    model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+    model: Model,
+    force: np.ndarray,
+    reading: np.ndarray,
+    period: float,
+    resolution: float,
+    coupled: Sequence[np.ndarray] = (),
 ) -> Prediction:
     """Fit a model to a log by the errors of its predictions.
 
     force: N, held over each tick. reading: m, m/s or m/s^2. period: s. resolution: step of the
-    readings, 0 for none.
+    readings, 0 for none. coupled: what else resists as well, each with a number that is the last of
+    theta, as means over each tick, see `ScaledLog.side`.
 
     Errors: UsageError if the force does not show in the readings.
     """
     wild = _spikes(reading, resolution)
     between = np.interp(np.arange(len(reading)), np.flatnonzero(~wild), reading[~wild])
     whole = scaled(model, force, between, period, resolution)
+    beside = tuple(-each / whole.pushed for each in coupled)
+    whole = replace(whole, beside=beside, coupled=len(beside))
     log = whole
     rows = 3000 if model.load else PART  # half as many of two masses
     if len(force) > rows:
@@ -469,7 +479,7 @@ def predicted(
     rounds = _Rounds(whole, point)
     if model.friction:
         rounds = _smoothing(rounds, search, skip)
-        curved = _with_curve(rounds.log, search, rounds.point, skip)
+        curved = None if coupled else _with_curve(rounds.log, search, rounds.point, skip)
         if curved is not None:
             line = rounds.before
             search, point = curved
@@ -1021,7 +1031,9 @@ def theta_of(log, found, gains):
         numbers["load_damping"] = found["load_rate"] * found["share"] * mass
         numbers["log_coupling"] = np.log(found["square"] * mass)
         numbers["coupling_damping"] = found["coupling_rate"] * mass
-    return np.array([numbers[name] for name in model.names if name not in OWN])
+    theta = [numbers[name] for name in model.names if name not in OWN]
+    beside = gains[len(gains) - len(log.beside) :]
+    return np.array([*theta, *(beside[: log.coupled] / gains[0])])
 
 
 def estimated_at(log, search, point, skip, before, moved):
@@ -1038,7 +1050,7 @@ def estimated_at(log, search, point, skip, before, moved):
     to_theta = _differences(
         lambda both: theta_of(log, search.found(both[count:]), both[:count]),
         np.append(gains, point),
-        np.append(1e-3 * np.abs(gains), DIFFERENCE * search.size),
+        np.append(1e-3 * np.abs(gains) + NEXT_TO_ZERO, DIFFERENCE * search.size),
     )
     half = _half_widths(left, slopes, to_theta)
     robust = _of_large(left, slopes, to_theta)
@@ -1068,9 +1080,9 @@ def estimated_at(log, search, point, skip, before, moved):
             noise = _half_widths(changed, changed_slopes, to_theta)
             shift = _step(few, search, other, skip, free) - step
         extra = np.maximum(extra, np.abs(to_theta[:, free] @ shift) - noise)
-    extra[1] = (
-        0.0  # how fast the walk is decides how much of the damping a log shows, and not which one
-    )
+    # How fast the walk is decides how much of a damping a log shows, and not which one.
+    extra[1] = 0.0
+    extra[len(extra) - log.coupled + 1 :: 2] = 0.0
     predictor = errors_of(log, search.found(point), skip)[0]
     names = tuple(name for name in log.model.names if name in OWN)
     spread = float(left.std())

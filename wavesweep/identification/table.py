@@ -2,12 +2,13 @@
 summary."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from math import exp, inf, isnan, sqrt
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -65,6 +66,7 @@ MISSING = {
     "hardening": "a force that is a curve of the position, as of a spring that hardens",
     "saturating mass": "a mass that changes with speed, as an inductance that saturates",
     "saturating force": "a force that saturates",
+    "axes": "what the forces of other axes do, which the log has as well; --axes fits them together",
     "force": "a force that does not depend on the motion, as of a drift, a cable or a hand",
     "noise": "noise of the reading that is not white; no force shows beside that of the log",
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
@@ -87,7 +89,7 @@ class FitOptions(TypedDict, total=False):
     and the rate of a response.
 
     motor_constant: the least and the largest one (N/A or N*m/A) of the motor whose current is in
-    the log.
+    the log. axes: names of those whose forces and positions it has; None for one.
     """
 
     columns: Mapping[str, str]
@@ -99,6 +101,7 @@ class FitOptions(TypedDict, total=False):
     delay: float | None
     rate_hz: float | None
     motor_constant: tuple[float, float] | None
+    axes: Sequence[str] | None
 
 
 def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
@@ -124,12 +127,17 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
         raise UsageError(
             f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}"
         )
+    axes = asked.get("axes")
+    if axes and (two or asked.get("spring") or "".join(axes) not in ("xy", "xyz")):
+        raise UsageError(
+            f"--axes: expected x,y or x,y,z without --spring and --two-masses, found {','.join(axes)}"
+        )
     model = Model(
         asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two
     )
     columns = asked.get("columns", {})
     if is_response(path, columns):
-        if asked.get("resolution") is not None or asked.get("friction"):
+        if axes or asked.get("resolution") is not None or asked.get("friction"):
             taken = "--rate, --spring, --two-masses, --delay, --column and --scale"
             raise UsageError(
                 f"{path}: a frequency response takes {taken}; leave the other options out"
@@ -180,7 +188,7 @@ def _of_response(
         "analogue": rate_hz is None,
     }
     options |= {name: value for name, value in beside.items() if value}
-    explained = Explained(parameters, fit.explained, fit.missing, residual)
+    explained = _explained(parameters, fit, residual)
     facts = _facts(path, measured.sha256, options, period, explained, started)
     facts["methods"] = {"identify": RESPONSE_METHOD}
     if not scales:
@@ -203,17 +211,17 @@ def _of_response(
     return Table.of("identify-response", columns, facts)
 
 
-class Explained(NamedTuple):
-    """The numbers of a device, whether they explain its log, what is missing, and what is left of
-    it."""
+def _explained(parameters, verdict, residual) -> dict[str, Any]:
+    """The numbers of a device, whether they explain its log, what is missing, and what is left."""
+    return {
+        "parameters": parameters,
+        "explained": verdict.explained,
+        "missing": verdict.missing,
+        "residual": residual,
+    }
 
-    parameters: Mapping[str, dict[str, Any]]
-    explained: bool
-    missing: str
-    residual: Mapping[str, Any]
 
-
-def _facts(path, sha, asked, period, found: Explained, started) -> dict[str, Any]:
+def _facts(path, sha, asked, period, found: Mapping[str, Any], started) -> dict[str, Any]:
     return {
         "schema_version": 1,
         **versions(),
@@ -225,7 +233,7 @@ def _facts(path, sha, asked, period, found: Explained, started) -> dict[str, Any
         "measured": "position",
         "period_s": period,
         "resolution": 0.0,
-        **found._asdict(),
+        **found,
         "unusual": "",
         "notices": [],
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
@@ -233,8 +241,9 @@ def _facts(path, sha, asked, period, found: Explained, started) -> dict[str, Any
 
 
 def _of_log(path: str, given: FitOptions, model: Any) -> Table:
+    from wavesweep.identification.axes import identified_axes
     from wavesweep.identification.explained import identified
-    from wavesweep.identification.log import read_log, step_of
+    from wavesweep.identification.log import columns_of, read_log, step_of
     from wavesweep.identification.refusals import help_for
 
     started = time.perf_counter()
@@ -242,24 +251,40 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     scales = given.get("scales", {})
     resolution = given.get("resolution")
     constants = given.get("motor_constant")
-    log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
-    step = step_of(log.reading) if resolution is None else resolution
+    axes = given.get("axes") or ()
+    constant = None if constants is None else sum(constants) / 2
+    wanted = columns_of(axes, columns) if axes else [columns]
+    logs = [read_log(path, each, scales, constant) for each in wanted]
+    steps = [step_of(log.reading) if resolution is None else resolution for log in logs]
+    log = logs[0]
     model = replace(model, measured=log.measured)
-    _refuse_log(path, log, step, model)
-    # with it readings far from 0 would lose digits
-    origin = log.reading[0] if log.measured == "position" else 0.0
+    for each, step in zip(logs, steps, strict=True):
+        _refuse_log(path, each, step, model)
     with one_thread():
         try:
-            fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
-            fitted_names = fit.model.names
-            widened = fit.half + fit.extra
-            parameters = _parameters(fit, fitted_names, widened, log.turns, constants)
-            if verdict.withheld:
+            if axes:
+                numbers, fits = identified_axes(model, axes, logs, steps)
+                parameters = {}
+                for name, (value, half) in numbers.items():
+                    ends = value - half, value + half
+                    parameters[name] = _parameter(name, value, ends, UNITS, log.turns, constants)
+                told = [{"mass": parameters[f"mass_{axis}{axis}"]} for axis in axes]
+            else:
+                origin = _origin(log)
+                known = log.force, log.reading - origin, log.period, steps[0]
+                fits = [identified(model, *known, log.others)]
+                fit = fits[0][0]
+                names = fit.model.names
+                parameters = _parameters(fit, names, fit.half + fit.extra, log.turns, constants)
+                told = [_parameters(fit, names, fit.half, log.turns, constants)]
+            if any(verdict.withheld for _, verdict in fits):
                 _take_intervals_away(parameters)
             else:
-                _refuse_unknown(_parameters(fit, fitted_names, fit.half, log.turns, constants))
+                for each in told:
+                    _refuse_unknown(each)
         except UsageError as refused:
-            raise UsageError(f"{path}: {refused}{help_for(model, log, step)}") from None
+            hint = "" if axes else help_for(model, log, steps[0])
+            raise UsageError(f"{path}: {refused}{hint}") from None
     options = {name: getattr(model, name) for name in ("spring", "friction", "delay")}
     options["resolution"] = resolution
     if constants:
@@ -267,28 +292,48 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     if model.load:
         options["two_masses"] = True
     options |= {"scales": dict(scales), "columns": dict(columns)}
-    residual = _residual(fit, verdict)
-    explained = Explained(parameters, verdict.explained, verdict.missing, residual)
-    outliers = fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))
-    facts = _facts(path, log.sha256, options, log.period, explained, started)
+    judged = {}
+    notices = []
+    rows = []
+    for at, (axis, each, (fit, verdict)) in enumerate(zip(axes or [""], logs, fits, strict=True)):
+        outliers = fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))
+        said = _notices(each, resolution, steps[at], outliers)
+        notices += [f"{axis}: {line}" if axis else line for line in said]
+        judged[axis] = _explained(parameters, verdict, _residual(fit, verdict))
+        judged[axis]["resolution"] = steps[at]
+        rows.append(
+            {
+                "time_s": each.times,
+                "force": fit.rows.force,
+                log.measured: each.reading,
+                "fitted": fit.readings + _origin(each),
+                "residual": fit.residual,
+                "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
+                "axis": np.full(len(each.force), 1.0 + at),
+            }
+        )
+    worst = min(judged.values(), key=itemgetter("explained"))
+    facts = _facts(path, log.sha256, options, log.period, worst, started)
     facts |= {
-        "unusual": "" if log.scaled else _unusual_of_log(parameters["mass"], log),
         "turns": log.turns,
-        "resolution": step,
-        "methods": {"identify": METHOD if fit.estimate else PREDICTION_METHOD},
+        "methods": {"identify": PREDICTION_METHOD},
         "measured": log.measured,
-        "notices": list(_notices(log, resolution, step, outliers)),
+        "notices": notices,
     }
-    table_columns = {
-        "time_s": log.times,
-        "force": log.force,
-        log.measured: log.reading,
-        "fitted": fit.readings + origin,
-        "residual": fit.residual,
-        "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
-    }
-    fields = fields_of_log(log.measured, log.turns)
+    if axes:
+        facts["axes"] = judged
+    else:
+        facts["unusual"] = "" if log.scaled else _unusual_of_log(parameters["mass"], log)
+        facts["methods"]["identify"] = METHOD if fits[0][0].estimate else PREDICTION_METHOD
+        del rows[0]["axis"]
+    table_columns = {name: np.concatenate([each[name] for each in rows]) for name in rows[0]}
+    fields = fields_of_log(table_columns, log.turns)
     return Table.of("identify", table_columns, facts, fields=fields)
+
+
+def _origin(log) -> float:
+    """The first position, with which readings far from 0 would lose digits."""
+    return log.reading[0] if log.measured == "position" else 0.0
 
 
 def _refuse_log(path, log, step, model):
@@ -316,11 +361,12 @@ def turned(unit: str) -> str:
     return TURNED.get(unit, unit.replace("m", "rad", 1) if unit in READ.values() else unit)
 
 
-def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
-    """The columns of a table with what is measured, of a device that turns with its own units."""
+def fields_of_log(names: Collection[str], turns: bool) -> tuple[Field, ...]:
+    """The columns of a table with these names, of a device that turns with its own units."""
+    measured = next(name for name in READ if name in names)
     log_fields = []
     for field in COLUMNS["identify"]:
-        if field.name in READ and field.name != measured:
+        if field.name not in names:
             continue
         unit = READ[measured] if field.unit == "m" else field.unit
         log_fields.append(replace(field, unit=turned(unit) if turns else unit))
@@ -351,13 +397,22 @@ def _parameters(
     for name in names:
         value = fit.numbers[name]
         low, high = ends.get(name, (value, value))
-        if constants and name in OF_FORCE:
-            low, high = _by_constants(low, high, constants)
-        unit = TURNING.get(name, turned(units[name])) if turns else units[name]
-        if high == inf:
-            low, high = None, None
-        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
+        parameters[name] = _parameter(name, value, (low, high), units, turns, constants)
     return parameters
+
+
+def _parameter(name, value, ends, units, turns, constants):
+    """A number; one of an axis or of two has their names behind its own."""
+    low, high = ends
+    kind = name if name in units else name.partition("_")[0]
+    if constants and kind in OF_FORCE:
+        low, high = _by_constants(low, high, constants)
+    unit = units[kind]
+    if turns:
+        unit = TURNING.get(kind, turned(unit))
+    if high == inf:
+        low, high = None, None
+    return {"value": value, "low": low, "high": high, "unit": unit}
 
 
 def _by_constants(low: float, high: float, constants: tuple[float, float]) -> tuple[float, float]:
@@ -474,12 +529,14 @@ JUDGED = ("parameters", "explained", "missing", "residual", "unusual")
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     samples = len(columns["time_s"])
+    samples //= len(facts.get("axes") or [0])
     tally = {
         "samples": samples,
         "duration_s": facts["period_s"] * samples,
         "rate_hz": 1 / facts["period_s"],
     }
-    return tally | {name: facts[name] for name in ("turns", "measured", "resolution", *JUDGED)}
+    told = "turns", "measured", "resolution", *JUDGED, "axes"
+    return tally | {name: facts[name] for name in told if name in facts}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
@@ -488,6 +545,13 @@ def _lines(found: Numbers) -> Iterator[Line]:
         False,
     )
     yield from _spoken(found)
+    for axis, each in found.get("axes", {"": {}}).items():
+        for line, warning in _lines_of_fit({**found, **each}):
+            yield f"{axis}: {line}" if axis else line, warning
+
+
+def _lines_of_fit(found: Numbers) -> Iterator[Line]:
+    """Yield what is said of the fit of a log, or of an axis of it."""
     # whether the residual is that of predictions, which follow a constant force as any other
     followed = found["residual"].get("walked", 0.0) > 0
     friction = found["parameters"].get("friction")

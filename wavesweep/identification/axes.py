@@ -1,0 +1,128 @@
+"""A device of several axes, each of which is fitted as one that the others hold back as well.
+
+    M a + D v + F sgn(v) = f(t - D T) + f_0
+
+M and D are symmetric, F is the friction of each axis. Axis i is the device of `prediction` with the
+mass M_ii and the damping D_ii, beside which M_ij a_j + D_ij v_j of the other axes act, linear in
+the innovations as friction is. Their motion is that of a smoother; where the force of the log
+changes within a tick, the acceleration does by 1/M times this.
+"""
+
+from collections.abc import Sequence
+from itertools import chain, combinations_with_replacement
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.identification.explained import Verdict, identified
+from wavesweep.identification.fit import Fit
+from wavesweep.identification.log import Log
+from wavesweep.identification.model import ORDER, Model, late
+from wavesweep.identification.prediction import (
+    Prediction,
+    errors_of,
+    predicted,
+    projected,
+    smoothed_states,
+)
+
+ROUNDS = 4  # of all axes: alone, beside the motion of the others as it was found, and twice again
+# condition of the correlations of forces, beyond which some are sums of the others but for rounding
+MOST_ALIKE = 1e8
+ALIKE = "expected forces of the axes that differ, found some that are sums of others; push each axis with a signal of its own"
+
+
+def identified_axes(
+    model: Model, axes: Sequence[str], logs: Sequence[Log], steps: Sequence[float]
+) -> tuple[dict[str, tuple[float, float]], list[tuple[Fit, Verdict]]]:
+    """Fit a device of several axes to their logs, of the same rows: its numbers, with half the
+    widths of their intervals; and the fit of each axis under what moves this one alone, with what
+    it lacks.
+
+    steps: of the readings, 0 for none. Errors: UsageError if the forces do not tell the masses.
+    """
+    forces = np.stack([log.force for log in logs])
+    if np.linalg.cond(np.corrcoef(forces)) > MOST_ALIKE:
+        raise UsageError(ALIKE)
+    asked = [
+        (log.reading - log.reading[0], log.period, step)
+        for log, step in zip(logs, steps, strict=True)
+    ]
+    coupled: list[list[np.ndarray]] = [[] for _ in logs]
+    rounds = []
+    for _ in range(ROUNDS):
+        found = [
+            predicted(model, force, *of_log, resisting)
+            for force, of_log, resisting in zip(forces, asked, coupled, strict=True)
+        ]
+        rounds.append(_numbers(axes, found))
+        held = coupled
+        coupled = _coupled(axes, rounds[-1], forces, found)
+    alone = []
+    wider = 1.0
+    for each, force, of_log, resisting in zip(found, forces, asked, held, strict=True):
+        resistance = np.tensordot(each.theta[-len(resisting) :], np.array(resisting)[:, 0], 1)
+        ticks = np.arange(len(force))
+        # As if it was as late as the force.
+        resistance = np.interp(ticks + each.searched["delay"], ticks, resistance)
+        fit, verdict = identified(model, force - resistance, *of_log)
+        alone.append((fit, verdict))
+        wider = max(wider, 1 + np.max((fit.extra / fit.half)[:2]))
+    numbers = {}
+    for name, (value, half) in rounds[-1].items():
+        numbers[name] = value, wider * (half + abs(value - rounds[-2][name][0]))
+    return numbers, alone
+
+
+def _numbers(axes: Sequence[str], found: Sequence[Prediction]) -> dict[str, tuple[float, float]]:
+    """The numbers and half the widths of their intervals; one that several axes tell is their mean
+    with the weights of these, and has the mean of the widths, as if all errors were the same."""
+    pairs = ["".join(pair) for pair in combinations_with_replacement(axes, 2)]
+    told = {f"{matrix}_{pair}": [] for matrix in ("mass", "damping") for pair in pairs}
+    for axis, each in zip(axes, found, strict=True):
+        pairs = ["".join(sorted((axis, other))) for other in axes if other != axis]
+        names = [f"mass_{axis}{axis}", f"damping_{axis}{axis}"]
+        names += [f"friction_{axis}"] * each.model.friction + ["delay"] * (each.model.delay is None)
+        names += chain(*((f"mass_{pair}", f"damping_{pair}") for pair in pairs))
+        mass = np.exp(each.theta[0])
+        theta = [mass, *each.theta[1:]]
+        half = [mass * each.half[0], *each.half[1:]]
+        if each.place.log.one_way:
+            half[2] = np.inf
+        for name, *number in zip(names, theta, half, strict=False):
+            told.setdefault(name, []).append(number)
+    told["delay"] = told.pop("delay", [(found[0].searched["delay"], 0.0)])
+    numbers = {}
+    for name, each in told.items():
+        values, halves = np.transpose(each or [(0.0, 0.0)])
+        weights = 1 / halves**2 if len(each) > 1 else [1.0]
+        numbers[name] = tuple(np.average([values, halves], 1, weights).tolist())
+    return numbers
+
+
+def _coupled(axes, numbers, forces, found) -> list[list[np.ndarray]]:
+    """What resists each axis beside itself: of each other axis, the means over each tick, see
+    `ScaledLog.side`, of its acceleration and of its velocity."""
+    M = [[numbers["mass_" + "".join(sorted((one, two)))][0] for two in axes] for one in axes]
+    delay = numbers["delay"][0]
+    whole_ticks = int(np.floor(delay))
+    part = delay - whole_ticks
+    jumps = [late(force, whole_ticks) - late(force, whole_ticks + 1) for force in forces]
+    motions = []
+    for each, jump in zip(found, np.linalg.solve(M, jumps), strict=True):
+        log, search, point, skip = each.place
+        predictor, errors, effects = errors_of(log, search.found(point), skip)
+        gains, _ = projected(errors, effects)
+        states = smoothed_states(log, predictor, search.found(point), gains, skip)
+        unit = log.unit * log.period ** (ORDER[log.model.measured] - 1)
+        speed = unit * states[predictor.tick.speed]
+        change = np.append(np.diff(speed), 0.0)
+        # The moment of a jump after a part of the tick.
+        moment = -part * (1 - part) / 2 * jump
+        motions.append(
+            (np.stack([change / log.period, moment]), np.stack([speed + change / 2, -change / 12]))
+        )
+    return [
+        [*chain(*(motion for other, motion in enumerate(motions) if other != at))]
+        for at in range(len(motions))
+    ]
