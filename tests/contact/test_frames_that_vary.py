@@ -158,7 +158,7 @@ def test_rests_of_waves_are_enclosed_for_frames_at_random(lengths, kind):
     n = frames.changes.shape[-1] - 1
     errors = 1e-3 * np.abs(frames.changes)
     frames = replace(frames, changes_error=errors)
-    edges = {(each.source, each.frame, each.target): each for each in edges_of(frames, 1)}
+    edges = {(each.source, each.frame, each.target): each for each in edges_of(frames, 1, 2)}
     rng = np.random.default_rng(1)
     for _ in range(40):
         rest = np.zeros(n)

@@ -17,7 +17,6 @@ import numpy as np
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded, sum_rounding
 
-SPREAD = 2  # directions in which rests differ that are vertices; the others are errors
 MOST_WORDS = 5000  # frames in a row that a set of all rests is tried with, 6 of four kinds
 SPREAD_SHARE = 1e-4  # of the rest's size, below which a direction is an error
 
@@ -38,9 +37,10 @@ class Edge:
     errors: np.ndarray
 
 
-def edges_of(frames: Any, ahead: int) -> list[Edge] | None:
+def edges_of(frames: Any, ahead: int, spread: int) -> list[Edge] | None:
     """Return the frames between nodes that know the next `ahead` frames; None if no bound on all
-    rests is found. frames: see `WallFrames`."""
+    rests is found. frames: see `WallFrames`. spread: directions in which rests differ that are
+    vertices; the others are errors."""
     n = frames.changes.shape[-1] - 1
     words = _words(frames.follows, ahead)
     number = {word: at for at, word in enumerate(words)}
@@ -64,7 +64,7 @@ def edges_of(frames: Any, ahead: int) -> list[Edge] | None:
             later = later.before(backward.part(frame), step.part(frame))
         own = later.before(backward.part(word[0]), step.part(word[0]))
         turned = later.turned(pushed.part(word[0]))
-        edges.append(Edge(number[word[:-1]], word[0], number[word[1:]], turned, *own.hull()))
+        edges.append(Edge(number[word[:-1]], word[0], number[word[1:]], turned, *own.hull(spread)))
     return edges
 
 
@@ -105,12 +105,12 @@ class _Rests:
         off = off * (1 + (2 * n + 8) * EPS) + EPS * np.abs(value.value)
         return float(value.value - off), float(value.value + off)
 
-    def hull(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices, and bounds on the errors that they leave: the largest columns of G span
-        the vertices."""
+    def hull(self, spread: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return vertices, and bounds on the errors that they leave: so many of the largest columns
+        of G span the vertices."""
         sizes = np.abs(self.G).max(0)
         order = np.argsort(-sizes)
-        spanning = [at for at in order[:SPREAD] if sizes[at] > SPREAD_SHARE * sizes.max()]
+        spanning = [at for at in order[:spread] if sizes[at] > SPREAD_SHARE * sizes.max()]
         spanning = [at for at in spanning if sizes[at] > SPREAD_SHARE * np.abs(self.middle).max()]
         vertices = self.middle[None]
         for at in spanning:

@@ -24,6 +24,9 @@ BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a 
 FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.003
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
 MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
+# Frames that a node knows, and directions in which rests differ that are no errors: proofs begin with
+# the first, and go on with those after it.
+FINER = ((0, 2), (0, 3), (1, 2), (2, 2))
 FREE = "no contact at all, the loop without a wall"
 
 
@@ -33,14 +36,13 @@ class InFrames:
     unstable.
 
     frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
-    wall's position in these. finer: the same with nodes that know frames to come, for what is not
-    proved otherwise.
+    wall's position in these. finer: the same with more conditions, for what is not proved otherwise.
     """
 
     frames: Any
     conditions: Conditions | None
     unit: float
-    finer: InFrames | None = None
+    finer: tuple[InFrames, ...] = ()
 
     @staticmethod
     def of(frames: Any) -> InFrames | None:
@@ -49,21 +51,23 @@ class InFrames:
         frames, unit = _in_units(frames)
         alone = InFrames(frames, None, unit)
         loops = []
-        for ahead in (0, 1, 2):  # frames that a node knows; proofs begin with the first
-            edges = edges_of(frames, ahead)
+        size = (0, 0)
+        for ahead, spread in FINER:
+            edges = edges_of(frames, ahead, spread)
             if edges is None:
                 return alone if alone.is_unstable else None
             conditions = Conditions.on_edges(frames, edges)
-            if loops and conditions.R.value.size > 150:  # conditions of a proof
+            before = size
+            size = (conditions.R.value.size, len(edges))
+            if loops and size[0] > 150:  # conditions of a proof
                 break
-            if conditions.are_met_by_rests:
+            if size != before and conditions.are_met_by_rests:
                 loops.append(InFrames(frames, conditions, unit))
             if conditions.exact:
                 break
         if not loops:
             return alone if alone.is_unstable else None
-        finer = loops[-1] if len(loops) > 1 else None
-        return replace(loops[0], finer=finer)
+        return replace(loops[0], finer=tuple(loops[1:]))
 
     def wall(self, K: float, B: float) -> tuple[float, float, float]:
         """A wall as the conditions have it."""
@@ -198,27 +202,33 @@ class Along:
         Nothing is beyond a motion that goes on in frames of one length, and most proofs end near
         the first of these.
         """
-        coarse = self._proved(low, high)
-        if not self.loop.finer or (coarse and coarse[1] == high):
-            return coarse
-        finer = replace(self, loop=self.loop.finer)
-        if not coarse:
-            return finer.proved(low, high)
-        begin, joint = coarse
-        beyond = finer.proved(joint, high)
-        if beyond and beyond[0] == joint:
-            return (begin, beyond[1])
-        return coarse
+        proved = self.proved_alone(low, high)
+        for loop in self.loop.finer:
+            finer = replace(self, loop=loop)
+            if not proved:
+                proved = finer.proved_alone(low, high)
+                continue
+            begin, end = proved
+            goal = _goal(low, end)
+            found = begin > goal and finer.proved_at(begin)
+            if found:
+                begin = finer.down(found, begin, goal)
+            beyond = end < high and finer.proved_alone(end, high)
+            if beyond and beyond[0] == end:
+                end = beyond[1]
+            proved = begin, end
+        return proved
 
-    def _proved(self, low, high):
+    def proved_alone(self, low: float, high: float) -> tuple[float, float] | None:
+        """The same with the conditions of this loop alone."""
         ceiling, _ = self.motion(low, high)
         if np.isnan(ceiling):
-            found = self._proved_at(high)
+            found = self.proved_at(high)
             if found:
-                return self._down(found, high, low), high
+                return self.down(found, high, low), high
             ceiling = high
         way = ceiling - low
-        found = self._proved_at(ceiling - BEFORE_END[0] * way)
+        found = self.proved_at(ceiling - BEFORE_END[0] * way)
         start = ceiling
         above = ceiling
         for halved in range(1, 14):  # halvings of the range, down to where a first proof is tried
@@ -237,7 +247,7 @@ class Along:
                 above = middle
         for share in BEFORE_END:
             top = start - share * (start - low)
-            found = self._proved_at(top)
+            found = self.proved_at(top)
             if found:
                 break
             above = top
@@ -245,25 +255,24 @@ class Along:
             return None
         for _ in range(3):  # bisections of where a proof of it ends
             middle = (top + above) / 2
-            nearer = self._proved_at(middle)
+            nearer = self.proved_at(middle)
             if nearer:
                 found = nearer
                 top = middle
             else:
                 above = middle
-        return self._down(found, top, low), top
+        return self.down(found, top, low), top
 
-    def _proved_at(self, value: float) -> Found | None:
+    def proved_at(self, value: float) -> Found | None:
         """Forms that are proved for a value; None if none are found."""
         found = self.loop.found(self.wall(value), best=True)
         if found and self.loop.proved((found, self.wall(value))):
             return found
         return None
 
-    def _down(self, found: Found, top: float, low: float) -> float:
+    def down(self, found: Found, top: float, low: float) -> float:
         """How far down from `top` walls are proved without a gap."""
-        # Of the high end, from which on is proved what begins at 0.
-        goal = max(low, 1e-3 * top) if low >= 0 else low
+        goal = _goal(low, top)
         reached = top
         share = FIRST_SHARE
         # Conditions that all pieces of a proof may have together.
@@ -300,6 +309,11 @@ class Along:
             if motion and not abs(motion.value - end) >= abs(best[0] - end):
                 best = motion.value, _in_words(motion, frame)
         return best
+
+
+def _goal(low, top):
+    """How far down a proof from `top` goes: of what begins at 0, to a thousandth of that."""
+    return max(low, 1e-3 * top) if low >= 0 else low
 
 
 def along_of(rules: Any, values: dict[str, Any], wall_names: list[str], along: str) -> Along | None:
@@ -344,7 +358,7 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
         return {"verdict": "unknown", "counterexample": ""}
     if loop.is_unstable:
         return {"verdict": "refuted", "counterexample": FREE}
-    for each in filter(None, (loop, loop.finer)):
+    for each in (loop, *loop.finer):
         found = each.found((K, B), best=True)
         if found and each.proved((found, (K, B))):
             return {"verdict": "proved", "counterexample": ""}
