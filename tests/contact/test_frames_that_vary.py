@@ -184,7 +184,7 @@ def test_the_rests_before_a_frame_hold_the_worst_of_all_errors():
     step, pushed = (Bounded(rng.normal(size=n), rng.random(n)) for n in (3, 4))
     corners = np.array(list(product([-1, 1], repeat=6)))
     omega = rests.middle + corners[:, :3] @ rests.G.T + corners[:, 3:] * rests.errors
-    vertices, off = rests.hull()
+    vertices, off = rests.hull(2)
     moved = rests.before(A, step.part(slice(None), None))
     for sign in (-1, 1):
         most = (sign * vertices).max(0) + off
