@@ -12,7 +12,7 @@ from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 FIRST_PANELS = 2  # of a column to begin with, as of one of many pieces along a dead time
 # of a disc; its lower half is the conjugate
 HALF_RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)
-NARROW_PANEL = 16  # see Accuracy
+NARROW_PANEL = 4  # see Accuracy
 LOW_END_PARTS = 0.5 ** np.arange(1, 9)  # of what is not proved next to the low end
 SEEN_OUTSIDE = 1e-9  # by which it would be seen to be so there
 GAP_EXACTNESS = 2  # times as exact as ends are, in the middle of which one is

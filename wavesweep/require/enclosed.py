@@ -38,6 +38,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.frames import Bounded, inverse, sum_rounding
+from wavesweep.engine.rows import distinct
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
 
@@ -466,12 +467,13 @@ def step(
         value = Enclosed.unknown(open_.size)
         if level is not None and not settling:
             there, mode = _SlowMode.of(E.value)
-            if there.size:
-                slowly = found(_with_slow_mode, there, mode)
-                value.low[there] = slowly.low.real
-                value.high[there] = slowly.high.real
-                # Where the others are gone before the mode changes, only narrower panels tell more.
-                open_[there] &= np.abs(mode.w[:, 0]) * mode.frames > 1
+            for alike in distinct([np.ceil(np.log2(mode.frames))], there.size):
+                at = there[alike]
+                slowly = found(_with_slow_mode, at, _SlowMode(*(part[alike] for part in mode)))
+                value.low[at] = slowly.low.real
+                value.high[at] = slowly.high.real
+            # Where the others are gone before the mode changes, only narrower panels tell more.
+            open_[there] &= np.abs(mode.w[:, 0]) * mode.frames > 1
         open_ = np.flatnonzero(open_ & ~value.decided(level))
         if not open_.size:
             return value
