@@ -1,6 +1,8 @@
 """Frames as they were measured, against counts by hand, loops that count ticks, and chains whose numbers are known."""
 
 import json
+import re
+import shlex
 import tomllib
 from collections import Counter
 from dataclasses import replace
@@ -16,6 +18,7 @@ from wavesweep.frame_times.chain import are_independent, pairs_of
 from wavesweep.frame_times.table import identified, spec_text
 from wavesweep.frame_times.times import read_run
 from wavesweep.frame_times.within import lengths_of, lines, number_of, within
+from wavesweep.program.csv_files import pairs
 
 ENGINE = {
     "environment": {"integration": "explicit", "delay": 1},
@@ -75,6 +78,22 @@ PROGRAMS = {
         "os,cpu,gpu,ram\nArch Linux,a cpu,a gpu,16\nfps,frametime,cpu_load,elapsed",
         [f"{1e6 / ms:.1f},{1e3 * ms:.0f},7,{round(1e6 * t)}" for t, ms in zip(np.cumsum([0, *SEEN]), [9, *SEEN], strict=True)],
     ),
+    "blackbox_decode": (
+        "H Product:Blackbox flight data recorder\nH looptime:125\nloopIteration, time (us), axisP[0], flightModeFlags (flags)",
+        [f"{4 * k}, {round(1e3 * t)},  -1, ANGLE_MODE|HORIZON_MODE" for k, t in enumerate(np.cumsum([0, *SEEN]))],
+    ),
+    "Blackbox Explorer": (
+        "\n".join(['"Product","Blackbox"', *(f'"setting_{k}",{k}' for k in range(12)), '"loopIteration","time","heading[0]"']),
+        [f"{4 * k},{round(1e3 * t)},NaN" for k, t in enumerate(np.cumsum([0, *SEEN]))],
+    ),
+    "perf script": (
+        "# captured on: a machine",
+        [
+            f" wall loop 7/8 [001] {9 + t / 1e3:.6f}:   1 probe_wall:done: (55d1) k=1\n   55d1 draw+0x1"
+            for t in np.cumsum([0, *SEEN])
+        ],
+    ),
+    "ftrace": ("# tracer: nop", [f"  wall-7   [001] d..2. {9 + t / 1e3:.6f}: frame_done: k" for t in np.cumsum([0, *SEEN])]),
     "FRAPS": ("Frame, Time (ms)", [f"    {k + 1}, {t:11.3f}" for k, t in enumerate(np.cumsum([0, *SEEN]))]),
     "framestats of Android": (
         "Applications Graphics Acceleration Info:\n\n---PROFILEDATA---\nFlags,IntendedVsync,Vsync,FrameCompleted,",
@@ -99,12 +118,39 @@ def test_files_of_other_programs_are_read_as_they_are(program, tmp_path):
     assert read_run(path, 10_000.0, {}, {}).ticks == pytest.approx(10 * SEEN, abs=0.02)
 
 
-def test_frames_of_two_swap_chains_are_refused(tmp_path):
-    header, rows = PROGRAMS["PresentMon 1"]
-    path = tmp_path / "run.csv"
-    path.write_text("\n".join([header, *rows[:-1], rows[-1].replace("0xA", "0xB")]))
-    with pytest.raises(UsageError, match=r"SwapChainAddress: expected the frames of one, found 2 \(0xA, 0xB\); keep the rows"):
-        read_run(path, 10_000.0, {}, {})
+OTHER_ROWS = {  # of a program, and one of another that is not among its frames
+    "PresentMon 1": ("a.exe,7,0xB,DXGI,0.02,0.1,3", "SwapChainAddress: expected the frames of one, found 2 (0xA, 0xB)"),
+    "PresentMon 2": ("dwm.exe,8,0xC,100,3,NA", "Application: expected the frames of one, found 2 (a, b.exe, dwm.exe)"),
+    "perf script": (
+        "  idle 0 [000] 9.02: irq:entry: irq=3",
+        "event: expected the frames of one, found 2 (probe_wall:done, irq:entry)",
+    ),
+    "FRAPS": None,
+}
+
+
+@pytest.mark.parametrize("options", [True, False])
+@pytest.mark.parametrize("program", OTHER_ROWS)
+def test_what_a_refusal_says_to_write_makes_a_file_be_read(program, options, tmp_path):
+    header, rows = PROGRAMS[program]
+    path = tmp_path / "run 1.csv"
+    if OTHER_ROWS[program]:
+        row, said = OTHER_ROWS[program]
+        path.write_text("\n".join([header, *rows[:2], row, *rows[2:]]))
+    else:
+        said = "expected a column time or duration, found "
+        stamps = np.cumsum([0, *SEEN]) / 1e3
+        path.write_text("\n".join(["number,the stamp (s)", *(f"{k},{stamp}" for k, stamp in enumerate(stamps))]))
+    with pytest.raises(UsageError, match=re.escape(said)) as caught:
+        read_run(path, 10_000.0, {}, {} if options else None)
+    if options:
+        _, word = shlex.split(re.search(r"--column ('[^']*'|\S+)", str(caught.value))[0])
+        named = pairs([word], "--column")
+    else:
+        file, *words = tomllib.loads(re.search(r"frames = \[.*?\]", str(caught.value))[0])["frames"]
+        assert file == path.name
+        named = pairs(words, "frames")
+    assert read_run(path, 10_000.0, named, {} if options else None).ticks == pytest.approx(10 * SEEN, abs=0.02)
 
 
 @pytest.mark.asks("check")
@@ -305,7 +351,7 @@ def test_check_says_it_and_ends_with_it(wavesweep, written):
     [
         ("stamp", [1, 2, 3], "expected a column time or duration, found number, stamp; --column time=stamp names"),
         ("time", [0, 0.02, 0.02, 0.04], "times.csv:4: time: expected frames of at least a tick of 1 ms, found one of 0 ms"),
-        ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=FACTOR"),
+        ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=0.001 takes it as ms"),
         ("time", [0, 0.02], "expected at least 3 rows"),
         (
             "time",

@@ -87,12 +87,13 @@ def test_no_infinity_gets_into_the_table_of_a_loop_that_diverges():
 
 @pytest.mark.asks("frame_times")
 def test_frames_of_a_file_that_last_no_whole_ticks_are_said(tmp_path):
-    (tmp_path / "frames.csv").write_text("duration\n0.0165\n0.0165\n0.016\n")
+    (tmp_path / "frames.csv").write_text("took\n0.0165\n0.0165\n0.016\n")
     (tmp_path / "a.toml").write_text(
-        '[controller]\nkind = "dc-slow"\n[simulate]\nframes = "frames.csv"\ninput = "step"\nduration_s = 0.2\n'
+        'controller.kind = "dc-slow"\n[simulate]\nframes = ["frames.csv", "duration=took"]\ninput = "step"\nduration_s = 0.2\n'
     )
     (run, *_) = simulate(load(tmp_path / "a.toml").asking("simulate"))
     said = [each for each in run.facts["notices"] if "no whole ticks" in each]
     assert said == ["simulate.frames: 2 of 3 frames last no whole ticks; each is one of its neighbours, and their sum is right"]
     begun = np.flatnonzero(np.diff(run.columns["frame"])) + 1
     assert begun[:3].tolist() in ([16, 33, 49], [17, 33, 49])
+    assert {*run.facts["frames"]} == {"16", "17"}

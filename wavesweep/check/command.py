@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     "columns",
     multiple=True,
     metavar="NAME=COLUMN",
-    help="Which column of --frames is time or duration, e.g. time=t.",
+    help="Which column of --frames is time or duration, e.g. time=t, or the value that rows have, e.g. event=done.",
 )
 @click.option(
     "--scale",

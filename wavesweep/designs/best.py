@@ -160,7 +160,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
         kept = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
         given = {path.split(".")[1] for path in spec.simulate.given}
         for name, value in spec.simulate.written().items():
-            if name in given and value != spec.simulate.frames_file:
+            if name in given and not (name == "frames" and spec.simulate.frames_file):
                 kept[name] = value
         tables["simulate"] = kept
     for path in spec.given:

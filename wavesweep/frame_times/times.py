@@ -1,5 +1,7 @@
 """Frames from a file of time stamps or durations, in ticks of the fast loop."""
 
+import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,9 +10,10 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import MOST, option, read_csv, rows_of
+from wavesweep.program.csv_files import MOST, TRACE, option, read_csv
 from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
+OF_FRAMES = ("time", "duration")  # what a column of frames may be
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST_FRAME_S = 10.0  # s, of most frames
 KNOWN = {  # columns of programs: what they are, and the factor to s
@@ -27,7 +30,8 @@ KNOWN = {  # columns of programs: what they are, and the factor to s
 SECONDS = "stamp.sec"
 NANOSECONDS = "stamp.nanosec"
 # of PresentMon, in a file with the frames of several programs
-SWAP_CHAINS = ("SwapChainAddress", "ProcessID")
+ONE_OF = ("Application", "SwapChainAddress", "ProcessID")
+LOOP_COUNT = "loopIteration"  # of a flight controller's blackbox, whose time is in us
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +91,6 @@ class MeasuredFrames:
         return np.unique(self.possible)
 
 
-def _refuse_other_names(flag, names):
-    """Raise UsageError for a name of an option that is no column of frames."""
-    for name in names:
-        if name not in ("time", "duration"):
-            expected = f"expected time or duration, the columns of frames, found {name}"
-            raise UsageError(f"{flag} {name}: {expected}")
-
-
 def read_run(
     path: str | Path,
     fast_hz: float,
@@ -105,21 +101,27 @@ def read_run(
     own_ticks: bool = False,
 ) -> MeasuredFrames:
     """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names
-    time and duration.
+    time and duration; another name in `columns` is a column of the file, whose rows with this value
+    are read.
 
-    They are None where a command has no options for them. most: ticks that a frame may last.
+    scales: None where there is no option, but a list in a spec. most: ticks that a frame may last.
     own_ticks: whether the stamps may be those of the fast loop itself, some of whose ticks are
     shorter than its own.
 
     Errors: UsageError that names the file, the line or the column, what was expected and what was
     found.
     """
-    options = columns is not None
     columns = columns or {}
+    options = scales is not None
     file = read_csv(path, 1_000_000_000)  # bytes
-    _refuse_other_names("--column", columns)
-    _refuse_other_names("--scale", scales or {})
-    column = _column(path, file, columns, options)
+    others = columns.keys() - {*OF_FRAMES}
+    for name in others - {*file.names} or (scales or {}).keys() - {*OF_FRAMES}:
+        raise UsageError(f"{path}: expected time, duration or a column of the file, found {name}")
+    for name in others:
+        file = file.only(name, columns[name])
+    _refuse_several(path, file, options)
+    named = {name: columns[name] for name in columns.keys() - others}
+    column = _column(path, file, named, options)
     name = column.name
     rows = file.numbers(column.columns, 3 if name == "time" else 2)
     place = (column.columns[0], column.unit)
@@ -129,10 +131,8 @@ def read_run(
         raise UsageError(
             f"{path}: {name}: expected a largest size of {MOST:g} s, found {largest:g}"
         )
-    if column.known:
-        _refuse_several(path, file)
-        if name == "duration" and readings[0] == 0:  # before the first frame there is none
-            readings = readings[1:]
+    if column.known and name == "duration" and readings[0] == 0:  # there is none before the first
+        readings = readings[1:]
     if name == "time":
         begins = readings[:-1]
         durations = np.diff(readings)
@@ -146,7 +146,7 @@ def read_run(
         )
         hint = "are they in ms?"
         if options:
-            hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms"
+            hint = f"--scale {name}=0.001 takes it as ms, --scale {name}=1e-6 as us"
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
@@ -176,13 +176,14 @@ class FrameColumn:
 
 def _column(path, file, columns, options) -> FrameColumn:
     """The column that is read."""
-    for name in (*columns, "time", "duration"):
+    for name in (*columns, *OF_FRAMES):
         if name in columns:
             place = (columns[name], unit_in(columns[name], "s"))
         else:
             place = column_named(file.names, TIME if name == "time" else (name,), "s")
         if place and place[0] in file.names:
-            return FrameColumn(name, place[:1], unit=place[1])
+            in_us = LOOP_COUNT in file.names and place[0] == "time"
+            return FrameColumn(name, place[:1], unit=place[1] or "us" * in_us)
     if not columns:
         known = _known(file)
         if known is not None:
@@ -191,11 +192,8 @@ def _column(path, file, columns, options) -> FrameColumn:
         column for column in file.names if "time" in column.lower() or "stamp" in column.lower()
     ]
     meant = nearest("time", file.names) or (likely[0] if likely else "NAME")
-    if options:
-        hint = f"{option('time', meant)} names that of stamps"
-    else:
-        hint = "give the one of stamps (s) the name time"
-    expected = " or ".join(columns.values() or ("time", "duration"))
+    hint = f"{_choice(path, 'time', meant, options)} names that of stamps"
+    expected = " or ".join(columns.values() or OF_FRAMES)
     raise UsageError(f"{path}: expected a column {expected}, found {file.listed}; {hint}")
 
 
@@ -214,17 +212,24 @@ def _known(file) -> FrameColumn | None:
     return FrameColumn("time", (seconds, nanoseconds), (1.0, 1e-9), known=True)
 
 
-def _refuse_several(path, file) -> None:
-    """Raise UsageError for a file with the frames of several programs."""
-    for name in SWAP_CHAINS:
+def _choice(path, name, value, options) -> str:
+    """How a column is named, or the value that its rows have, on the command line or in a spec."""
+    if options:
+        return option(name, value)
+    return f"frames = {json.dumps([Path(path).name, f'{name}={value}'])}"
+
+
+def _refuse_several(path, file, options) -> None:
+    """Raise UsageError for a file with the frames of several programs, or with several events."""
+    for name in ONE_OF if file.names != TRACE else ("event",):
         if name not in file.names:
             continue
-        place = file.names.index(name)
-        values = {row[place] for row in rows_of(path, file.body.split("\n")) if len(row) > place}
+        values = [*dict(Counter(filter(None, file.cells(name))).most_common())]
         if len(values) > 1:
-            shown = ", ".join(sorted(values)[:3])
+            shown = ", ".join(values[:3])
+            hint = f"{_choice(path, name, values[0], options)} keeps those of the first"
             raise UsageError(
-                f"{path}: {name}: expected the frames of one, found {len(values)} ({shown}); keep the rows of one"
+                f"{path}: {name}: expected the frames of one, found {len(values)} ({shown}); {hint}"
             )
 
 

@@ -25,8 +25,8 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
     "--frames",
     metavar="TIMES",
     help="In place of a log: a CSV file of the frames of a slow environment, with a column time (s), the stamp of each, or "
-    "duration (s), or one of a program whose files are known. The lengths that occur, how often, and which follow which; and [for_all] "
-    "with them.",
+    "duration (s), or one of a program whose files are known, or what perf script prints. The lengths that occur, how often, and "
+    "which follow which; and [for_all] with them.",
 )
 @click.option(
     "--fast-hz",
@@ -90,7 +90,7 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
     multiple=True,
     metavar="NAME=COLUMN",
     help="Which column of the log is time, force, position (or torque, current, velocity, acceleration, angle, speed, "
-    "angular_acceleration), e.g. position=enc. May be repeated.",
+    "angular_acceleration), e.g. position=enc; of frames also the value that rows have, e.g. event=done. May be repeated.",
 )
 @click.option(
     "--scale",

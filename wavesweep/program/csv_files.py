@@ -6,7 +6,7 @@ import json
 import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import StringIO
 from itertools import islice, product
 from pathlib import Path
@@ -21,13 +21,19 @@ from wavesweep.program.reading.units import is_unit
 LEAST, MOST = 1e-30, 1e30  # sizes of numbers, whose squares and products are then doubles
 MOST_COLUMNS = 10_000  # of a log, an export of everything has some hundreds
 LETTERS_SHOWN = 60  # letters of a file that a message repeats
-MOST_ABOVE = 200  # lines above a header: what a program writes of itself
+MOST_ABOVE = 400  # lines above a header: what a program writes of itself
 ROWS_BELOW = 10  # rows of numbers by which a header is known
 LARGE = 1e6  # s; times beyond it are stamps of a clock, whose last digits tell the row
 ANDROID = "---PROFILEDATA---"  # above and below the rows of framestats, of each window
 MARKS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 COMMENT = re.compile(r"^\s*#+(?=\s*\w)")  # before the first name, as numpy writes it
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # that a file in UTF-16 begins with
+TRACE = ["command", "time", "event", "trace"]  # columns of what `perf script` and ftrace write
+# as in "wall-7 [001] d..2. 9.000120: sched:sched_switch: prev_comm=wall"
+EVENT = re.compile(
+    r"^ *(\S.*?)(?:\s+|-)\d+(?:/\d+)?\s+(?:\[\d+\]\s+)?(?:[\w.]{4,8}\s+)?(\d+\.\d+):\s+(?:\d+\s+)?(\S+?):(?: +(.*))?$",
+    re.MULTILINE,
+)
 NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f]")  # letters that no text has
 
 
@@ -51,6 +57,17 @@ class Csv:
         """The line of the file that has a row of numbers, counted from 0."""
         filled = (at for at, text in enumerate(self.body.split("\n")) if text.strip())
         return self.above + 2 + next(islice(filled, row, None))
+
+    def cells(self, column: str) -> list[str]:
+        """The text of a column in each line, empty where there is none."""
+        place = self._place(column)
+        rows = rows_of(self.path, self.body.split("\n"))
+        return ["".join(row[place : place + 1]).strip() for row in rows]
+
+    def only(self, column: str, value: str) -> "Csv":
+        """The file with the lines that have this value in a column; all others are empty."""
+        lines = zip(self.body.split("\n"), self.cells(column), strict=False)
+        return replace(self, body="\n".join(line * (cell == value) for line, cell in lines))
 
     def numbers(self, columns: Sequence[str], least: int = 1) -> np.ndarray:
         """The finite numbers of some columns, `(rows, columns)`; other columns may hold texts.
@@ -149,6 +166,8 @@ def read_csv(path: str | Path, most: int) -> Csv:
     if text.lstrip()[:1] in ("{", "["):
         return _of_json(path, text, sha256)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if EVENT.search(text, 0, 10_000):  # within what stands at its beginning
+        return _of_events(path, text, sha256)
     text = ANDROID.join(text.split(ANDROID)[:2])
     try:
         above, mark, header = _header(text)
@@ -177,6 +196,16 @@ def read_csv(path: str | Path, most: int) -> Csv:
     return Csv(path, names, _with_commas(body, mark), sha256, above)
 
 
+def _of_events(path: str | Path, text: str, sha256: str) -> Csv:
+    """The events of a trace as a table, a row for a line; what is no event is an empty line."""
+    body = StringIO()
+    matches = map(EVENT.match, text.split("\n"))
+    csv.writer(body, lineterminator="\n").writerows(
+        found.groups() if found else () for found in matches
+    )
+    return Csv(path, TRACE, body.getvalue(), sha256, above=-1)
+
+
 def _decoded(path: str | Path, data: bytes) -> str:
     """The text of a file in UTF-8, in UTF-16 or, if it is neither, of Windows in western Europe.
 
@@ -196,16 +225,25 @@ def _decoded(path: str | Path, data: bytes) -> str:
 
 
 def _header(text: str) -> tuple[int, str, str]:
-    """The number of lines above the header, the mark between columns, and the header; the first
-    line with text if none is a header."""
+    """The number of lines above the header, the mark between columns, and the header.
+
+    Of all lines that may be one it is the first of those without a number and with most columns,
+    as settings above it have two; the first line with text if there is none.
+    """
     lines = text.split("\n", MOST_ABOVE + ROWS_BELOW)
+    found = []
     for above, line in enumerate(lines[:MOST_ABOVE]):
         if not line.strip():
             continue
         below = [each for each in lines[above + 1 :] if each.strip()][:ROWS_BELOW]
         for header, mark in product((COMMENT.sub("", line), line), (",", *MARKS)):
             if _is_header(header, mark, below):
-                return above, mark, header
+                names = _cells(header, mark)
+                found.append((not any(map(_is_number, names)), len(names), above, mark, header))
+                break
+    if found:
+        _, _, *best = max(found, key=lambda each: each[:2])
+        return tuple(best)
     first = next((at for at, line in enumerate(lines) if line.strip()), 0)
     # Without rows that are numbers, what is between the names of its columns.
     header = lines[first]

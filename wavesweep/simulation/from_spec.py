@@ -11,6 +11,7 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.claims import Claim, Frames, Order, Property, Status, own_scope
+from wavesweep.program.csv_files import pairs
 from wavesweep.program.reading.reading import PASSED
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.simulation import inputs
@@ -59,11 +60,11 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
 
     Errors: UsageError for a file that cannot be read, or without the capability that reads it.
     """
-    frames = spec.simulate["frames"] or ()
-    if not isinstance(frames, str):
-        return frames
-    if frames != RANDOM:
+    if spec.simulate.frames_file:
         return tuple(map(Frame, measured_frames(spec).lengths.tolist()))
+    frames = spec.simulate["frames"] or ()
+    if frames != RANDOM:
+        return frames
     for_all, frames_run, length, ticks = spec.for_all, [], 0, 0
     lengths, delays = [spec.values.get("rates.ratio")], [None]
     for axis in for_all.changing:
@@ -89,7 +90,9 @@ def measured_frames(spec: Spec) -> Any:
         raise UsageError(
             f"{FRAMES}: expected the capability frame_times, which reads {file}, found that it is not there"
         )
-    return module.read_run(beside(spec, file), spec.tick_hz)
+    frames = spec.simulate["frames"]
+    columns = () if frames == file else frames[1:]
+    return module.read_run(beside(spec, file), spec.tick_hz, pairs(columns, FRAMES))
 
 
 MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
@@ -107,7 +110,8 @@ def claim_of(spec: Spec) -> Claim:
             messages.append(
                 f"messages of {block.name} lost at random, seed {spec.simulate['seed']}"
             )
-    frames = _frames_in_words(spec.simulate)
+    file = spec.simulate.frames_file
+    frames = f"the frames of {file}" if file else _frames_in_words(spec.simulate)
     ticks = _ticks_in_words(spec.simulate)
     scope = own_scope(spec)
     if frames:
@@ -139,11 +143,9 @@ def _ticks_in_words(experiment: Mapping[str, Any]) -> str:
 
 def _frames_in_words(experiment: Mapping[str, Any]) -> str:
     """The frames of an experiment in words; empty if they are those of the rates."""
-    frames = experiment["frames"] or ()
-    if isinstance(frames, str):
-        if frames == RANDOM:
-            return f"frames at random, seed {experiment['seed']}"
-        return f"the frames of {frames}"
+    frames = experiment["frames"]
+    if frames == RANDOM:
+        return f"frames at random, seed {experiment['seed']}"
     if not frames:
         return ""
     lengths = ", ".join(f"{frame.ticks}" for frame in frames[:MOST_SHOWN])

@@ -149,7 +149,8 @@ KEYS = Key.by_path(
             "tick",
             "frames of slow blocks, repeated for ever: the ticks of each, or { ticks, delay, lost } if its result has another "
             'delay, or never comes (lost = true); "random": drawn by the shares of [for_all]; or a CSV file of frames as they '
-            "were measured, with a column time or duration; absent: all of the same length",
+            'were measured, with a column time or duration, or a list of the file and what --column takes, as "time=t"; absent: all of '
+            "the same length",
         ),
         Key(
             MESSAGES,
@@ -221,13 +222,16 @@ class Frame:
         return self.ticks
 
 
-def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | None:
-    """Return the frames of a list, RANDOM or the name of a file, or None and add its mistakes."""
+def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame | str, ...] | str | None:
+    """Return the frames of a list, RANDOM, or the name of a file alone or with texts NAME=COLUMN,
+    or None and add its mistakes."""
     if not isinstance(leaf.value, (str, list)) or not leaf.value:
         expected = 'a list of frames, each a whole number of ticks, "random", or a CSV file'
         return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
     if isinstance(leaf.value, str):
         return leaf.value
+    if all(isinstance(item, str) for item in leaf.value):
+        return tuple(leaf.value)
     before = len(mistakes)
     frames = []
     for index, item in enumerate(leaf.value):
@@ -316,7 +320,7 @@ class Experiment(TableValue):
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
     `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames`
-    are of type `Frame`, or RANDOM or the name of a file, `show` are names, `messages` those of
+    are of type `Frame`, or RANDOM, or a file alone or before texts NAME=COLUMN, `show` are names, `messages` those of
     `build_messages`. given: leaves by path.
     """
 
@@ -336,9 +340,10 @@ class Experiment(TableValue):
     def frames_file(self) -> str:
         """The file of frames; empty without."""
         frames = self.values["frames"]
-        if isinstance(frames, str) and frames != RANDOM:
-            return frames
-        return ""
+        if not frames or frames == RANDOM:
+            return ""
+        file = frames if isinstance(frames, str) else frames[0]
+        return file if isinstance(file, str) else ""
 
     @property
     def hardware(self) -> Mapping[str, Any]:
@@ -358,7 +363,9 @@ class Experiment(TableValue):
             present["frequency_hz"] = self.frequencies.written()
         frames = present.get("frames")
         if isinstance(frames, tuple):
-            present["frames"] = [frame.written() for frame in frames]
+            present["frames"] = [
+                frame if isinstance(frame, str) else frame.written() for frame in frames
+            ]
         messages = present.get("messages")
         if messages:
             present["messages"] = {name: written_messages(messages[name]) for name in messages}
@@ -602,8 +609,9 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     spans = [keys["frequency_hz"], shapes.axis(KEYS[FREQUENCIES])]
     keys["frequency_hz"] = {"anyOf": [*spans, {"type": "array", "maxItems": 0}]}
     frame = shapes.keys(FRAME_KEYS, required=["ticks"])
-    keys["frames"]["items"] = {"anyOf": [shapes.value(FRAME_KEYS["ticks"]), frame]}
-    keys["frames"] = {"anyOf": [keys["frames"], {"type": "string", "minLength": 1}]}
+    text = {"type": "string", "minLength": 1}
+    keys["frames"]["items"] = {"anyOf": [shapes.value(FRAME_KEYS["ticks"]), frame, text]}
+    keys["frames"] = {"anyOf": [keys["frames"], text]}
     lost = {"type": "string", "pattern": f"^{IN_A_ROW.pattern}$"}
     message = {"anyOf": [shapes.value(LATE), lost]}
     late = {"type": "array", "items": message, "minItems": 1}

@@ -94,7 +94,7 @@ def simulate(spec: Spec) -> list[Table]:
         "late": int((late > 0).sum()),
         "lost": int((late < 0).sum()),
     }
-    if isinstance(spec.simulate["frames"], str):
+    if spec.simulate.frames_file or spec.simulate["frames"] == RANDOM:
         facts["frames"] = _frame_lengths(simulation, columns)
     facts["limits"] = {"position_m": FARTHEST_POSITION, "force_N": STRONGEST}
     at_random = spec.drawing is not None and spec.drawing.at_random
