@@ -13,7 +13,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded
 from wavesweep.require import factors
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
-from wavesweep.require.long_gain import of_tick, then
+from wavesweep.require.frame_gain import of_tick, then
 from wavesweep.require.sines import Panel
 
 STRING = pathlib.Path(__file__).parents[2] / "sweeps" / "examples" / "vehicle-string.toml"

@@ -35,7 +35,7 @@ def test_a_panel_is_looked_at_where_the_loop_may_be_stable_and_bad_elsewhere():
         return np.full(low.size, GOOD)
 
     stable = SimpleNamespace(column=np.array([0, 0]), low=np.array([1.0, 6.0]), high=np.array([2.0, 8.0]))
-    judge = SimpleNamespace(columns=np.array([0]), stable=stable, labelled=labelled)
+    judge = SimpleNamespace(columns=np.array([0]), stable=stable, _labelled=labelled)
     panels = np.array([0.0, 2.5, 5.0]), np.array([1.5, 2.9, 9.0])
     assert Between.label(judge, np.zeros(3, int), *panels, None).tolist() == [GOOD, BAD, GOOD]
     assert seen == [([1.0, 6.0], [1.5, 8.0])]

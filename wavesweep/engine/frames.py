@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._monodromy.drift import MarginalModes, consistent_solution, relative_row
     from wavesweep.engine._monodromy.open_frame import OpenFrame
     from wavesweep.engine._monodromy.open_ticks import OpenTicks
-    from wavesweep.engine._monodromy.periodic import Change, Ticks, in_a_row, products_of_rows
+    from wavesweep.engine._monodromy.periodic import Ticks, in_a_row, products_of_rows
     from wavesweep.engine._monodromy.product import blocks_of, pattern_of
     from wavesweep.engine._monodromy.rounding import (
         balance,
@@ -43,7 +43,7 @@ else:
             "_monodromy.drift": ("MarginalModes", "consistent_solution", "relative_row"),
             "_monodromy.open_frame": ("OpenFrame",),
             "_monodromy.open_ticks": ("OpenTicks",),
-            "_monodromy.periodic": ("Change", "Ticks", "in_a_row", "products_of_rows"),
+            "_monodromy.periodic": ("Ticks", "in_a_row", "products_of_rows"),
             "_monodromy.product": ("blocks_of", "pattern_of"),
             "_monodromy.rounding": ("balance", "both"),
             "_monodromy.unit_circle": ("inverse", "on_circle", "solve"),

@@ -1,6 +1,7 @@
 """Loops along a number as they are seen between an input and a signal, on panels of the number
 that something is asked of."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,14 +10,14 @@ import numpy as np
 from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.drawing import BLOCK
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.frames import Bounded, MarginalModes, Ticks, pole_inside
+from wavesweep.engine.frames import Bounded, MarginalModes, Ticks, in_a_row, pole_inside
 from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import connected
 from wavesweep.engine.response import Port
-from wavesweep.require.disc_panels import BAD, HALF_RIM
-from wavesweep.require.maps import over_frame
+from wavesweep.require.disc_panels import BAD, HALF_RIM, OPEN
+from wavesweep.require.maps import of_ticks, over_frame
 
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where loops are looked at first
 
@@ -70,7 +71,7 @@ class Between:
     """Loops between an input and a signal (route) along a number, of which something is asked that
     has a level.
 
-    A judge of `panels`, of these columns, without what `labelled` and `worst` are. kept: states that
+    A judge of `panels`, of these columns, without what `labelled` and `worst_at` are. kept: states that
     the input reaches and the signal depends on. inputs: of the map, one for each tick. stable:
     where loops may be stable, and nothing is looked for elsewhere.
     """
@@ -87,39 +88,25 @@ class Between:
     many: ClassVar[int] = 1000
     smooth: ClassVar[bool] = False
 
-    def maps(self, column, p):
-        """E less identity, G, O and T of a frame, each with a bound on its error, and pivots;
-        NaN without a solution."""
+    def between(self, column, p):
+        """The loops of columns at values p as they are seen between the input and the signal, and
+        pivots."""
         own = self.columns[column]
-        try:
-            port, pivots = loops_between(self.loops, self.along, self.drift, self.route, own, p)
-        except IllPosedLoopError:
-            if p.size == 1:
-                n = self.kept.size
-                m = self.inputs
-                unknown = []
-                for rows, columns in ((n, n), (n, m), (m, n), (m, m)):
-                    nan = np.full((1, rows, columns), np.nan)
-                    unknown.append(Bounded(nan, nan))
-                return unknown, np.zeros((1, 1))
-            first, second = np.array_split(np.arange(p.size), 2)
-            first_maps, _ = self.maps(column[first], p[first])
-            second_maps, _ = self.maps(column[second], p[second])
-            maps = [
-                Bounded(*map(np.concatenate, zip(*halves, strict=True)))
-                for halves in zip(first_maps, second_maps, strict=True)
-            ]
-            return maps, np.zeros((p.size, 1))  # which may be poles
-        return self.over_frame(port, p.shape), pivots
+        return loops_between(self.loops, self.along, self.drift, self.route, own, p)
 
-    def over_frame(self, port, batch):
-        """The maps of a frame."""
-        return over_frame(port, self.kept, batch)
+    def maps(self, column, p):
+        """E less identity, G, O and T of a frame, each with a bound on its error."""
+        return self.over_frame(self.between(column, p)[0], p.size)
+
+    def over_frame(self, port, size):
+        """The maps of so many frames."""
+        return over_frame(port, self.kept, (size,))
 
     def changes(self, column, p):
         """E less identity of frames, `(points, n, n)`."""
-        (E, *_), _ = self.maps(column, p)
-        return E[0]
+        port, _ = self.between(column, p)
+        of_states = [e for e, *_ in of_ticks(port, self.kept, p.shape)]
+        return in_a_row(port.kind.tolist(), of_states, Bounded.then).value
 
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels, of what is within the intervals in which loops may be
@@ -132,19 +119,38 @@ class Between:
         high = np.minimum(high, np.where(within, stable.high, -np.inf).max(-1))
         label = np.full(column.size, BAD)
         if inside.any():
-            label[inside] = self.labelled(column[inside], low[inside], high[inside], bounds)
+            label[inside] = self._labelled(column[inside], low[inside], high[inside], bounds)
         return label
 
+    def _labelled(self, column, low, high, bounds):
+        try:
+            return self.labelled(column, low, high, bounds)
+        except IllPosedLoopError:  # of one panel at least
+            if column.size == 1:
+                return np.full(1, OPEN)
+            halves = np.array_split(np.arange(column.size), 2)
+            return np.concatenate(
+                [self._labelled(column[half], low[half], high[half], bounds) for half in halves]
+            )
+
+    def worst(self, column, p):
+        """What `worst_at` tells of each value; NaN without a solution."""
+        found = np.full((2, p.size), np.nan, complex)
+        for at in range(p.size):
+            with suppress(IllPosedLoopError):
+                found[:, at] = np.ravel(self.worst_at(column, p[at : at + 1]))
+        return found[0], found[1].real
+
     def _about(self, column, low, high, bounds):
-        """The maps in the middles of panels and on rims about them, `(panels * points, ...)`,
-        their number, and where they are known."""
+        """The loops in the middles of panels and on rims about them, `(panels * points)`, their
+        numbers, and where they are known."""
         middle = (low + high) / 2
         radius = high - low  # twice that of the panel
         p = middle[:, None] + radius[:, None] * np.append(0.0, HALF_RIM)
-        maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
+        port, pivots = self.between(np.repeat(column, p.shape[1]), p.ravel())
         known = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
         known &= ~poles_inside(pivots.reshape(*p.shape, -1))
-        return maps, p.shape, known
+        return port, p.shape, known
 
 
 def by_panel(pairs, shape):

@@ -47,7 +47,7 @@ from wavesweep.require.discs import ZERO_EIGENVALUES, eigenvectors
 from wavesweep.require.gain_bound import FACTOR_GAIN, FactorBound
 from wavesweep.require.gain_intervals import attached, begun_at_low_end
 from wavesweep.require.maps import at_runs
-from wavesweep.require.pencil import DOMINANT_BY
+from wavesweep.require.pencil import dominated
 
 if TYPE_CHECKING:
     from wavesweep.engine.loop import Loops
@@ -163,9 +163,9 @@ class Factors(Between):
         """Of the pencil."""
         return self.kept.size + self.inputs
 
-    def over_frame(self, port, batch):
-        """The maps of a frame, of the ticks in which the signal is made."""
-        return at_runs(port, self.kept, batch, self.runs)
+    def over_frame(self, port, size):
+        """The maps of frames, of the ticks in which the signal is made."""
+        return at_runs(port, self.kept, (size,), self.runs)
 
     def labelled(self, column, low, high, bounds):
         label = np.full(column.size, OPEN)
@@ -174,8 +174,8 @@ class Factors(Between):
         at = np.flatnonzero(~spent)
         if not at.size:
             return label
-        maps, shape, known = self._about(column[at], low[at], high[at], bounds)
-        maps = by_panel(maps, shape)
+        port, shape, known = self._about(column[at], low[at], high[at], bounds)
+        maps = by_panel(self.over_frame(port, known.size * shape[1]), shape)
         for matrix, error in maps:
             known &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(error).all((1, 2, 3))
         maps = of_panels(maps, known)
@@ -214,9 +214,9 @@ class Factors(Between):
             self.kept_pieces[int(column[place]), "to", high[place]] = pieces
         return label
 
-    def worst(self, column, p):
+    def worst_at(self, column, p):
         """The largest eigenvalue with any of the factors, less 1, and by how much it is outside."""
-        maps, _ = self.maps(np.full(p.size, column), p)
+        maps = self.maps(np.full(p.size, column), p)
         E, G, O, T = (matrix for matrix, _ in maps)
         delta = []
         for loop in range(p.size):
@@ -320,8 +320,8 @@ def clear(maps, f, turn, u, r):
 
         room = _room(d, turn * lines[:, :n], u[:, None])
         at_middle = _room(d, 0 * d, u[:, None])
-        shown = _dominated(F + beside, np.concatenate([room, np.ones((len(d), m))], -1))
-        of_middle = _dominated(F, np.concatenate([at_middle, np.ones((len(d), m))], -1))
+        shown = dominated(F + beside, np.concatenate([room, np.ones((len(d), m))], -1))
+        of_middle = dominated(F, np.concatenate([at_middle, np.ones((len(d), m))], -1))
     outside = (2 * d.real + np.abs(d) ** 2 > 0).any(-1)
     return fine & shown, fine & of_middle, outside
 
@@ -371,17 +371,6 @@ def _room(d, slope, u):
     least = flat + rise * vertex + bend * vertex**2
     square = np.where(largest < 0, largest, np.maximum(least, 0.0))
     return np.abs(square) / (1 + np.sqrt(np.maximum(1 + square, 0.0)))
-
-
-def _dominated(F, room):
-    """Whether diagonals of these sizes dominate matrices whose entries are at most F."""
-    H = F / room[:, :, None]
-    fine = np.isfinite(H).all((-1, -2))
-    H, _ = balance(np.where(fine[:, None, None], H, 0.0), thorough=True)
-    N = H.shape[-1]
-    weights = solve(np.eye(N) * (1 + DOMINANT_BY) - H, np.ones((len(H), N, 1)))
-    fine &= (weights > 0).all((1, 2))
-    return fine & (H @ weights < weights * (1 - DOMINANT_BY / 2)).all((1, 2))
 
 
 def _halves(pieces):

@@ -14,8 +14,9 @@ and it is singular on the circle only where the pencil `N - z L` is (see `hinf`)
 
 So in a connected set of numbers in which no eigenvalue of the pencil is on the circle, the form is
 positive everywhere if it is at one angle of one number. The same holds on an arc of the circle, a
-band of frequencies. See `pencil` for how it is shown, and `maps` for the map that shows the gain at
-the frequency itself.
+band of frequencies. If the form is negative in the middle of a panel at some z, and the pencil is
+not singular at that one z for any number of it, the gain is too large in all of it, or infinite.
+See `pencil` for how it is shown, and `maps` for the map that shows the gain at the frequency itself.
 
 Where the gain at rest is the level itself, as in a string of vehicles, the form is 0 at z = 1 for a
 constant input, whose unit vector is w: H(1) w = h, h' H(1) = level^2 w'. With u + f w w'u/(z - 1)
@@ -23,22 +24,198 @@ in place of u, which multiplies the determinant by
 |z - 1 + f|^2/|z - 1|^2, it is such a form too, and not 0 there: with r = (1 - A)^-1 G w and c = h' O (1 - A)^-1
 
     x = (z - A)^-1 (G - f r w') u,   P = -O'O,   S' = -T'O - f w c A,   R = level^2 - T'T + f^2 c r w w' - f (w c G + G'c'w').
+
+The inputs of a frame of many ticks are gone before its pencil is looked at. In each tick the
+balance `level^2 u^2 - y^2` is stationary in its input, and ticks are joined by Redheffer's star
+product, as in `hinf.then`, for a disc of complex numbers. What is left of a frame has A, G and Q of
+as many rows as it has states,
+
+    x+ = A x - G l+,   l = Q x + A' l+,   N = [A 0; -Q 1],   L = [1 G; 0 A'].
+
+The join of two parts eliminates the state between them with the matrix `[-G_1 -1; -1 Q_2]`, and a
+tick its input with `r = level^2 - d^2`. Where none of these is singular in a disc, A, G and Q are
+analytic there. By Sylvester's law of inertia the form has
+
+    the negative eigenvalues of [-G A - z; (A - z)* Q], less n, and those of all r, and of all joins, less n each,
+
+as negative eigenvalues, n the number of states. What is eliminated has as many on all of a panel as
+in its middle, since it is not singular in between. Where it may be singular, a gain beyond a higher
+level, or below a lower one, decides as well.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.doubles import EPS
-from wavesweep.engine.frames import Bounded, inverse, on_circle, solve
+from wavesweep.engine.doubles import NEXT_TO_ZERO
+from wavesweep.engine.frames import Bounded, balance, in_a_row, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
-from wavesweep.require.pencil import angles_of, clear, off_circle
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN
+from wavesweep.require.maps import of_ticks, over_frame
+from wavesweep.require.pencil import angles_of, clear, off_arc
 from wavesweep.require.sines import Panel
 
-# of the terms of the form, from which on it is positive at an angle whatever rounding does
-POSITIVE = 1e-9
+SURE_SIGN = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
+FEW_INPUTS = 8  # of a frame, up to which they stand in the pencil, which is sharper
+# times the level, or less by it: there something else is singular where its parts are eliminated
+BESIDE_LEVEL = 1.02
+
+
+class Form(NamedTuple):
+    """The form of all inputs of frames at points, of which some in a row are of each panel, the
+    first its middle: A less identity, G, P, S and R, each with a bound on its error."""
+
+    E: Bounded
+    G: Bounded
+    P: Bounded
+    S: Bounded
+    R: Bounded
+    points: int
+    at_rest: bool
+
+    sure = 1e-9  # of its terms, from which on its sign at an angle is known
+
+    @property
+    def inputs(self):
+        """Of the pencil."""
+        return self.R.value.shape[-1]
+
+    def pencil(self):
+        """N - L, and L."""
+        E, G, P, S, R, *_ = self
+        one = Bounded.exact(np.eye(E.value.shape[-1]))
+        K = Bounded.block([[E, 0, G], [P, E.mT, S], [S.mT, G.mT, R]])
+        return K, Bounded.block([[one, 0, 0], [0, -(one + E.mT), 0], [0, -G.mT, R * 0.0]])
+
+    def singular(self, shape):
+        """Whether a pole may be 1 in panels, if that matters."""
+        if not self.at_rest:
+            return np.zeros(shape[0], bool)
+        E = self.E.value
+        return poles_inside(determinants(E.reshape(*shape, *E.shape[1:]))[..., None])
+
+    def least(self, panels, theta):
+        """The least eigenvalue of the form at angles, of the size of its terms, `(n, angles)`, 0
+        where it is not known; panels: which, in whose middles."""
+        middles = (matrix[panels * self.points].real for matrix, _ in self[:5])
+        E, G, P, S, R = (matrix[:, None] for matrix in middles)
+        with np.errstate(all="ignore"):
+            x = solve(on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E, G + 0j)
+            back = x.mT.conj()
+            across = S.mT @ x
+            form = back @ P @ x + across + across.mT.conj() + R
+            size = np.abs(back) @ np.abs(P) @ np.abs(x) + 2 * np.abs(S.mT) @ np.abs(x) + np.abs(R)
+            finite = np.isfinite(form).all((-1, -2))
+            values = np.linalg.eigvalsh(np.where(finite[..., None, None], form, 0.0))
+            least = values[..., 0] / size.sum((-1, -2))
+        return np.where(finite, least, 0.0)
+
+
+class Joined(NamedTuple):
+    """A, less identity, G and Q of some ticks at points, of which some in a row are of each panel,
+    the first its middle.
+
+    A, G, Q: each with a bound on its error. points: of a panel. pivots: of what is eliminated.
+    below: how many negative directions that has beside those of states, in the middle of each
+    panel; NaN if rounding does not tell.
+    """
+
+    E: Bounded
+    G: Bounded
+    Q: Bounded
+    points: int
+    pivots: tuple[np.ndarray, ...]
+    below: np.ndarray
+
+    inputs = 0  # that are left
+    sure = SURE_SIGN
+
+    def pencil(self):
+        """N - L, and L."""
+        one = Bounded.exact(np.eye(self.E.value.shape[-1]))
+        K = Bounded.block([[self.E, -self.G], [-self.Q, -self.E.mT]])
+        return K, Bounded.block([[one, self.G], [0, one + self.E.mT]])
+
+    def singular(self, shape):
+        """Whether something that is eliminated may be singular in panels."""
+        eliminated = np.stack(self.pivots, -1).reshape(*shape, -1)
+        return ~np.isfinite(self.below) | poles_inside(eliminated)
+
+    def least(self, panels, theta):
+        """What is positive at angles if the form is, as a share of its largest eigenvalue, `(n,
+        angles)`.
+
+        panels: which, in whose middles. It is the least eigenvalue above the negative ones that
+        come of states and of what is eliminated.
+        """
+        E, G, Q = (matrix[panels * self.points].real for matrix, _ in (self.E, self.G, self.Q))
+        n = E.shape[-1]
+        units = _units(G, Q)
+        u = units[:, None, :]
+        v = units[:, :, None]
+        moved = (E * u / v)[:, None] - on_circle(theta)[..., None, None] * np.eye(n)
+        form = np.zeros((*theta.shape, 2 * n, 2 * n), complex)
+        form[..., :n, :n] = -(G / (u * v))[:, None]
+        form[..., :n, n:] = moved
+        form[..., n:, :n] = moved.mT.conj()
+        form[..., n:, n:] = (Q * u * v)[:, None]
+        values = np.linalg.eigvalsh(np.where(np.isfinite(form), form, 0.0))
+        negative = n - np.nan_to_num(self.below[panels])
+        least = np.clip(negative, 0, 2 * n - 1).astype(int)
+        least = values[np.arange(len(values)), :, least]
+        return least / np.maximum(np.abs(values).max(-1), NEXT_TO_ZERO)
+
+
+def of_tick(e: Bounded, b: Bounded, c: Bounded, d: Bounded, square: float, points: int) -> Joined:
+    """Return a tick with one input and one output; square: of the level; points: of a panel.
+
+    r = square - d^2,   A = e + b d r^-1 c,   G = b r^-1 b',   Q = -c' square r^-1 c
+    """
+    r = Bounded.exact(np.full_like(d.value, square)) - d @ d
+    over = Bounded.exact(np.ones((1, 1))).over(r)
+    E = e + b @ (d @ over) @ c
+    G = b @ over @ b.mT
+    Q = -(c.mT @ over * square @ c)
+    pivot = r.value[:, 0, 0]
+    return Joined(E, G, Q, points, (pivot,), np.where(pivot[::points].real < 0, 1.0, 0.0))
+
+
+def then(first: Joined, second: Joined) -> Joined:
+    """Return some ticks and those that follow."""
+    one = Bounded.exact(np.eye(first.E.value.shape[-1]))
+    star = one + first.G @ second.Q
+    X = star.inverse()
+    A_1 = one + first.E
+    A_2 = one + second.E
+    spread = X @ first.G
+    carried = first.E - spread @ second.Q @ A_1  # X A_1, less identity
+    E = carried + second.E + second.E @ carried
+    G = second.G + A_2 @ spread @ A_2.mT
+    Q = first.Q + A_1.mT @ second.Q @ (one + carried)
+    pivots = (*first.pivots, *second.pivots, np.linalg.det(star.value))
+    below = (
+        first.below
+        + second.below
+        + _negative(first.G[0][:: first.points].real, second.Q[0][:: first.points].real)
+    )
+    return Joined(E, _symmetric(G), _symmetric(Q), first.points, pivots, below)
+
+
+def _negative(G, Q):
+    """How many negative eigenvalues `[-G -1; -1 Q]` has beside one for each state; NaN if
+    rounding does not tell."""
+    n = G.shape[-1]
+    units = _units(G, Q)
+    block = np.zeros((len(G), 2 * n, 2 * n))
+    block[:, :n, :n] = -G / (units[:, None, :] * units[:, :, None])
+    block[:, n:, n:] = Q * units[:, None, :] * units[:, :, None]
+    block[:, np.arange(n), n + np.arange(n)] = block[:, n + np.arange(n), np.arange(n)] = -1.0
+    values = np.linalg.eigvalsh(np.where(np.isfinite(block), block, 0.0))
+    size = np.abs(values)
+    told = size.min(-1) > SURE_SIGN * size.max(-1)
+    return np.where(told, (values < 0).sum(-1) - n, np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,15 +231,19 @@ class BoundedGain(Between):
     at_rest: bool
 
     @property
+    def long(self) -> bool:
+        """Whether the inputs are eliminated."""
+        return self.inputs > FEW_INPUTS and not self.at_rest
+
+    @property
     def order(self) -> int:
         """Of the pencil."""
-        return 2 * self.kept.size + self.inputs
+        return 2 * self.kept.size + (0 if self.long else self.inputs)
 
     def at_rest_through(self, column, p):
         """What comes of inputs that are constant, as a map of a frame, and the constant input,
         of length 1."""
-        maps, _ = self.maps(column, p)
-        E, G, O, T = (matrix for matrix, _ in maps)
+        E, G, O, T = (matrix for matrix, _ in self.maps(column, p))
         w = np.full((self.inputs, 1), self.inputs**-0.5)
         return T - O @ solve(E, G), w
 
@@ -76,59 +257,79 @@ class BoundedGain(Between):
         return np.maximum(of_output, of_input)
 
     def labelled(self, column, low, high, bounds):
-        maps, shape, judged = self._about(column, low, high, bounds)
-        form = self.form(shape[1], *maps)
-        K, L = by_panel(self.pencil(maps[0], *form), shape)
-        parts = by_panel((maps[0], *form), shape)
-        if self.at_rest:
-            E, _ = parts[0]
-            judged &= ~poles_inside(determinants(E)[..., None])
+        port, shape, judged = self._about(column, low, high, bounds)
+        label, singular = self._at_level(1.0, column, port, shape, judged)
+        for beside, kept in ((BESIDE_LEVEL, BAD), (1 / BESIDE_LEVEL, GOOD)):
+            again = singular & (label == OPEN)
+            if self.long and again.any():
+                found, _ = self._at_level(beside, column, port, shape, again)
+                label[again & (found == kept)] = kept
+        return label
+
+    def _at_level(self, beside, column, port, shape, judged):
+        """The labels of panels that are judged at the level times `beside`, and whether something
+        may be singular in them."""
+        frame = self._frame(beside, port, shape)
+        singular = judged & frame.singular(shape)
+        K, L = by_panel(frame.pencil(), shape)
+        fine = judged & ~singular
         for array in (*K, *L):
-            judged &= np.isfinite(array).all((-1, -2, -3))
+            fine &= np.isfinite(array).all((-1, -2, -3))
         label = np.full(column.size, OPEN)
-        at = np.flatnonzero(judged)
+        at = np.flatnonzero(fine)
         if not at.size:
-            return label
+            return label, singular
 
         middle = [each.part(at, 0).real for each in (K, L)]
         rims = K.value[at, 1:], L.value[at, 1:]
         arc = self.arc[self.columns[column[at]]]
-        inside, d = clear(*middle, rims, self.inputs, arc)
-        parts = of_panels(parts, at)
+        inside, d = clear(*middle, rims, frame.inputs, arc)
         theta = _angles(d, arc)
-        value, size, v = _least([matrix[:, 0].real for matrix, _ in parts], theta)
-        good = inside & (value > POSITIVE * size).any(-1)
-        label[at[good]] = GOOD
-        rest = np.flatnonzero(~good & (value.min(-1) < 0))
-        if rest.size:
-            lowest = value[rest].argmin(-1)
-            with np.errstate(all="ignore"):
-                bad = _negative(of_panels(parts, rest), theta[rest, lowest], v[rest, lowest])
-            label[at[rest[bad]]] = BAD
-        return label
+        value = frame.least(at, theta)
+        label[at[inside & (value.max(-1) > frame.sure)]] = GOOD
+        at_one = np.flatnonzero(value.min(-1) < -frame.sure)
+        if at_one.size:
+            z = theta[at_one, value[at_one].argmin(-1)]
+            rims = [rim[at_one] for rim in rims]
+            arc = np.stack([z, z], -1)
+            alone, _ = clear(*of_panels(middle, at_one), rims, frame.inputs, arc)
+            label[at[at_one[alone]]] = BAD
+        return label, singular
 
-    def worst(self, column, p):
+    def worst_at(self, column, p):
         """The point of the circle, less 1, at which the form is least, and by how much it is
         negative, of its terms."""
-        maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
-        form = self.form(1, *maps)
-        K, L = self.pencil(maps[0], *form)
+        port, _ = self.between(np.full(p.size, np.searchsorted(self.columns, column)), p)
+        frame = self._frame(1.0, port, (p.size, 1))
+        K, L = frame.pencil()
         arc = self.arc[np.full(p.size, column)]
-        _, d = clear(K, L, (K.value[:, None], L.value[:, None]), self.inputs, arc)
+        _, d = clear(K, L, (K.value[:, None], L.value[:, None]), frame.inputs, arc)
         theta = _angles(d, arc)
-        value, size, _ = _least([matrix for matrix, _ in (maps[0], *form)], theta)
+        value = self._form(port, (p.size, 1)).least(np.arange(p.size), theta)
         loop = np.arange(p.size)
-        lowest = (value / size).argmin(-1)
-        return on_circle(theta[loop, lowest]), -value[loop, lowest] / size[loop, lowest]
+        lowest = value.argmin(-1)
+        return on_circle(theta[loop, lowest]), -value[loop, lowest]
 
-    def form(self, points, E, G, O, T):
-        """The matrices G, P, S, R of the form, each with a bound on its error; points: of a
-        disc, with one b."""
-        if self.at_rest:
-            return self._form_at_rest(points, E, G, O, T)
-        return G, -(O.mT @ O), -(O.mT @ T), self._level_less(T)
+    def _frame(self, beside, port, shape):
+        """Frames at points of panels, at the level times `beside`, without their inputs if they
+        are long."""
+        if not self.long:
+            return self._form(port, shape)
+        ticks = _in_even_units(of_ticks(port, self.kept, (np.prod(shape),)))
+        square = (self.level * beside) ** 2
+        with np.errstate(all="ignore"):
+            eliminated = [of_tick(*each, square, shape[1]) for each in ticks]
+            return in_a_row(port.kind.tolist(), eliminated, then)
 
-    def _form_at_rest(self, points, E, G, O, T):
+    def _form(self, port, shape):
+        """The form of all inputs of frames at points of panels."""
+        points = shape[1]
+        E, G, O, T = over_frame(port, self.kept, (np.prod(shape),))
+        P = -(O.mT @ O)
+        S = -(O.mT @ T)
+        R = Bounded.exact(self.level * np.eye(self.inputs)) * self.level - T.mT @ T
+        if not self.at_rest:
+            return Form(E, G, P, S, R, points, at_rest=False)
         X = (-E).inverse()
         w = np.full((self.inputs, 1), self.inputs**-0.5)
         H = T.value + O.value @ X.value @ G.value
@@ -143,24 +344,10 @@ class BoundedGain(Between):
         f = np.repeat(1 / np.maximum(2.0, frames), points, axis=0).reshape(-1, 1, 1)
         w_cA = w @ (c - h_O)
         w_cG = w @ (c @ G)
-        S = -(T.mT @ O + w_cA * f).mT
         late = w @ (c @ r) @ w.mT
         late = late * f * f - (w_cG + w_cG.mT) * f
-        R = self._level_less(T) + late
-        P = -(O.mT @ O)
-        return G - (r @ w.mT) * f, P, S, R
-
-    def _level_less(self, T):
-        """level^2 - T'T."""
-        return Bounded.exact(self.level * np.eye(T.value.shape[-1])) * self.level - T.mT @ T
-
-    def pencil(self, E, G, P, S, R):
-        """N - L and L."""
-        one = Bounded.exact(np.eye(E.value.shape[-1]))
-        of_inputs = R * 0.0
-        K = Bounded.block([[E, 0, G], [P, E.mT, S], [S.mT, G.mT, R]])
-        L = Bounded.block([[one, 0, 0], [0, -(one + E.mT), 0], [0, -G.mT, of_inputs]])
-        return K, L
+        G = G - (r @ w.mT) * f
+        return Form(E, G, P, S - (w_cA * f).mT, R + late, points, at_rest=True)
 
 
 class Sine(BoundedGain):
@@ -175,8 +362,8 @@ class Sine(BoundedGain):
         return np.abs(through - np.copysign(self.level, through)).max((-1, -2))
 
     def labelled(self, column, low, high, bounds):
-        maps, shape, judged = self._about(column, low, high, bounds)
-        maps = by_panel(maps, shape)
+        port, shape, judged = self._about(column, low, high, bounds)
+        maps = by_panel(self.over_frame(port, judged.size * shape[1]), shape)
         for matrix, size in maps:
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
@@ -187,10 +374,10 @@ class Sine(BoundedGain):
     def _panel(self, column, maps):
         return Panel(maps, self.level, self.arc[self.columns[column]], self.at_rest)
 
-    def worst(self, column, p):
+    def worst_at(self, column, p):
         """As that of `BoundedGain`."""
         index = np.searchsorted(self.columns, column)
-        maps, _ = self.maps(np.full(p.size, index), p)
+        maps = self.maps(np.full(p.size, index), p)
         delta = []
         beyond = []
         for at in range(p.size):
@@ -200,12 +387,29 @@ class Sine(BoundedGain):
         return np.array(delta), np.array(beyond)
 
 
+def _in_even_units(ticks):
+    """Ticks with states in units, powers of two, in which their entries have similar sizes."""
+    n = ticks[0][0][0].shape[-1]
+    sizes = np.zeros((1, n + 1, n + 1))
+    for (e, _), (b, _), (c, _), _ in ticks:
+        sizes[0, :n, :n] += np.nan_to_num(np.abs(e)).max(0)
+        sizes[0, :n, n:] += np.nan_to_num(np.abs(b)).max(0)
+        sizes[0, n:, :n] += np.nan_to_num(np.abs(c)).max(0)
+    units = balance(sizes, thorough=True)[1][0]
+    u = units[:n] / units[n]
+    v = u[:, None]
+    in_units = []
+    for (e, de), (b, db), (c, dc), d in ticks:
+        among_states = Bounded(e * u / v, de * u / v)
+        in_units.append((among_states, Bounded(b / v, db / v), Bounded(c * u, dc * u), d))
+    return in_units
+
+
 def _angles(d, arc):
     """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of
-    eigenvalues next to the circle, and between these."""
-    off = off_circle(d)
-    # Eigenvalues next to the circle, at whose angles and between which the form is looked at.
-    nearest = np.argsort(off, -1)[:, :8]
+    eigenvalues d of the pencil next to the arc, and between these."""
+    off = off_arc(d, arc)
+    nearest = np.argsort(off, -1)[:, :8]  # eigenvalues
     d = np.take_along_axis(d, nearest, -1)
     off = np.take_along_axis(off, nearest, -1)
     low = arc[:, :1]
@@ -216,91 +420,13 @@ def _angles(d, arc):
     return np.concatenate([angles, low + (high - low) * START / np.pi], -1)
 
 
-def _least(parts, theta):
-    """The least eigenvalue of the form at angles, `(n, angles)`, the size of its terms, and its
-    vectors.
-
-    parts: E, G, P, S, R of each, `(n, r, c)`.
-    """
-    E, G, P, S, R = (array[:, None] for array in parts)
-    w = on_circle(theta)[..., None, None]
-    with np.errstate(all="ignore"):
-        x = solve(w * np.eye(E.shape[-1]) - E, G + 0j * theta[..., None, None])
-        x_size = np.abs(x)
-        back = x.mT.conj()
-        back_size = np.abs(back)
-        St = S.mT
-        form = back @ P @ x + back @ S + St @ x + R
-        size = back_size @ np.abs(P) @ x_size + back_size @ np.abs(S)
-        size = size + np.abs(St) @ x_size + np.abs(R)
-        finite = np.isfinite(form).all((-1, -2))
-        values, vectors = np.linalg.eigh(np.where(finite[..., None, None], form, 0.0))
-    least = np.where(finite, values[..., 0], 0.0)
-    return least, np.where(finite, size.sum((-1, -2)), 1.0), vectors[..., 0]
+def _units(G, Q):
+    """Units of the states in which G and Q are alike on their diagonals."""
+    of_G, of_Q = (np.abs(np.diagonal(each, axis1=-2, axis2=-1)) for each in (G, Q))
+    both = np.isfinite(of_G) & np.isfinite(of_Q) & (of_G > 0) & (of_Q > 0)
+    return np.where(both, np.where(both, of_G, 1.0) / np.where(both, of_Q, 1.0), 1.0) ** 0.25
 
 
-def _negative(parts, theta, v):
-    """Whether the form is negative at an angle, in a direction v of the inputs, for all numbers of
-    discs.
-
-    parts: E, G, P, S, R, each with a bound on its error, in the middle of a disc and on a circle of
-    twice its size. The state x and the size a of the input u = v a solve
-
-        B [x; a] = [0; 1],   B = [w - E, -G v; l],   w = z - 1,
-
-    where the row l keeps them finite also where the loop has an eigenvalue at z. The form is there
-
-        f = x~' (P x + S u) + u~' (S' x + R u),
-
-    in which x~ and u~ solve the same for the conjugates of w, v and l: those of x and u where the
-    number is real, and continued from there. If B and B~ are regular, f is analytic in the number,
-    and with Schwarz's lemma in the disc
-
-        |f - f(middle)| <= 1/2 max |f - f(middle)|,   the largest on the circle.
-
-    In the middle, x and u are off by dx and du, bounds that the inverse of B has, and the form, to
-    first order, by what it is off with x and u as they are, and by
-
-        2 |P x + S u|' dx + 2 |S' x + R u|' du.
-    """
-    w = on_circle(theta)[:, None, None]
-    v = v[:, :, None]
-    middle = [each.part(slice(None), 0) for each in parts]
-    E, G, P, S, R = (each.value for each in parts)
-    n = E.shape[-1]
-    eye = np.eye(n)
-    x = solve(w * eye - E[:, 0].real, G[:, 0].real @ v)
-    q = np.concatenate([x, np.ones((len(x), 1, 1))], 1)
-    l = (q.conj() / (np.abs(q) ** 2).sum(1, keepdims=True)).mT
-
-    def solved(w, v, l):
-        """B, x and u."""
-        B = np.zeros((*E.shape[:2], n + 1, n + 1), complex)
-        B[..., :n, :n] = w[:, None] * eye - E
-        B[..., :n, n:] = -G @ v[:, None]
-        B[..., n:, :] = l[:, None]
-        back = inverse(B)
-        return B, back[..., :n, n:], v[:, None] * back[..., n:, n:]
-
-    B, x, u = solved(w, v, l)
-    B_dual, x_dual, u_dual = solved(w.conj(), v.conj(), l.conj())
-    value = (x_dual.mT @ (P @ x + S @ u) + u_dual.mT @ (S.mT @ x + R @ u))[..., 0, 0]
-    change = np.abs(value[:, 1:] - value[:, :1].real).max(-1)
-
-    # The error in the middle: of x and u, and of the form.
-    E, G, P, S, R = middle
-    w = Bounded(w * eye, 2 * EPS * np.abs(w * eye))  # as sines are known
-    l = Bounded.exact(l)
-    B_middle = Bounded.block(
-        [[w - E, -(G @ v)], [l.part(..., slice(n)), l.part(..., slice(n, None))]]
-    )
-    back = B_middle.inverse()
-    x = back.part(..., slice(n), slice(n, None))
-    u = back.part(..., slice(n, None), slice(n, None)) * v
-    by_x = P @ x.value + S @ u.value
-    by_u = S.mT @ x.value + R @ u.value
-    form = by_x.mT @ x.value.conj() + by_u.mT @ u.value.conj()
-    error = form.error + 2 * (by_x.size.mT @ x.error + by_u.size.mT @ u.error)
-
-    poles = poles_inside((determinants(B) * determinants(B_dual))[..., None])
-    return ~poles & (form.value.real[:, 0, 0] + SAFE / 2 * change + error[:, 0, 0] < 0)
+def _symmetric(matrix):
+    """The symmetric part of a matrix, of one that is symmetric but for rounding."""
+    return (matrix + matrix.mT) * 0.5

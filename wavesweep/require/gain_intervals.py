@@ -1,8 +1,8 @@
 """Where the gain from an input to an output stays below a level at all frequencies, along any
 number of a loop.
 
-`frame_gain` says what the gain is and how a panel of the number is judged, `long_gain` the same for
-frames of many ticks, and `maps` has the map that shows the gain at the frequency itself.
+`frame_gain` says what the gain is and how a panel of the number is judged, and `maps` has the map
+that shows the gain at the frequency itself.
 """
 
 from dataclasses import replace
@@ -16,7 +16,6 @@ from wavesweep.require.between import needed, typical_between
 from wavesweep.require.disc_panels import Accuracy, Domain, along_panels
 from wavesweep.require.frame_gain import BoundedGain, Sine
 from wavesweep.require.gain_bound import BASE_BAND, GainBound
-from wavesweep.require.long_gain import LongGain
 
 # Of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by
 # its root.
@@ -48,14 +47,18 @@ def along_gain(
     ticks = port.kind.size
     of_sine = wanted.measure == BASE_BAND and ticks > 1
     step = period / ticks if of_sine else period
-    in_general = Sine if of_sine else BoundedGain
-    # Of a frame of more ticks the inputs are eliminated.
-    kind = LongGain if ticks > 24 and not of_sine else in_general
+    kind = Sine if of_sine else BoundedGain
     about = loops, along, route, wanted.at_most, drift, needed(port.maps), ticks
     arc = _arc(wanted, ticks, step)
     gain = kind(*about, np.arange(size), stable, arc, at_rest=False)
 
-    off = gain.off_at_rest(number, p)
+    few = max(1, 1_000_000 // ticks**2)  # frames at a time
+    off = np.concatenate(
+        [
+            gain.off_at_rest(number[first : first + few], p[first : first + few])
+            for first in range(0, p.size, few)
+        ]
+    )
     is_level = (off <= AT_REST_ANGLE * gain.level).reshape(size, -1).all(-1)
     at_rest = is_level & (gain.arc[:, 0] == 0)
     judges = []
@@ -63,7 +66,7 @@ def along_gain(
         judges.append(replace(gain, columns=np.flatnonzero(~at_rest)))
     if at_rest.any():
         columns = np.flatnonzero(at_rest)
-        judges.append(in_general(*about, columns, stable, gain.arc, at_rest=True))
+        judges.append(kind(*about, columns, stable, gain.arc, at_rest=True))
 
     begun = begun_at_low_end(gain, span)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)

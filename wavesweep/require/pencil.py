@@ -124,12 +124,8 @@ def clear(K: Bounded, L: Bounded, rims, inputs, arc):
         loss = bound(Q_moved, Q_off, Q_error)
         room = np.where(last, 1.0, off_arc(d, arc))
         size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
-        H = (F + size[:, :, None] * loss) / room[:, :, None]
-        fine &= np.isfinite(H).all((-1, -2))
-        H, _ = balance(np.where(fine[:, None, None], H, 0.0), thorough=True)
-        u = solve(np.eye(N) * (1 + DOMINANT_BY) - H, np.ones((len(H), N, 1)))
-        fine &= (u > 0).all((1, 2)) & (H @ u < u * (1 - DOMINANT_BY / 2)).all((1, 2))
-    return fine, delta
+        H = F + size[:, :, None] * loss
+    return fine & dominated(H, room), delta
 
 
 def _between(W, parts, V, inputs):
@@ -150,6 +146,18 @@ def _between(W, parts, V, inputs):
         else:
             total = total + (left @ middle) @ right
     return total
+
+
+def dominated(F, room) -> np.ndarray:
+    """Whether diagonals of these sizes dominate matrices whose entries are at most F."""
+    with np.errstate(all="ignore"):
+        H = F / room[:, :, None]
+        fine = np.isfinite(H).all((-1, -2))
+        H, _ = balance(np.where(fine[:, None, None], H, 0.0), thorough=True)
+        N = H.shape[-1]
+        weights = solve(np.eye(N) * (1 + DOMINANT_BY) - H, np.ones((len(H), N, 1)))
+        fine &= (weights > 0).all((1, 2))
+        return fine & (H @ weights < weights * (1 - DOMINANT_BY / 2)).all((1, 2))
 
 
 def _vectors(S):

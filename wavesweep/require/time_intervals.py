@@ -104,7 +104,7 @@ class InTime(Between):
 
     def ends_at_zero(self, column, p) -> bool:
         """Whether the response to a constant input ends at 0, at all of some values."""
-        maps, _ = self.maps(column, p)
+        maps = self.maps(column, p)
         E, G, O, T = (matrix for matrix, _ in maps)
         ones = np.ones((self.inputs, 1))
         through = T @ ones
@@ -114,8 +114,8 @@ class InTime(Between):
         return bool((total <= NO_END * size.max((-1, -2))).all())
 
     def labelled(self, column, low, high, bounds):
-        maps, shape, judged = self._about(column, low, high, bounds)
-        maps = by_panel(maps, shape)
+        port, shape, judged = self._about(column, low, high, bounds)
+        maps = by_panel(self.over_frame(port, judged.size * shape[1]), shape)
         for matrix, size in maps:
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
@@ -138,10 +138,10 @@ class InTime(Between):
             label[at[value.low > self.level]] = BAD
         return label
 
-    def worst(self, column, p):
+    def worst_at(self, column, p):
         """The point z = 1, less 1, and by how much the value is beyond the level, of it, if that is
         known."""
-        maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
+        maps = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
         maps = by_panel(maps, (p.size, 1))
         value = enclosed_value(self.measure, maps, self.rate, self.level)
         beyond = np.where(value.low > self.level, value.low, np.nan)
