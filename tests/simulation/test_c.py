@@ -16,6 +16,7 @@ from support.exports import COMPILERS, LEVELS, check, made, need, put, random_ta
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
+from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.export import exported
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.hardware import Effects
@@ -116,6 +117,31 @@ def test_the_host_has_the_delay_of_its_amplifier(device, tmp_path):
     seen = simulate(wavesweep.load(tables).values, np.ones(2000), Effects()).signals["v"]
     assert (code, len(found)) == (0, 2000)
     np.testing.assert_allclose(found, seen, rtol=0, atol=1e-13 * np.abs(seen).max())
+
+
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", CHANGES)
+def test_floats_are_within_the_rounding_of_each_tick_and_a_wrong_coefficient_is_not(kind, changes, tmp_path):
+    need("gcc")
+    files = written(experiment(kind, {"duration_s": 0.3}, **changes), tmp_path, floats=True)
+    assert made(tmp_path, "example", "gcc", "-O2")[0] == 0
+    code, said = made(tmp_path, "check", "gcc", "-O2")
+    share = re.search(
+        r"^300 ticks, 1 signals each: no bit of the doubles differs; floats .*, at most (\S+) of one$", said, re.MULTILINE
+    )
+    assert code == 0
+    assert 1e-4 < float(share[1]) < 1
+    text = files["controller.c"]
+    wrong = re.search(r"0x1\.[\da-f]+p[+-]\d+f \* z|(?<=else \{\n        s->z\[ws_z_wall_force\] = \()K \* gap", text)
+    (tmp_path / "controller.c").write_text(f"{text[: wrong.start()]}1.001f * {text[wrong.start() :]}")
+    assert made(tmp_path, "check", "gcc", "-O2")[0] == 2
+
+
+@pytest.mark.parametrize("effects", [{"wall": 0.0}, {"late": 5}])
+def test_what_a_float_may_decide_otherwise_is_refused(effects, tmp_path):
+    with pytest.raises(UsageError, match="expected a linear loop beside --float"):
+        written(experiment("pmw", effects), tmp_path, floats=True)
 
 
 def test_the_controller_needs_no_library(tmp_path):

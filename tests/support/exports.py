@@ -43,9 +43,9 @@ def random_tables(seed, ticks):
     return tables
 
 
-def written(tables, folder):
+def written(tables, folder, **options):
     """The files of a spec's controller, written to a folder."""
-    files = exported(wavesweep.load(tables))
+    files = exported(wavesweep.load(tables), **options)
     put(files, folder)
     return files
 

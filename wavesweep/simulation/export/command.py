@@ -22,11 +22,18 @@ if TYPE_CHECKING:
 @click.option(
     "--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99."
 )
+@click.option(
+    "--float",
+    "floats",
+    is_flag=True,
+    help="Floats in place of doubles; make check then holds each tick against the same in doubles, within a bound that follows "
+    "from how often it rounds, and counts the changes that are too small for floats.",
+)
 @folder("Folder for the files [default: results/<spec's name>/c].")
 @overwriting("Replace existing files.")
 @override
 def export(
-    spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...]
+    spec: str, to: str, floats: bool, out: str | None, overwrite: bool, overrides: tuple[str, ...]
 ) -> None:
     """Write the controller as C, with test vectors: what was analysed is what runs.
 
@@ -62,7 +69,7 @@ def export(
     loaded = specs.load(spec, overrides)
     folder = Path(out or own_folder([loaded.name], overrides) / to)
     results.refuse_unusable(folder)
-    program = exported(loaded)
+    program = exported(loaded, floats=floats)
     paths = [folder / name for name in program]
     refuse_other_things(*paths)
     refuse_inputs(loaded.files, *paths)
@@ -102,7 +109,8 @@ def export(
     elif not verbosity().quiet:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
-        check = f"`make -C {quote(str(folder))} check` compares every bit"
+        compares = "each tick with doubles, within its roundings" if floats else "every bit"
+        check = f"`make -C {quote(str(folder))} check` compares {compares}"
         say(f"{loaded.name}, {loaded.kind}: vectors of {facts['ticks']} ticks; {check}")
         for line, warning in _lines(facts, claim):
             say(line, warning=warning)

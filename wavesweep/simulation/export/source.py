@@ -31,6 +31,7 @@ from wavesweep.simulation.export.repeated_experiment import (
     steps_of,
     timing_of,
 )
+from wavesweep.simulation.export.single import operations_of, refuse_nonlinear, single
 from wavesweep.simulation.export.text import comment, constants, filled, table_of
 from wavesweep.simulation.export.tick_functions import tick_function
 from wavesweep.simulation.from_spec import effects_of, hand_force
@@ -40,11 +41,11 @@ from wavesweep.simulation.tick_sums import arrived
 NUMBERS_IN_A_LINE = 40  # of a table in C
 
 
-def exported(spec: Spec) -> dict[str, str]:
+def exported(spec: Spec, *, floats: bool = False) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
 
     The vectors are the experiment of the spec's [simulate] table: what the controller reads and
-    gives in each tick, and the ticks by which slow results are late.
+    gives in each tick, and the ticks by which slow results are late. floats: in place of doubles.
 
     Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, if it has no
     device, nothing but a device, or one that responds within the tick, or too many terms;
@@ -77,13 +78,14 @@ def exported(spec: Spec) -> dict[str, str]:
     flags = _flags(own, steps)
     flags["amplifier"] = bool(amplifier)
     flags["dead_times"] = bool(dead_times_of(spec))
+    flags |= {"single": False, "sizes": False}
     values = _values(spec, own, march.entry, steps)
     values["late"] = f"{amplifier:g}"
     values["dead_times"] = ", ".join(dead_times_of(spec))
     values["pending"] = (_longest_delay(columns) + 2) * max(1, len(own.results))
     values |= _signals(own, members)
     values |= host.texts()
-    return {
+    files = {
         "controller.h": filled("controller.h", flags, values),
         "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
         "check.c": filled("check.c", flags, values),
@@ -91,6 +93,10 @@ def exported(spec: Spec) -> dict[str, str]:
         "vectors.csv": table_of(columns),
         "Makefile": filled("Makefile", flags, values),
     }
+    if not floats:
+        return files
+    refuse_nonlinear(own)
+    return single(files, flags, values)
 
 
 def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
@@ -171,6 +177,7 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
         "frame": loop.frame,
         "count": len(own.outputs),
         "programs": "\n".join(functions),
+        "operations": operations_of(functions),
         "kinds": _listed(kinds),
         "phases": len(ticks),
         "table": _listed(own.table),

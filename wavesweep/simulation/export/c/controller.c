@@ -8,6 +8,15 @@ static void meet(ws_state *s, double yields, double slows)
     const double gap = ONE_SIDED ? s->z[$wall_depth] - s->wall.position : s->z[$wall_depth];
     const double whole = 1.0 - K * yields - B * slows;
     s->touched = 1;
+@if sizes
+    {
+        /* of sizes: what the rounding of `whole` does counts as seven roundings of its parts */
+        const double parts = (yields < 0.0 ? -K * yields : K * yields) + (slows < 0.0 ? -B * slows : B * slows);
+        const double size = whole < 0.0 ? -whole : whole;
+        s->z[$wall_force] = (K * gap + B * speed) / size * (1.0 + 7.0 * (1.0 + parts) / size);
+        return;
+    }
+@end
     if (ONE_SIDED && !(gap * (1.0 - B * slows) + yields * B * speed > 0.0)) {
         s->touched = gap > 0.0 && yields < 0.0;
         s->z[$wall_force] = s->touched ? -gap / yields : 0.0;

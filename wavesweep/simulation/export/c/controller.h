@@ -3,8 +3,13 @@
  * Written by wavesweep $version from the spec $name, SHA-256
  *   $digest
  *
+@if single
+ * C99, IEEE floats, no allocation and no mathematical library. Each operation is that of `wavesweep simulate`, in the same
+ * order, rounded to floats; `make check` holds each tick against doubles. SI units.
+@else
  * C99, IEEE doubles, no allocation and no mathematical library. Each operation is that of `wavesweep simulate`, in the same
  * order, so every number is the same to the last bit; `make check` compares it. SI units.
+@end
  *
  * BUILD IT WITHOUT FUSED MULTIPLICATIONS. A fused a*b + c rounds once where the simulation rounds twice. gcc fuses by default
  * if the processor has such instructions, and with -march=native the vectoriser of gcc 12 has been seen to do so even with

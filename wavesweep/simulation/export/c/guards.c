@@ -9,8 +9,13 @@
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
 #error "doubles are computed with excess precision: compile controller.c with -msse2 -mfpmath=sse"
 #endif
+@if single
+#if FLT_MANT_DIG != 24 || FLT_MAX_EXP != 128
+#error "the type is not the IEEE format of 32 bits, for which the bounds are"
+@else
 #if DBL_MANT_DIG != 53 || DBL_MAX_EXP != 1024
 #error "double is not the IEEE format of 64 bits; there is no build with the same bits"
+@end
 #endif
 #if defined(__FMA__) || defined(__FMA4__) || defined(__AVX512F__) || defined(__FP_FAST_FMA)
 #ifndef WS_ALLOW_FMA

@@ -1,0 +1,103 @@
+"""A controller in single precision, with what holds it against doubles tick by tick.
+
+Each of the N operations and constants of a tick is rounded once to a float, so a number that the
+tick computes from floats of the same state and inputs is off by at most N u/(1 - N u) times what it
+would be if all terms were positive, u = 2^-24 (Higham, Accuracy and Stability of Numerical
+Algorithms, 2002, section 3.1). That is computed beside it, by the same program without its signs.
+What stays of it in later ticks is not bounded: without its device a controller may be unstable.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.simulation.export.controller import ExportedController
+from wavesweep.simulation.export.text import filled
+
+_CONSTANT = re.compile(r"(0x[\da-f.]+p[+-]\d+|(?<![\w.])\d+\.0(?![\w.]))")
+
+
+def refuse_nonlinear(own: ExportedController) -> None:
+    """Raise UsageError for a controller whose ticks also decide something by the size of a number."""
+    wall = own.loop.wall
+    if own.late or (wall and (wall.position is not None or not wall.pulls)):
+        raise UsageError(
+            "export: expected a linear loop beside --float, found late results, frames that vary or a one-sided wall; --set leaves "
+            "them out of [simulate]"
+        )
+
+
+def operations_of(functions: Sequence[str]) -> int:
+    """How many operations and constants a tick has at most, the rounding of what it begins with and
+    of a wall among them. functions: its programs in C."""
+    return 10 + max(
+        2 * each.count("*") + each.count(" + ") + each.count(" - ") for each in functions
+    )
+
+
+def single(
+    files: Mapping[str, str], flags: Mapping[str, bool], values: Mapping[str, Any]
+) -> dict[str, str]:
+    """The files of a controller in floats, beside the same in doubles and without signs. files:
+    those in doubles; flags, values: of their templates."""
+
+    def renamed(text, letter):
+        return re.sub(r"\b(ws|WS)_", rf"\1{letter}_", text).replace(
+            '"controller', f'"controller_{letter}'
+        )
+
+    flags = flags | {"single": True}
+    names = re.findall(r"in\.(\w+) =", values["read"])
+    beside = {
+        "read": renamed(values["read"], "D"),
+        "rounded": "\n".join(
+            f"        rounded.{each} = (float)in.{renamed(each, 'D')};" for each in names
+        ),
+        "sizes": "\n".join(
+            f"        size.{renamed(each, 'A')} = fabs(in.{renamed(each, 'D')});" for each in names
+        ),
+        "compared": renamed(values["compared"], "D"),
+        "told": re.sub(
+            r" +out\.\w+ = z\[(\w+)\];",
+            r'    printf("%s: off by at most %.2g, within %.2g\\n", NAME[\1], off[\1], widest[\1]);',
+            values["taken"],
+        ),
+        "names": re.sub(r"ws_z_(\w+)", r'"\1"', values["places"]),
+    }
+    sizes = flags | {"sizes": True}, values | {"programs": _without_signs(values["programs"])}
+    guards = filled("guards.c", flags, values)
+    doubles = {name: files[name] for name in ("controller.h", "controller.c")}
+    return {
+        "controller.h": _in_floats(filled("controller.h", flags, values)),
+        "controller.c": _in_floats(guards + filled("controller.c", flags, values)),
+        "controller_D.h": renamed(doubles["controller.h"], "D"),
+        "controller_D.c": renamed(doubles["controller.c"], "D"),
+        "controller_A.h": renamed(doubles["controller.h"], "A"),
+        "controller_A.c": renamed(filled("guards.c", *sizes) + filled("controller.c", *sizes), "A"),
+        "check.c": filled("check_floats.c", flags, values | beside),
+        "example.c": _in_floats(files["example.c"]),
+        "vectors.csv": files["vectors.csv"],
+        "Makefile": filled("Makefile", flags, values),
+    }
+
+
+def _without_signs(programs: str) -> str:
+    """Programs whose terms are all positive, and which have no limits."""
+    lines = []
+    for line in programs.splitlines():
+        free = re.sub(r"= \(z.* \? (z\[\w+\]) :", r"= \1 +", line)  # what a limit stops, or not
+        if "meet(" not in line:
+            free = re.sub(r" - (?=[z0(])", " + ", free).replace("(-", "(")
+        if " < " not in free:
+            lines.append(free)
+    return "\n".join(lines)
+
+
+def _in_floats(text: str) -> str:
+    """A file in C with floats in place of doubles."""
+    lines = []
+    for line in text.splitlines():
+        is_comment = line.lstrip().startswith(("*", "/*"))
+        lines.append(line if is_comment else _CONSTANT.sub(r"\1f", line.replace("double", "float")))
+    return "\n".join([*lines, ""])
