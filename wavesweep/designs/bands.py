@@ -41,10 +41,6 @@ class BandModes:
         """Those of some points."""
         return BandModes(self.frequency[index], self.rate[index])
 
-    def beside(self, other: "BandModes") -> "BandModes":
-        """The modes of both, whose frames have the same rates."""
-        return BandModes(np.concatenate([self.frequency, other.frequency], -1), self.rate)
-
     def logarithms(self, top: float) -> np.ndarray:
         """The logarithms of the frequencies and of their images up to a frequency (Hz), on three
         sheets, `(points, any)`."""
@@ -62,7 +58,7 @@ class Sampled:
     """What is wanted at some frequencies, real, `(points, frequencies)`, and whether it is known,
     `(points,)`.
 
-    responses: pairs of a complex function of the frequency at the zeros of which it is singular,
+    responses: pairs of a complex function of the frequency at the zeros and poles of which it is singular,
     and of the modes that are the only poles of that.
     """
 
@@ -77,16 +73,13 @@ def over_band(
     sample: Callable[[np.ndarray, np.ndarray], Sampled],
     reduce: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
     found: tuple[np.ndarray, np.ndarray],
-    *,
-    at_poles: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fill in the values of the points `some` over a band (Hz), and their certificates: found, both
     of all points.
 
     sample: takes points and frequencies (Hz). reduce: takes the Legendre coefficients of each
     piece, `(points, pieces, GAUSS_NODES)`, and the share of each piece in the band, and gives
-    values and whether these are settled. at_poles: whether what is wanted is singular at the poles
-    of the responses as well.
+    values and whether these are settled.
     """
     ends = np.log(band)
     value, certified = found
@@ -96,7 +89,7 @@ def over_band(
         sampled = sample(at, np.exp(pieces.nodes).ravel())
         value[at], settled = reduce(degrees_of(sampled.wanted), np.diff(edges) / np.ptp(ends))
         functions = [_Function(pieces, *response) for response in sampled.responses]
-        clear = np.logical_and.reduce([function.clear(at_poles=at_poles) for function in functions])
+        clear = np.logical_and.reduce([function.clear() for function in functions])
         certified[at] = sampled.sure & settled & clear
         return [
             (at[[row]], row, functions)
@@ -116,7 +109,7 @@ def over_band(
         before = open_
         open_ = []
         for at, row, functions in before:
-            singular = [function.singular(row, at_poles=at_poles) for function in functions]
+            singular = [function.singular(row) for function in functions]
             places = np.concatenate(singular)
             if places.size:
                 open_ += look(_divided(edges, places), at)
@@ -172,8 +165,8 @@ class _Function:
                 (values.reshape(factor.shape[:-1]) * factor.prod(-1)).reshape(len(values), -1)
             )
 
-    def clear(self, *, at_poles):
-        """Whether the ellipses have no zero, and perhaps no pole, of each point; False if that
+    def clear(self):
+        """Whether the ellipses have no zero and no pole of each point; False if that
         is not known."""
         rim = self.degrees @ _rim()
         with np.errstate(all="ignore"):
@@ -188,12 +181,11 @@ class _Function:
                 & (np.abs(turns).max(-1) < MOST_TURN)
                 & (np.abs(turns.sum(-1)) < np.pi)
             )
-            if at_poles:
-                clear &= ~(_size(self.poles) < CLEAR_ELLIPSE).any(-1)
+            clear &= ~(_size(self.poles) < CLEAR_ELLIPSE).any(-1)
         return clear.all(-1)
 
-    def singular(self, row, *, at_poles):
-        """The zeros, and perhaps the poles, of a point in the ellipses, in the logarithm of the
+    def singular(self, row):
+        """The zeros and the poles of a point in the ellipses, in the logarithm of the
         frequency, `(any,)`."""
         singular = []
         pieces = self.pieces.middle, self.pieces.half
@@ -201,7 +193,7 @@ class _Function:
             self.degrees[row], self.poles[row], *pieces, strict=True
         ):
             if np.isfinite(degrees).all() and degrees.any():
-                at = np.concatenate([legendre.legroots(degrees), poles if at_poles else poles[:0]])
+                at = np.concatenate([legendre.legroots(degrees), poles])
                 # Sum of the semi-axes, in half widths, of the ellipse about those that are divided
                 # out.
                 singular.append(middle + half * at[_size(at) < 1.7])

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish, word_of
+from wavesweep.designs.wish_keys import WISHES, Wish, word_of
 from wavesweep.engine.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, leaves_of, show
@@ -16,7 +16,7 @@ from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, MOST_SEED
 from wavesweep.program.reading.sorting import Sorted
 from wavesweep.program.reading.tables import Section, SpecTable, TableValue
-from wavesweep.program.spec.studies import apart, hardware_of
+from wavesweep.program.spec.studies import apart
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
@@ -52,26 +52,6 @@ class Design(TableValue):
     def only_walls(self) -> bool:
         """Whether the stiffest wall is the only wish, so that designs compare by it alone."""
         return [wish.name for wish in self.wishes] == ["z_width"]
-
-    def with_hardware(self, hardware: Mapping[str, object], mistakes: Mistakes) -> Design:
-        """Return the design with the numbers of the device that wishes do not give; add a mistake
-        for each that is missing.
-
-        hardware: numbers of the device, see `Spec.hardware`.
-        """
-        wishes = []
-        for wish in self.wishes:
-            lacking = {
-                name: hardware[name]
-                for name in OF_DEVICE
-                if name in wish.kind.options and name not in wish.options
-            }
-            device_numbers = {name: float(value) for name, value in lacking.items() if value}
-            wishes.append(replace(wish, options={**device_numbers, **wish.options}))
-            for name in lacking.keys() - device_numbers:
-                expected = f"{name} > 0 here, in [simulate] or of a device.preset"
-                mistakes.refuse(self.place, f"design.wish.{wish.name}", expected, "none")
-        return replace(self, wishes=tuple(wishes))
 
     def refuse_beyond_half(self, hz: float, rate: str, mistakes: Mistakes) -> None:
         """Add the mistakes of bands that end beyond half the rate, in Hz; rate: its path."""
@@ -155,7 +135,6 @@ def build(request: Request) -> Design | None:
     design = _Reader(leaves, request.belongs, request.names, mistakes).design(varied)
     if any(mistake.key.startswith("design.") for mistake in mistakes):
         return None
-    design = design.with_hardware(hardware_of(request.asked, request.given.device()), mistakes)
     if request.hz:
         design.refuse_beyond_half(request.hz, request.rate, mistakes)
     if request.drawing:

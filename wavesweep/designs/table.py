@@ -45,7 +45,7 @@ def wish_units(spec: Spec) -> dict[str, str]:
     the hand."""
     if not spec.design:
         return {}
-    units = dict.fromkeys(("z_width", "felt", "free_motion"), spec.at_port("N/m"))
+    units = dict.fromkeys(("z_width", "felt"), spec.at_port("N/m"))
     units["port"] = spec.at_port("m/N")
     if spec.wall:
         units["z_width"] = spec.names.keys[spec.wall[0]].unit or units["z_width"]

@@ -10,7 +10,7 @@ from typing import Any
 
 from wavesweep.capabilities import modules
 from wavesweep.engine.keys import Key, Place
-from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES, TIMES_OF_MODES
+from wavesweep.program.reading.keys import ALL_MODES, KEYS, MODES, TIMES_OF_MODES
 from wavesweep.program.reading.tables import nested
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
@@ -25,9 +25,6 @@ _MODES = {
         "slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6
     ),
 }
-# Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of
-# the wishes that need them.
-OF_DEVICE = {name: HARDWARE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,16 +87,8 @@ WISHES = MappingProxyType(
             "N/m",
             True,
             "stiffness felt",
-            "stiffness felt of that wall at rest or, with a band, the least size of the impedance that it adds to free motion",
-            {**_BAND, **_OF_WALL},
-            ("wall", "hand"),
-        ),
-        "free_motion": WishKind(
-            "N/m",
-            False,
-            "impedance of free motion",
-            "largest size over the band of the impedance of free motion, that without the wall",
-            _BAND,
+            "stiffness felt of that wall at rest",
+            _OF_WALL,
             ("wall", "hand"),
         ),
         "transparency": WishKind(
@@ -129,22 +118,6 @@ WISHES = MappingProxyType(
             "delay margin",
             "further delay of the slow result up to which every delay is stable",
             _WALLS,
-        ),
-        "chatter": WishKind(
-            "N",
-            False,
-            "force of the encoder's rounding, at most",
-            "bound on the force that the rounding of an encoder of this resolution, or that of [simulate], adds to a wall",
-            {"resolution": OF_DEVICE["resolution"], **_WALLS},
-            ("hand",),
-        ),
-        "depth": WishKind(
-            "m",
-            True,
-            "depth at the force of the motors",
-            "depth to which a wall can be pressed, slowly, with motors of this force, or that of [simulate]",
-            {"max_force": OF_DEVICE["max_force"], **_WALLS},
-            ("hand",),
         ),
     }
 )

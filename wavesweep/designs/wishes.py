@@ -24,7 +24,6 @@ from wavesweep.engine.response import Lifted, Response, ports_of_batch, respond
 from wavesweep.engine.rows import Rows, distinct_rows
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.felt import felt_of
-from wavesweep.program.analyses.hardware_limits import peaks_of
 from wavesweep.program.analyses.interval_jobs import at_points
 from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING, TIMES_OF_MODES
 from wavesweep.program.spec import Axis, Spec
@@ -34,7 +33,6 @@ from wavesweep.program.sweep.grid import drawn_groups, frames_per_clock
 # how small the last coefficients of a piece have to be compared with the mean; the error is far
 # less
 UNSEEN = 1e-4
-DENSE_POINTS = 8 * GAUSS_NODES  # points of a piece among which a least value is looked for
 BAND_HZ = (0.1, 10.0)  # of a wish without a band of its own
 POINTS_AT_ONCE = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
@@ -90,7 +88,7 @@ def evaluate(
                 points = points_of(designs, scenarios, {spec.wall[1]: damping})
                 stiffest = _stiffest(spec, points, (*designs,), stop, felt, proof)
                 searched[damping] = points, stiffest
-            measured[wish.name] = _worst_wall(spec, wish, *searched[damping], stop)
+            measured[wish.name] = _worst_wall(wish, *searched[damping], stop)
             continue
         walls = _walls_of(spec, wish)
         points = points_of(designs, scenarios, {} if wish.kind.reads else walls)
@@ -111,24 +109,18 @@ def _walls_of(spec, wish):
     """The walls that a wish is about: path -> values."""
     walls = {}
     for path, option in zip(spec.wall, ("walls", "B_VE"), strict=False):
-        if wish.word == "free_motion":
-            walls[path] = (0.0,)
-        else:
-            walls[path] = wish.options.get(option, (spec.values[path],))
+        walls[path] = wish.options.get(option, (spec.values[path],))
     return walls
 
 
-def _worst_wall(spec, wish, points, stiffest, stop):
+def _worst_wall(wish, points, stiffest, stop):
     """The worst of `z_width` or `felt` over the scenarios of every design."""
     value = stiffest.wall if wish.word == "z_width" else stiffest.felt
-    certified = stiffest.certified
-    if "band_hz" in wish.options:
-        value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
     worst, scenario = points.worst(value, more=True)
     unlike_worst = value != np.repeat(worst, points.size // worst.size)
     scenario = np.where(points.all_of(~stiffest.of_all | unlike_worst), scenario, OF_ALL)
     at_end = ~points.all_of((stiffest.wall < stop) | unlike_worst)
-    return WorstMeasure(worst, scenario, points.all_of(certified), at_end)
+    return WorstMeasure(worst, scenario, points.all_of(stiffest.certified), at_end)
 
 
 def _unknown(*shape: int) -> tuple[np.ndarray, np.ndarray]:
@@ -254,89 +246,6 @@ def _proved_of(spec, points: Points, designs, wall, stable_to, proof):
     return proof.stiffest(specs, path, stop, limits, numbers)[back]
 
 
-def _felt_over(spec, band, points, stiffest):
-    """Return the least size over a band (Hz) of what the wall of each point adds to free motion,
-    and whether it is certified.
-
-    It is 0 without a wall.
-    """
-    wall = stiffest.wall
-    certified = stiffest.certified.copy()
-    value = np.where(wall > 0, np.nan, wall)
-    walled = np.flatnonzero(wall > 0)
-    if not walled.size:
-        return value, certified
-    numbers = {**points.changes, spec.wall[0]: wall}
-    at_walls = Points(numbers, points.shape).some(walled)
-
-    def least_added(points):
-        no_wall = {path: np.zeros(points.size) for path in spec.wall}
-        free = replace(points, changes={**points.changes, **no_wall})
-        modes = _modes(spec, points).beside(_modes(spec, free))
-
-        def added(at, frequency):
-            with_wall = _responses(spec, frequency, points.some(at))
-            without = _responses(spec, frequency, free.some(at))
-            off = np.abs(with_wall.impedance) * with_wall.impedance_error
-            off = off + np.abs(without.impedance) * without.impedance_error
-            size = with_wall.impedance - without.impedance
-            # A dip is a zero of the difference, which times both admittances has no poles but those
-            # of both loops.
-            without_poles = size * with_wall.admittance * without.admittance
-            return size, off, [(without_poles, modes.some(at))]
-
-        return _extreme(band, points.size, added, np.min)
-
-    value[walled], sure = _where_solvable(spec, at_walls, least_added, *_unknown(walled.size))
-    certified[walled] &= sure
-    return value, certified
-
-
-def _free_motion(spec, wish, points):
-    """Largest size of the impedance over a band, N/m, without the wall; missing if the loop is
-    unstable."""
-    stable = _radii(spec, points) < 1
-    modes = _modes(spec, points)
-
-    def impedance(at, frequency):
-        there = _responses(spec, frequency, points.some(at))
-        own = modes.some(at)
-        off = np.abs(there.impedance) * there.impedance_error
-        # A resonance is a zero of the admittance, a dip one of the product of both.
-        singular = [(there.admittance, own), (there.impedance * there.admittance, own)]
-        return there.impedance, off, singular
-
-    band = wish.options.get("band_hz", BAND_HZ)
-    value, certified = _extreme(band, points.size, impedance, np.max)
-    return np.where(stable, value, np.nan), certified & stable
-
-
-def _extreme(band, size, response, least):
-    """Return the least or the largest size over a band (Hz) of a response of so many points, and
-    whether it is certified.
-
-    response: takes points and frequencies, gives the response, its error, `(points, frequencies)`,
-    and where it is singular (see `Sampled`). Between frequencies its size is that of a polynomial
-    through the logarithm. least: `np.min` or `np.max`.
-    """
-    dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE_POINTS), GAUSS_NODES - 1).T
-
-    def sample(at, frequency):
-        size, off, responses = response(at, frequency)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            logarithm = np.log(np.abs(size))
-            sure = (off <= ERROR * np.abs(size)).all(-1)
-        return Sampled(logarithm, sure, responses)
-
-    def reduce(degrees, share):
-        del share
-        value = np.exp(least(degrees @ dense, axis=(-1, -2)))
-        resolved = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
-        return value, resolved
-
-    return over_band(band, np.arange(size), sample, reduce, _unknown(size), at_poles=False)
-
-
 def _transparency(spec, wish, points):
     """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing if a loop is
     unstable.
@@ -373,7 +282,7 @@ def _transparency(spec, wish, points):
 
     band = wish.options.get("band_hz", BAND_HZ)
     begun = np.where(stable, 0.0, np.nan), stable.copy()
-    return over_band(band, stable_points, sample, reduce, begun, at_poles=True)
+    return over_band(band, stable_points, sample, reduce, begun)
 
 
 def _radii(spec, points):
@@ -399,19 +308,6 @@ def _modes(spec, points) -> BandModes:
     for members, exponent in exponents:
         frequency[members, : exponent.shape[-1]] = exponent * rate[members, None]
     return BandModes(frequency, rate)
-
-
-def _responses(spec, frequency, points) -> Response:
-    """The responses at the hand, `(points, frequencies)`."""
-    shape = points.size, frequency.size
-    responses = Response(*(np.empty(shape, kind) for kind in (complex, complex, float, float)))
-    for members, loops in _batches(
-        spec, points, max(1, POINTS_AT_ONCE * GAUSS_NODES // frequency.size)
-    ):
-        found = responses_of(loops, members.size, frequency, ERROR / 2)
-        for array, values in zip(responses, found, strict=True):
-            array[members] = values
-    return responses
 
 
 def _admittances(spec, points, frequency):
@@ -542,25 +438,6 @@ def _frames(loops, size):
     return E, np.isfinite(radius_of(E, hidden))
 
 
-def _chatter(spec, wish, loops, size):
-    """Bound on the force of the encoder's rounding, N; missing if there is none."""
-    del spec
-    value = peaks_of(loops, size) * wish.options["resolution"] / 2
-    return value, ~np.isnan(value)
-
-
-def _depth(spec, wish, loops, size):
-    """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop
-    is unstable."""
-    del spec
-    felt = felt_of(loops, size)
-    radius = loops.read.radii(size)
-    force = wish.options["max_force"]
-    with np.errstate(all="ignore"):
-        value = np.where((felt > 0) & (radius < 1), force / felt, np.nan)
-    return value, ~np.isnan(value)
-
-
 def _batched(measure):
     """The measure of points that `measure` gives of those of one structure, from their loops and
     their number."""
@@ -596,11 +473,7 @@ def responses_of(loops: Loops, size: int, frequency_hz, good: float) -> Response
 
 _MEASURES = {
     "transparency": _transparency,
-    "free_motion": _free_motion,
     "delay_margin": _delay_margin,
     **dict.fromkeys(TIMES_OF_MODES, _batched(_time_of_modes)),
-    **{
-        measure.__name__.lstrip("_"): _batched(measure)
-        for measure in (_damping_ratio, _chatter, _depth)
-    },
+    "damping_ratio": _batched(_damping_ratio),
 }

@@ -54,12 +54,6 @@ def peak_of_encoder(loop: Loops, signal: str = REACTION) -> PeakGain | None:
         return l1_norm(Port.between(readings(drawn, device), ROUNDING, signal, drift))
 
 
-def peaks_of(loops: Loops, size: int) -> np.ndarray:
-    """Return the peak gains of some loops, `(size,)`; NaN for loops without one."""
-    peaks = (peak_of_encoder(loops.one(at)) for at in range(size))
-    return np.array([np.nan if peak is None else peak.gain for peak in peaks])
-
-
 def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     """What the encoder, the friction and the motors of a spec do to its own design, as a JSON-able
     dict; None if not known.
