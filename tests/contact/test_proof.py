@@ -97,21 +97,6 @@ def test_errors_of_the_frame_count():
     assert open_angles(rough, line.walls.at(0.0, 1198.0), piece.multiplier).size
 
 
-@pytest.mark.parametrize(
-    ("damping", "limit", "share"),
-    [(0, 698.5, 0.62), (1, 798.5, 0.757), (5, 1198.5, 0.999), (15, 2198.5, 0.999)],
-)
-def test_figure_4_is_proved_up_to_a_motion_that_goes_on(damping, limit, share):
-    """Up to a share of the linear limit, beyond which some wall goes on for ever, or all of it."""
-    line = Line.of(WallsAlong(wall_loop(FIG4), 0, float(damping)))
-    stretch = line.stretch(0.0, limit)
-    assert stretch.low == 0
-    assert stretch.high > share * limit
-    motion = motion_beyond(line.walls, stretch.high, limit)
-    assert (motion is None) == (damping > 3)
-    assert motion is None or motion.value < 1.005 * stretch.high
-
-
 def level_wall(motion):
     """A wall that is level about the points of a motion and rises with slope 1 between them."""
     order = np.argsort(motion.reading)
@@ -151,30 +136,3 @@ def test_a_motion_that_refutes_goes_on_though_it_is_disturbed():
     disturbed = steady + np.array([1e-3 * motion.reading.max() / wall[0], 0.0])
     found = march(wall, readings, forces, motion.push, disturbed, 2000)
     assert np.ptp(found[-period:]) > 0.5 * np.ptp(motion.force)
-
-
-def any_wall(rng):
-    """A curve of slopes from 0 to 1: the clip, one that saturates, one that softens, or steps."""
-    kind = rng.integers(4)
-    if kind == 0:
-        return np.array([-1e6, 0.0, 1e6]), np.array([0.0, 0.0, 1e6])
-    if kind == 1:
-        return np.array([-1e6, 0.0, 1.0, 1e6]), np.array([0.0, 0.0, 1.0, 1.0])
-    steps = rng.exponential(size=20) * 10 ** rng.uniform(-2, 1)
-    slopes = rng.random(20) if kind == 2 else rng.integers(0, 2, 20)
-    readings, forces = np.cumsum(np.append(0, steps)), np.cumsum(np.append(0, steps * slopes))
-    return np.append(-1e6, readings), np.append(0.0, forces)
-
-
-@pytest.mark.slow
-def test_random_walls_and_starts_come_to_rest_where_it_is_proved():
-    """A rude search: none of 100 marches next to the end of what is proved goes on."""
-    rng = np.random.default_rng(5)
-    line = Line.of(WallsAlong(wall_loop(SLOW), 0, 0.3))
-    stretch = line.stretch(0.0, 60.0)
-    for _ in range(100):
-        readings, forces = any_wall(rng)
-        push = rng.uniform(0, 0.95) * min(forces[-1], 3.0)
-        start = rng.standard_normal(2) * 10.0 ** rng.uniform(-3, 1, 2)
-        found = march(np.array([stretch.high, 0.3]), readings, forces, push, start, 2000)
-        assert np.ptp(found[-200:]) < 1e-3 * (np.ptp(found) + 1e-3)

@@ -24,14 +24,17 @@ def frames_of_spring(order=8):
     return constant_frames(own_loop(load(SPRING)), SIDES, BOX, order)
 
 
-def test_a_frame_without_a_bound_is_divided_along_the_side_that_it_is_due_to(monkeypatch):
-    """The mass, although the side of the stiffness is 600 times as wide in its unit: a gain leaves nothing out."""
-
+@pytest.mark.parametrize(
+    ("number", "cell", "side"),
+    [(-1, [[0.14, 55.0], [0.36, 195.0]], 0), (0, [[0.14, 55.0], [0.14, 195.0]], 1)],
+    ids=["the mass, though the stiffness is 600 times as wide: a gain leaves nothing out", "the one that is wide"],
+)
+def test_a_frame_without_a_bound_is_divided_along_the_side_that_it_is_due_to(number, cell, side, monkeypatch):
     def no_bound(*_):
-        raise UnresolvedError(np.ones(1, bool), -1)
+        raise UnresolvedError(np.ones(1, bool), number)
 
     monkeypatch.setattr(FramesOver, "_frames", no_bound)
-    assert frames_of_spring().over(np.array([[[0.14, 55.0], [0.36, 195.0]]])) == [0]
+    assert frames_of_spring().over(np.array([cell])) == [side]
 
 
 def test_cells_that_are_enclosed_together_are_what_each_of_them_is_alone():

@@ -10,7 +10,7 @@ import pytest
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
 from wavesweep.for_all.norm_check import Norms, shrink, shrink_along
-from wavesweep.for_all.patterns import nearest
+from wavesweep.for_all.patterns import _of_walks, nearest
 from wavesweep.for_all.remembered import Remembered
 
 ONE = Graph.least(np.ones((1, 1), bool))
@@ -125,6 +125,12 @@ def test_an_order_that_is_forbidden_may_be_what_grows():
     matrices, alternating = np.array([[[2.0]], [[0.4]]]), np.array([[False, True], [True, True]])
     assert decide(Affine.of(matrices)).verdict == REFUTED
     assert decide(Affine.of(matrices, follows=alternating)).verdict == PROVED
+    others = ~np.eye(3, dtype=bool)
+    graph = Graph.least(others)
+    norms = Norms(np.broadcast_to(np.eye(2), (graph.nodes, 2, 2)), graph)
+    found = _of_walks(np.random.default_rng(1).normal(size=(3, 2, 2)), others, norms)
+    assert found
+    assert all(one != other for word in found for one, other in pairwise((*word, word[0])))
 
 
 @pytest.mark.slow

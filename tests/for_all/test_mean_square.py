@@ -101,6 +101,16 @@ def test_held_inputs_have_the_radius_of_their_second_moments():
     assert decays(chain(recursion(1.2, "held"), k=0.1)) == "refuted"
 
 
+def test_operators_of_a_stretch_are_within_the_rest_of_a_line():
+    """Of a gain that acts twice in a frame, so that second moments are of its fourth power."""
+    spec = recursion(1.2, "held", every=2)
+    spec["wire"]["plant.u"], spec["numbers"]["g"] = "net.y - g*plant.y", 0.3
+    moments = chain(spec, "g")
+    middle, slope, rest = moments._enclosed(0.2, 0.6)
+    for s in np.linspace(-1, 1, 9):
+        assert (np.abs(moments.operator(0.4 + 0.2 * s) - middle - s * slope) <= rest + 1e-15).all()
+
+
 def test_an_interval_that_begins_above_the_middle_of_the_range_is_found():
     """`x+ = 1.5 x - 1.2 x` with probability p, else 1.5 x: `0.09 p + 2.25 (1 - p) < 1`."""
     spec = recursion(1.5)

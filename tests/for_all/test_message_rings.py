@@ -5,6 +5,7 @@ import pytest
 from support.networks import back, growth, random_messages, random_network, spec_of
 
 import wavesweep
+from tests.for_all.test_messages import integrator
 from wavesweep.engine.errors import UsageError
 from wavesweep.for_all import patterns
 from wavesweep.for_all.channel_families import channels_of
@@ -65,6 +66,16 @@ def test_what_is_proved_survives_messages_and_what_refutes_grows(seed, K):
         assert growth(loop, K, list(messages_of(found, decision.word).values())) >= 1 - 1e-9
     else:
         assert all(growth(loop, K, random_messages(loop, source)) < 1 for _ in range(60))
+
+
+def test_an_integrator_tick_by_tick_is_stable_up_to_its_longest_hold():
+    """`K T < 2/(n + 1)`, if n messages in a row may be lost."""
+    found = ring(integrator(lost=2))
+    proof = bracket_ring(found, (0.0, 3.0))
+    assert proof.low < 1e-3
+    assert 0.55 < proof.high < 2 / 3 <= proof.fails_from < 2 / 3 * (1 + 1e-3)
+    assert messages_of(found, proof.words[1]) == {"net": [0, None, None]}
+    assert [decide_ring(found, K).verdict for K in (0.5, 0.67)] == ["proved", "refuted"]
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def growing_pattern(
         word = start
         rate = growth(A, word)
         for _ in range(10):  # changes on the way up
-            if not np.isfinite(rate):
+            if not 0 < rate < np.inf:  # of a product that is 0 nothing is the largest eigenvalue
                 break
             gains = _gains(A, family, word)
             for cost in COSTS:
