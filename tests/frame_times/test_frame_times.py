@@ -351,7 +351,7 @@ def test_check_says_it_and_ends_with_it(wavesweep, written):
     [
         ("stamp", [1, 2, 3], "expected a column time or duration, found number, stamp; --column time=stamp names"),
         ("time", [0, 0.02, 0.02, 0.04], "times.csv:4: time: expected frames of at least a tick of 1 ms, found one of 0 ms"),
-        ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=0.001 takes it as ms"),
+        ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=0.001 if it is in ms"),
         ("time", [0, 0.02], "expected at least 3 rows"),
         (
             "time",

@@ -32,6 +32,7 @@ LOGS = {
     "no text": ["\0\1\2\3" * 100],
     "a column missing": [line.rpartition(",")[0] for line in GOOD],
     "a column misspelt": [HEAD.replace("position", "positon"), *GOOD[1:]],
+    "a column with the name of a unit": [HEAD.replace("force,position", "torque,rpm"), *GOOD[1:]],
     "a column twice": [f"{HEAD},force", *(f"{line},1" for line in GOOD[1:])],
     "time that runs back": with_row(GOOD[10]),
     "blank lines and a gap": ["", "", *GOOD[:30], *GOOD[33:]],

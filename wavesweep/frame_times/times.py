@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import MOST, TRACE, option, read_csv
+from wavesweep.program.csv_files import MOST, TRACE, of_time, option, read_csv
 from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
 OF_FRAMES = ("time", "duration")  # what a column of frames may be
@@ -146,7 +146,7 @@ def read_run(
         )
         hint = "are they in ms?"
         if options:
-            hint = f"--scale {name}=0.001 takes it as ms, --scale {name}=1e-6 as us"
+            hint = of_time(name, median)
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import LEAST, MOST, Csv, option, read_csv, seconds
+from wavesweep.program.csv_files import LEAST, MOST, Csv, of_time, option, read_csv, seconds
 from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
 JITTER = 0.01  # of a period, from which it is reported
@@ -20,7 +20,7 @@ MISSING_ROW = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
 NAMES = {  # of a column, in small letters, in place of those above
-    "time": (*TIME, "timestamp", "seconds"),
+    "time": (*TIME, "timestamp", "stamp", "seconds"),
     "force": ("force", "f"),
     "torque": ("torque", "tau", "moment"),
     "current": ("current", "i"),
@@ -142,7 +142,8 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
             words = re.split(r"[\W_]+", column.lower())
             # Shorter words are no hint to a column that is likely meant.
             named = [word for word in NAMES[other] if len(word) > 3 and word in words]
-            if named and len(words) > 1 and alike is None:
+            likely = (named and len(words) > 1) or unit_in(column, *UNITS[other])
+            if likely and alike is None:
                 alike = (other, column)
     hint = f"; --column {name}=NAME gives its name"
     if alike is not None:
@@ -267,9 +268,7 @@ def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, floa
     period = float(times[-1] - times[0]) / (len(times) - 1)
     if not SHORTEST <= period <= LONGEST:
         expected = f"expected steps of {SHORTEST:g} to {LONGEST:g} s, found {period:.6g} s"
-        raise UsageError(
-            f"{path}: time: {expected}; --scale time=FACTOR turns another unit into s, e.g. 1e-9 from ns"
-        )
+        raise UsageError(f"{path}: time: {expected}; {of_time('time', period)}")
     late = times - times[0] - period * np.arange(len(times))
     off = np.abs(late - np.median(late)) / period
     if off.max() > 0.5:  # of a period: deviation of a time above which the steps are not equal

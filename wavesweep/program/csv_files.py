@@ -373,6 +373,14 @@ def option(name: str, value: str) -> str:
     return f"--column {shlex.quote(f'{name}={value}')}"
 
 
+def of_time(name: str, period: float) -> str:
+    """What turns times of a column with this many between two rows into s, as a shell takes it."""
+    units = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+    # The first with which rows are as close to each other as in logs and recordings of frames.
+    unit = next((unit for unit, factor in units.items() if period * factor < 0.2), "ns")
+    return f"--scale {name}={units[unit]:g} if it is in {unit}"
+
+
 def seconds(time: float) -> str:
     """A time (s) with the digits that tell its row, also if it is a stamp of a clock."""
     if abs(time) < LARGE:
