@@ -12,7 +12,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import LEAST, MOST, Csv, of_time, option, read_csv, seconds
-from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
+from wavesweep.program.reading.units import TIME, column_named, converted, unit_in, unit_of
 
 JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
@@ -142,7 +142,7 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
             words = re.split(r"[\W_]+", column.lower())
             # Shorter words are no hint to a column that is likely meant.
             named = [word for word in NAMES[other] if len(word) > 3 and word in words]
-            likely = (named and len(words) > 1) or unit_in(column, *UNITS[other])
+            likely = (named and len(words) > 1) or unit_of(column, *UNITS[other])
             if likely and alike is None:
                 alike = (other, column)
     hint = f"; --column {name}=NAME gives its name"
