@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from math import ceil, floor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from wavesweep.engine.drawing import TYPES, Drawing, DrawnBlock
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import Tree, parse
 from wavesweep.haptics.controllers import CONTROLLERS, MOST_SLOW_STEPS, WALL
+
+if TYPE_CHECKING:
+    from wavesweep.engine.frames import LinearFractional
 
 RATIO = "rates.ratio"
 # the wall's force on a displacement x and a velocity v
@@ -200,6 +203,20 @@ def assumption_of_page(values: Mapping[str, Any]) -> str:
     kind, items = _page_of(values)
     page: BlockDiagram = CONTROLLERS[kind].page(dict(items))
     return page.assumes
+
+
+def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
+    """Return the loops of a controller cut at both numbers of its wall; None if its frame reads
+    these more than once.
+
+    values: flat keys, with numbers or arrays over the loops.
+    """
+    from wavesweep.engine.frames import open_loops
+    from wavesweep.engine.loop import Loops
+
+    loops = Loops(loop_drawing(values), values).read
+    opened = open_loops(loops, *WALL, per_loop=True)
+    return opened.cut if opened else None
 
 
 _Items = tuple[tuple[str, Any], ...]
