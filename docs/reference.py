@@ -200,7 +200,7 @@ SAMPLED = {
     "stability-region": "stability-region mine.toml --set 'sweep.b={start=5, stop=50}'",
     "bode": "bode mine.toml",
     "simulate": "simulate mine.toml",
-    "passivity": "passivity mine.toml --filters",
+    "passivity": "passivity mine.toml",
     "why": "why mine.toml --set environment.integration=explicit",
     "margins": "margins mine.toml --cut avatar.out",
     "poles": "poles mine.toml",

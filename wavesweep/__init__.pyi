@@ -11,7 +11,6 @@ from wavesweep.engine.errors import WavesweepError as WavesweepError
 from wavesweep.identification.library import identify as identify
 from wavesweep.margins.library import LoopMargins
 from wavesweep.passive.library import LoopPassive
-from wavesweep.passive.library import filter_choices as filter_choices
 from wavesweep.passive.library import passivity as passivity
 from wavesweep.picture.library import LoopPicture
 from wavesweep.poles.library import LoopPoles

@@ -75,8 +75,8 @@ CAPABILITIES = (
         {
             "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."
         },
-        kinds=("passivity", "passivity-filters", "passivity-ports", "passivity-along"),
-        library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
+        kinds=("passivity", "passivity-ports", "passivity-along"),
+        library=("passivity", "Loop.passivity", "Loop.plot_passivity"),
         offers=("guarantee", "on_check", "wish"),
     ),
     Capability(
@@ -208,7 +208,6 @@ COMMAND_OF_FIGURE = (
     MappingProxyType(  # of a kind of table, or a picture, that has not the name of its command
         {
             "simulate-response": "simulate",
-            "passivity-filters": "passivity --filters",
             "diagram": "check --plot",
             "timing": "check --plot",
         }

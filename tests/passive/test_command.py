@@ -7,7 +7,6 @@ import pytest
 from support.held import more_damping, port_margin
 from support.specs import values_of
 
-from wavesweep import filter_choices
 from wavesweep.passive.table import PassivityTally
 
 pytestmark = pytest.mark.slow
@@ -27,19 +26,6 @@ def filters(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "filters.toml").write_text(SPEC)
     return "filters.toml"
-
-
-def test_one_tolerance_decides_both_verdicts(wavesweep, tmp_path, monkeypatch):
-    """The order that the table of filters calls enough passes as passive in the summary, and a lower one does not."""
-    monkeypatch.chdir(tmp_path)
-    filters = "[filters]\nlp1 = { order = 1, cutoff_hz = 10 }"
-    (tmp_path / "one.toml").write_text(f'[controller]\nkind = "pmw"\n[sweep]\n"filters.lp1.order" = [2, 3]\n{filters}\n')
-    code, _, err = wavesweep("passivity", "one.toml", "--filters", "--no-plot")
-    assert code == 0
-    assert "3 at 10 Hz" in err
-    assert "passive to within 0.1 % of energy in 1 of 2 row" in err
-    more = filter_choices("one.toml", tolerance=0.2)
-    assert set(more["sufficient_order"][more["lp1_cutoff_hz"] == 10]) == {1}
 
 
 def test_the_damping_needed_makes_the_port_passive():

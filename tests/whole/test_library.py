@@ -86,7 +86,6 @@ def test_the_spec_s_own_sweep_is_a_table_with_units_and_facts():
 def test_the_other_commands_have_a_call_each():
     assert set(wavesweep.bode(SPEC)["frequency_hz"]) == {0.0, 1.0}
     assert wavesweep.passivity(SPEC, jobs=1)["damping_needed"].isna().all()
-    assert wavesweep.filter_choices(SPEC).attrs["units"]["lp1_cutoff_hz"] == "Hz"
     assert len(wavesweep.simulate(SPEC)[0]) == 500
     region = wavesweep.stability_region({**SPEC, "sweep": {"along": "b", "b": {"start": 5, "stop": 50}}}, jobs=1)
     assert region["along"].tolist() == ["b"] * len(region)
@@ -104,7 +103,6 @@ REFUSED = [
     (lambda spec: wavesweep.zwidth(spec, along=3.0), "found 3.0"),
     (lambda spec: wavesweep.zwidth(spec, checkpoint=3), "checkpoint: expected a file, found 3"),
     (lambda spec: wavesweep.passivity(spec, tolerance="x"), "tolerance"),
-    (lambda spec: wavesweep.filter_choices(spec, tolerance=-1.0), "tolerance"),
     (lambda _: wavesweep.bode(), "at least one spec"),
     (lambda _: wavesweep.design(WISHED, for_hands="nope"), "for_hands: expected one of vertices, box, found 'nope'"),
     (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a file, found 5"),

@@ -8,7 +8,6 @@ import pytest
 
 from wavesweep.margins.broken_loops import cuts_of
 from wavesweep.margins.table import margins
-from wavesweep.passive.table import filter_choices
 from wavesweep.poles.table import poles
 from wavesweep.program.columns import whose_column
 from wavesweep.program.spec import load
@@ -31,7 +30,6 @@ TABLES = {
     "zwidth-specs": lambda: intervals_of_specs([load(SWEPT), replace(load(SWEPT), name="other")], jobs=1),
     "bode": lambda: responses([load(WALL | {"bode": {"frequency_hz": [1.0, 2.0, 5.0]}})]),
     "simulate-response": lambda: simulate(load(WALL | SINE))[1],
-    "passivity-filters": lambda: filter_choices(load(PMW)),
     "why": lambda: why(load(SWEPT), "K_VE"),
     "margins": lambda: margins(load(WALL), cuts_of(load(WALL))[0]),
     "poles": lambda: poles(load(WALL)),

@@ -12,7 +12,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import NORM_TOLERANCE, TickMaps, connected, squared_norm
-from wavesweep.haptics.controller_page import loop_drawing
 
 # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
 MOST_ENTRIES = 100_000
@@ -241,57 +240,3 @@ def norm_of(channel: WaveChannel) -> ChannelNorm:
         inward_omega=inward_omega,
         certified=certified.reshape(frame.shape),
     )
-
-
-ORDERS = tuple(range(1, 9))
-CUTOFFS_HZ = (2.0, 5.0, 8.57, 10.0, 15.0, 20.0, 25.0)
-
-
-def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.ndarray]:
-    """Columns over every order and cutoff (Hz) of LP1, orders slowest.
-
-    `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s);
-    `bank_norm`: that of the outward direction of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of
-    the same order and cutoff, which is power-complementary; `certified`. The inward direction of
-    `pmw-lm` has the norm sqrt(2) for every LP2 that passes constants, because `v_m = v_1 + v_2`
-    adds two waves, so it is not a column. values: flat keys, of which rates alone are read. orders,
-    cutoffs_hz: those of LP1.
-    """
-    cutoffs = np.asarray(cutoffs_hz, float)
-    tables = [_of_order(dict(values), order, cutoffs) for order in orders]
-    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-
-
-def _of_order(values, order, cutoffs):
-    filters = {f"filters.{name}.order": order for name in ("lp1", "hp")}
-    filters |= {f"filters.{name}.cutoff_hz": cutoffs for name in ("lp1", "hp")}
-    norms = {}
-    for kind in ("pmw", "pmw-lm"):
-        of_kind = values | filters | {"controller.kind": kind}
-        norms[kind] = channel_norm(loop_drawing(of_kind), of_kind)
-    alone = norms["pmw"]
-    bank = norms["pmw-lm"]
-    return {
-        "lp1_order": np.full(cutoffs.size, order),
-        "lp1_cutoff_hz": cutoffs,
-        "channel_norm": alone.norm,
-        "channel_omega": alone.omega,
-        "bank_norm": bank.outward,
-        "certified": alone.certified & bank.certified,
-    }
-
-
-def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None]:
-    """Least order per cutoff (Hz) whose aliasing adds at most `energy_gain` (J per J); None if no
-    order does.
-
-    table: the columns of `filter_table`. No finite order at a cutoff below half the slow rate makes
-    it zero: the stop band is not empty of any Butterworth.
-    """
-    orders = {}
-    for cutoff in np.unique(table["lp1_cutoff_hz"]):
-        enough = (table["lp1_cutoff_hz"] == cutoff) & (
-            table["channel_norm"] ** 2 - 1 <= energy_gain
-        )
-        orders[float(cutoff)] = int(table["lp1_order"][enough].min()) if enough.any() else None
-    return orders

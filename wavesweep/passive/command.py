@@ -9,18 +9,13 @@ from wavesweep.program.cli.study_commands import one_spec
 @click.command("passivity")
 @one_spec
 @click.option(
-    "--filters",
-    is_flag=True,
-    help="Write a second table, passivity-filters: the norm of the channel with LP1 of order 1 to 8 at several cutoffs.",
-)
-@click.option(
     "--along",
     metavar="NAME",
     help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel. "
     "[sweep] gives its range.",
 )
 @run_options("workers", "long")
-def passivity(spec: str, options: Options, filters: bool, along: str | None) -> None:
+def passivity(spec: str, options: Options, along: str | None) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
     A passive loop gives out no energy, so it is stable with every passive hand that holds its force
@@ -44,7 +39,7 @@ def passivity(spec: str, options: Options, filters: bool, along: str | None) -> 
 
     \b
     Examples:
-      wavesweep passivity sweeps/paper/fig4.toml --filters
+      wavesweep passivity sweeps/paper/fig4.toml --set 'sweep.filters.lp1.order=[1, 2, 3, 4]'
       wavesweep passivity mine.toml --along K_VE --set 'sweep.K_VE={start = 0, stop = 2000}'
     """
     from wavesweep.passive import table as tables
@@ -54,17 +49,10 @@ def passivity(spec: str, options: Options, filters: bool, along: str | None) -> 
         (loaded,) = specs
         if along:
             return [tables.passive_along(loaded, along, **work)]
-        # first, since a spec may have none
-        choices = [tables.filter_choices(loaded)] if filters else []
-        choices += (
-            [tables.over_frequency(loaded)] if loaded.drawing and loaded.drawing.environment else []
-        )
-        return [tables.passivity(loaded, **work), *choices]
+        found = [tables.passivity(loaded, **work)]
+        if loaded.drawing and loaded.drawing.environment:
+            found.append(tables.over_frequency(loaded))
+        return found
 
-    if along and filters:
-        raise click.UsageError("--filters: expected without --along, which has a table of its own")
-    if along:
-        kinds = ["passivity-along"]
-    else:
-        kinds = ["passivity", *(["passivity-filters"] if filters else []), "passivity-ports"]
+    kinds = ["passivity-along"] if along else ["passivity", "passivity-ports"]
     produce(kinds, [spec], options, compute)

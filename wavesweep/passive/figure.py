@@ -35,7 +35,6 @@ _UNSTABLE = {
     "linestyle": "none",
     "clip_on": False,
 }
-_PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
 
 def passivity(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
@@ -266,47 +265,5 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
             if len(shown) < len(curves)
             else "",
             assumption(facts),
-        )
-    return canvas
-
-
-def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `passivity-filters` table: without the local model at the left, with it at the
-    right."""
-    del facts
-    orders = np.unique(columns["lp1_order"]).tolist()
-    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
-        panels = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), sharey=True)
-        for panel, (name, title) in zip(panels, _PANELS, strict=True):
-            for look, order in zip(family_looks(len(orders)), orders, strict=True):
-                rows = columns["lp1_order"] == order
-                style = {
-                    "color": look.colour,
-                    "linestyle": look.line,
-                    "marker": ".",
-                    "linewidth": 1,
-                }
-                panel.plot(
-                    columns["lp1_cutoff_hz"][rows],
-                    _excess(columns[name][rows]),
-                    label=f"{order}",
-                    **style,
-                )
-            panel.set(yscale="log", xlabel="LP1 cutoff (Hz)", ylabel=title)
-            panel.grid(**GRID)
-            panel.axhspan(_PASSIVE_NORM / 3, _PASSIVE_NORM, **_PASSIVE)
-        panels[0].set_ylim(_PASSIVE_NORM / 3, 1)
-        handles, labels = panels[0].get_legend_handles_labels()
-        columns_of_legend = min(8, fitting(labels, wide(TWO_COLUMNS)))
-        canvas.legend(
-            handles,
-            labels,
-            title="order of LP1",
-            loc="outside upper center",
-            ncols=columns_of_legend,
-        )
-        note_below(
-            canvas,
-            f"Points on {_PASSIVE_NORM:.0e} are of norms that exceed 1 by no more than that: passive.",
         )
     return canvas

@@ -89,23 +89,3 @@ def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[WorkOption
         The axes of [sweep] and the columns of `Loop.passivity`.
     """
     return framed(table.passivity(spec_of(source), tolerance, **work))
-
-
-def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
-    """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
-
-    Parameters
-    ----------
-    source : Spec, str, Path or dict
-        A spec, its path, or its nested tables.
-    tolerance : float, default 0.001
-        As for `passivity`.
-
-    Returns
-    -------
-    DataFrame
-        lp1_order, lp1_cutoff_hz (Hz), channel_norm and its channel_omega (rad/s), excess (norm less
-        1), energy_gain (J per J sent), bank_norm (with the filter bank), certified,
-        sufficient_order (the least for the tolerance), channel_hz (Hz).
-    """
-    return framed(table.filter_choices(spec_of(source), tolerance))

@@ -1,5 +1,4 @@
-"""Passivity of the wave channel and of the hand's port over a sweep, and of filters:
-`passivity`, `passivity-filters`."""
+"""Passivity of the wave channel and of the hand's port over a sweep: `passivity`."""
 
 from __future__ import annotations
 
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
 # J per J sent that aliasing may add for the channel to pass for passive in a verdict
 ALIASING_ALLOWED = 1e-3
-PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
 METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
     "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
@@ -72,7 +70,7 @@ def passivity(
     facts |= {"warnings": done.warnings, "tolerance": tolerance}
     return Table(
         "passivity",
-        lambda: map(KINDS[0].completed, _blocks(done)),
+        lambda: map(KINDS[0].ordered, _blocks(done)),
         facts,
         forget=done.forget,
         rows=done.rows,
@@ -171,49 +169,6 @@ def _refuse_tolerance(tolerance):
         raise UsageError(
             f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}"
         )
-
-
-def filter_choices(spec: Spec, tolerance: float = ALIASING_ALLOWED) -> Table:
-    """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's
-    slow rate.
-
-    The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow
-    rate. tolerance: J per J sent that aliasing may add for an order to be enough.
-    """
-    from wavesweep.passive.channel import CUTOFFS_HZ, filter_table, sufficient_order
-
-    if spec.drawing or spec.uneven:
-        problem = "a drawn loop" if spec.drawing else "rates that do not divide"
-        raise UsageError(
-            f"orders of LP1: expected a [controller] whose rates divide, found {problem}"
-        )
-    _refuse_tolerance(tolerance)
-    started = time.perf_counter()
-    fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
-    # Rounded, so that tables of rates such as 1000/30 Hz can be read.
-    cutoffs = [
-        cutoff
-        for cutoff_hz in CUTOFFS_HZ
-        if (cutoff := float(f"{cutoff_hz * fast / ratio / PAPER_HZ:.3g}")) < fast / 2
-    ]
-    columns = filter_table(spec.values, cutoffs_hz=cutoffs)
-    enough = sufficient_order(columns, tolerance)
-    orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
-    columns |= {
-        "sufficient_order": np.array([np.nan if order is None else order for order in orders])
-    }
-    columns |= {"channel_hz": columns["channel_omega"] / (2 * np.pi)}
-    rows = columns["certified"].size
-    counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
-    methods = {
-        "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
-        "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
-    }
-    claims = own_figures([spec], "wave channels")
-    timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(spec, methods, counts, timings, claims=claims)
-    facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
-    return Table.of("passivity-filters", KINDS[1].completed(columns), facts)
 
 
 class PassivityTally:
@@ -339,48 +294,6 @@ def _index_lines(found: Numbers) -> Iterator[Line]:
     )
 
 
-def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
-    """The least sufficient order of LP1 at each cutoff, missing if none is."""
-    order = dict(
-        zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True)
-    )
-    return {
-        "controller": facts["spec"]["controller"]["kind"],
-        "tolerance": facts["tolerance"],
-        "highest_order": int(columns["lp1_order"].max()),
-        "rows": len(columns["certified"]),
-        "certified_rows": int(columns["certified"].sum()),
-        "sufficient_orders": [
-            {"cutoff_hz": cutoff, "order": None if np.isnan(least_order) else int(least_order)}
-            for cutoff, least_order in order.items()
-        ],
-    }
-
-
-def _filter_lines(found: Numbers) -> Iterator[Line]:
-    orders = found["sufficient_orders"]
-    sufficient = [
-        f"{row['order']} at {row['cutoff_hz']:g} Hz" for row in orders if row["order"] is not None
-    ]
-    least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy to the waves of pmw"
-    yield f"{least}: {', '.join(sufficient) or 'none'}", False
-    beyond = [f"{row['cutoff_hz']:g} Hz" for row in orders if row["order"] is None]
-    if beyond and sufficient:
-        yield f"no order up to {found['highest_order']} is enough at {', '.join(beyond)}", False
-    if found["certified_rows"] < found["rows"]:
-        yield (
-            f"{found['rows'] - found['certified_rows']} of {count(found['rows'], 'row')} not certified",
-            True,
-        )
-    if found["controller"] == "pmw-lm":
-        yield (
-            "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough",
-            False,
-        )
-    elif found["controller"] != "pmw":
-        yield f"{found['controller']} sends no waves, and needs no LP1", False
-
-
 def _range(values: np.ndarray) -> list[float] | None:
     """The least and the largest value; None if none is known."""
     finite = values[~np.isnan(values)]
@@ -405,14 +318,6 @@ KINDS = (
             "tolerance",
             rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep),
         ),
-    ),
-    Kind(
-        "passivity-filters",
-        lambda _: SingleBlockSummary(_filter_numbers),
-        _filter_lines,
-        figure="wavesweep.passive.figure.passivity_filters",
-        again=from_spec(filter_choices, "tolerance"),
-        vouched=("channel_norm", "bank_norm"),
     ),
     Kind(
         "passivity-ports",

@@ -513,7 +513,7 @@ class Loop:
         self, kind: str, columns: Columns, claims: Mapping[str, Claim]
     ) -> tuple[Columns, dict[str, str], dict[str, Any]]:
         """What a DataFrame is made of, see `frame`."""
-        columns = kind_named(kind).completed(columns)
+        columns = kind_named(kind).ordered(columns)
         along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
         units = _units(self.spec, kind, tuple(columns), along)
         return columns, units, {word: claim.fact() for word, claim in claims.items()}

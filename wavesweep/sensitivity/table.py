@@ -57,7 +57,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
     axis, other_axes = sweep_axes(spec, along, swept=False)
     job = job_over(make_grid(spec, (), axis.path), axis)
     found = in_memory(job)
-    columns = KINDS[0].completed(elasticities(job.grid, axis, found, KINDS[0].names))
+    columns = KINDS[0].ordered(elasticities(job.grid, axis, found, KINDS[0].names))
     certified = int(found["certified"].all())
     notices = [
         f"{other_axis.name} is not swept here, {held(spec, other_axis.path)}"

@@ -27,7 +27,6 @@ COMMANDS = {
     "bode": ("bode",),
     "passivity": ("passivity",),
     "simulate": ("simulate",),
-    "passivity-filters": ("passivity", "--filters"),
     "why": ("why",),
     "margins": ("margins", "--cut", "avatar.out"),
 }

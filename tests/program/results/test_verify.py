@@ -65,7 +65,7 @@ def files_of(spec, kind):
         "stability-region": lambda: [replace(intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")],
         "bode": lambda: [responses([short])],
         "two specs": lambda: [responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
-        "passivity": lambda: [of("passive").passivity(spec, 0.01, jobs=1), of("passive").filter_choices(spec, 0.01)],
+        "passivity": lambda: [of("passive").passivity(spec, 0.01, jobs=1)],
         "why": lambda: [of("sensitivity").why(load(TABLES | {"sweep": ALONG_B}))],
         "margins": lambda: [of("margins").margins(load(TABLES | {"environment": {"K_VE": 50}}), "avatar.out")],
         "simulate": lambda: of("simulation").simulate(replace(load(TABLES | SIMULATED), name="short").asking("simulate")),

@@ -6,20 +6,15 @@ It loads no numpy.
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from wavesweep.capabilities import CAPABILITIES
 from wavesweep.engine.doubts import MEANINGS
 from wavesweep.program.row_kinds import words_of
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from wavesweep.program.columns import Columns
 
 
 class Doubt(NamedTuple):
@@ -86,7 +81,6 @@ DOUBTS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """The words that columns can have, by the name that a columns.csv has for them."""
 
 
-Derived = Callable[["Columns"], "np.ndarray"]
 FieldKind = Literal["number", "integer", "boolean", "string"]
 # The unit that the run decides.
 OF_ALONG = "that of along"
@@ -97,8 +91,7 @@ class Field:
     """One column.
 
     unit: "1" if dimensionless, "" if none applies, or `OF_ALONG`. optional: only some
-    tables of the kind have it. derived: computes the column from the others, `(rows,)`, if it does
-    not come with them. values: the meaning of each of its words, if it holds words of this program.
+    tables of the kind have it. values: the meaning of each of its words, if it holds words of this program.
     advice: what a reader of the column can do, as a sentence or two.
     """
 
@@ -107,7 +100,6 @@ class Field:
     unit: str
     description: str
     optional: bool = False
-    derived: Derived | None = None
     values: Mapping[str, str] = field(default_factory=dict, hash=False)
     advice: str = ""
 
@@ -118,11 +110,10 @@ _VALUES = {column: words_of(column) for column in ("hand", "guarantee")}
 def columns_beside(
     module: str,
     values: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
-    derived: Mapping[str, Derived] = MappingProxyType({}),
 ) -> dict[str, tuple[Field, ...]]:
     """The columns that stand in columns.csv beside a module, by their groups.
 
-    values, derived: of columns by name, see `Field`. A description may name the words of doubt that
+    values: of columns by name, see `Field`. A description may name the words of doubt that
     a column can have.
     """
     words = {name: ", ".join(doubts) for name, doubts in DOUBTS_OF.items()}
@@ -134,7 +125,6 @@ def columns_beside(
             arguments: dict[str, Any] = dict(row)
             arguments["description"] = row["description"].format(**words)
             arguments["optional"] = bool(row["optional"])
-            arguments["derived"] = derived.get(name)
             arguments["values"] = values.get(name, {})
             groups[group] = (*groups.get(group, ()), Field(**arguments))
     return groups

@@ -52,7 +52,7 @@ def intervals(
     def blocks() -> Iterator[Columns]:
         for stage in stages:
             for block in result.blocks(stage.hand):
-                yield kind.completed(_finished(block, stage, stages, hands))
+                yield kind.ordered(_finished(block, stage, stages, hands))
 
     return Table(kind.name, blocks, facts, axes, forget=result.forget, rows=result.rows)
 
@@ -101,7 +101,7 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
 def of_calls(own: Job, progress: bool = False) -> tuple[Columns, dict[str, Claim]]:
     """The rows of a job of the library, computed in this process, those of what is guaranteed beside, and what all of these say.
 
-    They have no derived columns. progress: whether to show a bar. Errors: UsageError for numbers,
+    progress: whether to show a bar. Errors: UsageError for numbers,
     or a requirement, beside which that cannot be had.
     """
     from wavesweep.program.sweep.progress_bar import reporting
@@ -142,7 +142,7 @@ def rows_again(
         chunk = single.chunks[int(stage.job.grid.slice_of(combination)[0])]
         records = single.task(chunk)()
         block = stage.job.columns(np.repeat(combination, records.size), records)
-        yield KINDS[2 if hands else 0].completed(_finished(block, stage, stages, hands))
+        yield KINDS[2 if hands else 0].ordered(_finished(block, stage, stages, hands))
 
 
 def proved_again(

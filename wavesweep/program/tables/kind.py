@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
-from wavesweep.engine.errors import UsageError
 from wavesweep.program.tables.fields import Field, columns_of
 
 if TYPE_CHECKING:
@@ -92,22 +91,6 @@ class Kind:
     def names(self) -> tuple[str, ...]:
         """The names of the columns that every table of the kind has."""
         return tuple(field.name for field in self.fields if not field.optional)
-
-    def completed(self, columns: Columns) -> Columns:
-        """The columns and those that are derived from them, in the order of the table.
-
-        Errors: UsageError if an axis has the name of a derived column.
-        """
-        derived = {}
-        for column in self.fields:
-            name = column.name
-            if column.derived and name in columns:
-                raise UsageError(
-                    f"{name}: the table has a column of this name; name the axis by its path, numbers.{name}"
-                )
-            if column.derived:
-                derived[name] = column.derived(columns)
-        return self.ordered({**columns, **derived})
 
     def lawful(self, columns: Columns) -> Columns:
         """The columns; a row that is certified without one of its values is in doubt."""

@@ -124,7 +124,7 @@ def _blocks(kind: str, asked: Mapping[str, Job], found: Run) -> Iterator[Columns
             columns = dict(block)
             for axis in rough:
                 columns[axis] = columns[axis].astype(float)
-            yield kind_named(kind).completed(columns)
+            yield kind_named(kind).ordered(columns)
 
 
 METHODS = {
