@@ -63,6 +63,10 @@ PROGRAMS = {
         "Application,ProcessID,SwapChainAddress,CPUStartTime,FrameTime,CPUBusy",
         [f'"a, b.exe",7,0xA,{100 + k},{ms},NA' for k, ms in enumerate(SEEN)],
     ),
+    "OCAT": (
+        "Application,TimeInSeconds,MsInPresentAPI,Processor,System RAM",
+        [f"a.exe,{t:.6f},1" + ',"a, b",32 GB' * int(t == 0) for t in np.cumsum([0, *SEEN]) / 1e3],
+    ),
     "a header at the end again, and another unit": (
         "frame,realtime_ms,used",
         [*(f"{k},{t!r},1" for k, t in enumerate(np.cumsum([0, *SEEN]).tolist())), "frame,realtime_ms,used", ""],

@@ -168,7 +168,7 @@ def read_csv(path: str | Path, most: int) -> Csv:
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     if EVENT.search(text, 0, 10_000):  # within what stands at its beginning
         return _of_events(path, text, sha256)
-    text = ANDROID.join(text.split(ANDROID)[:2])
+    text = _without_facts(ANDROID.join(text.split(ANDROID)[:2]))
     try:
         above, mark, header = _header(text)
     except csv.Error as error:
@@ -194,6 +194,17 @@ def read_csv(path: str | Path, most: int) -> Csv:
             f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:LETTERS_SHOWN]}"
         )
     return Csv(path, names, _with_commas(body, mark), sha256, above)
+
+
+def _without_facts(text: str) -> str:
+    """A text without what stands behind the first row alone, facts of the machine, as OCAT writes
+    them, and without their names."""
+    lines = text.split("\n", 4)
+    rows = [line.split(",") for line in lines[:4]]
+    names, first, *later = [*map(len, rows), 0, 0][:4]
+    if 1 < min(later) == max(later) < min(names, first):
+        lines[:2] = (",".join(row[: later[0]]) for row in rows[:2])
+    return "\n".join(lines)
 
 
 def _of_events(path: str | Path, text: str, sha256: str) -> Csv:
