@@ -141,3 +141,15 @@ def test_matrices_that_do_not_fit_are_refused():
         wrong = {**good["block"]["device"], key: value}
         with pytest.raises(SpecError, match=text):
             wavesweep.load(good | {"block": good["block"] | {"device": wrong}})
+
+
+def test_what_is_felt_along_a_turned_normal_is_the_wall_towards_0_hz():
+    """At a hand whose displacement is a share of a position, as the share along the normal; see the error that it claims."""
+    c, s = np.cos(0.7), np.sin(0.7)
+    spec = device([[0.12, 0.02], [0.02, 0.09]], [[0.9, 0.1], [0.1, 0.7]], [], (c, s), 1.0, 1)
+    spec["wire"] |= {"device.fx": f"{c}*hand - wall.fx", "device.fy": f"{s}*hand - wall.fy"}
+    spec["ports"]["hand"]["displacement"] = "wall.depth"
+    loop = wavesweep.compile(spec)
+    found = loop.response([0.0, 1e-5, 1e-4, 1e-3])
+    assert found["impedance_re"].to_numpy() == pytest.approx(100.0, rel=1e-7)
+    assert loop.stable_intervals(along="K", span=(0, 100))["felt_high"].item() == pytest.approx(100.0, rel=1e-9)

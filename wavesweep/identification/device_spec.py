@@ -160,7 +160,10 @@ def _several_axes(facts: Mapping[str, Any]) -> str:
             f"{name}_low": number["low"],
             f"{name}_high": number["high"],
         }
-    values["delay"] = max(parameters["delay"]["value"], 0.0) * facts["period_s"]
+    ticks = whole(parameters["delay"])
+    if ticks is None:
+        ticks = max(parameters["delay"]["value"], 0.0)
+    values["delay"] = ticks * facts["period_s"]
     text, ranges, bounds = Template(template).substitute(values).partition("[for_all]")
     return text if withheld(parameters) else text + ranges + bounds
 

@@ -59,6 +59,7 @@ class Bordered:
             where = np.flatnonzero(read)
             if len(where) == 1 and fast[where[0]]:
                 self.place = np.flatnonzero(self.fast == where[0])[0]
+                self.reads = port.position[..., 0, where]
 
     def _outputs(self, tick, common, sign):
         """Return the map of a tick from the force to what it adds to the outputs and the fast
@@ -128,7 +129,8 @@ class Bordered:
             row = p + self.place
             for array in (A, dA, b, db):
                 array[..., row, :] = 0
-            A[..., row, row] = points.tick
+            A[..., row, row] = self.reads * points.tick
+            dA[..., row, row] = ENTRY_ROUNDING * np.abs(A[..., row, row])
             A[..., row, 0] = -1
         return Bounded(A, dA), Bounded(b, db)
 
