@@ -1,6 +1,7 @@
 """Walls that push and never pull while frames vary: against a march of its own, and what is said."""
 
 import math
+import re
 from dataclasses import replace
 from itertools import product
 
@@ -266,6 +267,7 @@ def test_a_row_while_frames_vary_is_what_single_walls_are(monkeypatch):
     assert row["fails_from"] == pytest.approx(143.8, rel=1e-3)
     assert row["counterexample"].startswith("a wall, in frames of 33 ticks")
     assert not row["settled"]
+    assert re.fullmatch(r"within environment.K_VE 1[34]\d\.?\d* to 143\.[89]", row["left_open"])
     at_one = "wavesweep.contact.rows_in_frames.falls"
     monkeypatch.setattr(at_one, lambda conditions, ends: len(ends) == 1 and falls(conditions, ends))
     (row,) = records_in_frames(*asked)

@@ -29,11 +29,13 @@ from wavesweep.program.analyses.claims import (
     own_scope,
 )
 from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
+from wavesweep.program.number_words import span_around
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import loops_of
 from wavesweep.program.tables.refuters import Refuters
 
 TEXT = 1000  # characters of a counterexample
+LEFT_OPEN = 100  # the same of what is left open
 LINEAR = "the linear wall, in contact all the time"
 ON_CIRCLE = (
     "multipliers of Zames and Falb, by linear programmes, proved on arcs of the unit circle "
@@ -47,6 +49,7 @@ CONTACT_RECORD = record_type(
     *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
     ("settled", "?"),
     ("counterexample", f"<U{TEXT}"),
+    ("left_open", f"<U{LEFT_OPEN}"),
 )
 
 
@@ -139,7 +142,7 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
     A row is what one chain of checked multipliers serves within an interval of the linear loop.
     """
     rows = _rows_of(loop, along, span)
-    return _recorded(rows or [], span, none=rows is None)
+    return _recorded(rows or [], span, along, none=rows is None)
 
 
 def _rows_of(loop: Loops, along: str, span: tuple[float, float]) -> list[Row] | None:
@@ -220,7 +223,7 @@ def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, fl
         return _recorded([], span, none=False)
     text = beyond.refuters.high
     common = Row(low.low, high.high, np.nan, beyond.fails_from, Refuters("", text))
-    return _recorded([common], span, none=False)
+    return _recorded([common], span, along, none=False)
 
 
 def _row_in_frames(rules, values, walls: Along, along, span) -> Row | None:
@@ -259,7 +262,7 @@ def _refuted(line, end, linear_end, border):
     return (linear_end, LINEAR)
 
 
-def _recorded(rows: list[Row], span: tuple[float, float], *, none: bool) -> np.ndarray:
+def _recorded(rows: list[Row], span: tuple[float, float], along="", *, none: bool) -> np.ndarray:
     """The rows as records of CONTACT_RECORD; none: whether it is known that there are none."""
     ends = (np.array([getattr(row, end) for row in rows]) for end in ("low", "high"))
     records = blank_records(*ends, CONTACT_RECORD)
@@ -270,12 +273,18 @@ def _recorded(rows: list[Row], span: tuple[float, float], *, none: bool) -> np.n
     for number, row in enumerate(rows):
         records["fails_below"][number], records["fails_from"][number] = row[2:4]
         records["counterexample"][number] = row.refuters.written(TEXT)
-        records["settled"][number] = _is_settled(row, span)
+        places = _open_places(row, span)
+        records["settled"][number] = not places
+        if places:
+            records["left_open"][number] = f"within {name_of(along)} {' and '.join(places)}"
     return records
 
 
-def _is_settled(row, span):
-    """Whether each end is next to what is refuted, or to the end of the range."""
-    below = row.low - (span[0] if np.isnan(row.fails_below) else row.fails_below)
-    beyond = (span[1] if np.isnan(row.fails_from) else row.fails_from) - row.high
-    return max(below, beyond) <= SETTLED_WITHIN * max(abs(row.high), abs(row.low))
+def _open_places(row, span):
+    """Where nothing is known, between each end and what is refuted next to it, or the end of the
+    range."""
+    below = span[0] if np.isnan(row.fails_below) else row.fails_below
+    beyond = span[1] if np.isnan(row.fails_from) else row.fails_from
+    least = SETTLED_WITHIN * max(abs(row.high), abs(row.low))
+    places = [(below, row.low), (row.high, beyond)]
+    return [span_around(low, high, 4) for low, high in places if high - low > least]
