@@ -3,7 +3,7 @@ parameters, as JSON has them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import chain, pairwise
 from types import MappingProxyType
@@ -56,10 +56,11 @@ class Plane:
         y = given["y"]
         if not (isinstance(x, str) and isinstance(y, str) and x != y):
             raise ValueError("expected two different keys")
-        return cls(x, y, _span_of(given["x_span"]), _span_of(given["y_span"]))
+        return cls(x, y, span_of(given["x_span"]), span_of(given["y_span"]))
 
 
-def _span_of(given) -> tuple[float, float]:
+def span_of(given: Iterable[float]) -> tuple[float, float]:
+    """A span that a page asks for. Errors: TypeError or ValueError for anything else."""
     low, high = map(float, given)
     if not (np.isfinite([low, high]).all() and low < high):
         raise ValueError("expected a span")

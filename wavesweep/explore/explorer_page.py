@@ -27,6 +27,7 @@ from wavesweep.explore.answers import (
     is_gain,
     preview,
     quick,
+    span_of,
     stable_ranges,
 )
 from wavesweep.explore.limited_time import within
@@ -138,7 +139,7 @@ class Page:
         spec = self._changed(question)
         plane = self._plane(spec, question["plane"]) if question.get("plane") else None
         search = {
-            path: _span(span) for path, span in question.get("search", {}).items() if path in WALL
+            path: span_of(span) for path, span in question.get("search", {}).items() if path in WALL
         }
         answer = quick(spec, bool(question.get("response", True)))
         if plane:
@@ -169,7 +170,7 @@ class Page:
     def _certified(self, question):
         spec = self._changed(question)
         if "along" in question:
-            path, span = self._smooth(question["along"]), _span(question["span"])
+            path, span = self._smooth(question["along"]), span_of(question["span"])
             low, high = (taken(spec, path, number_of(spec, path), end) for end in span)
             return stable_ranges(spec, path, (low, high))
         return certified_plane(spec, self._plane(spec, question["plane"]))
@@ -219,13 +220,6 @@ class Page:
 def _unit(unit):
     """A unit as people write it."""
     return readable(unit).replace("*", "·").replace("^2", "²").replace("^3", "³")
-
-
-def _span(given):
-    low, high = (float(end) for end in given)
-    if not low < high:
-        raise ValueError("expected a span")
-    return low, high
 
 
 def _sentence(error: str) -> str:
