@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded
 from wavesweep.require import factors, pencil
@@ -102,3 +103,18 @@ def test_what_is_shown_of_factors_holds_for_all_numbers_and_factors_of_a_piece(t
             frames = np.eye(2) + factors._with_factor(*own, factor)[0]
             outside.append((np.abs(np.linalg.eigvals(frames[shown])) > 1).sum(-1))
     assert (np.array(outside) == outside[0]).all()
+
+
+def test_a_gain_margin_along_a_dead_time_takes_few_pieces_of_the_factors(monkeypatch):
+    """Small eigenvalues of a delay of four ticks have nearly the same vector."""
+    monkeypatch.setattr(factors, "MOST_WORK", 1e6)
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"tau": 0.0045},
+        "block": {"p": {"type": "mass", "mass": 0.2, "damping": 2.0}, "d": {"type": "delay", "seconds": "tau"}},
+        "wire": {"d.u": "20*p.x", "p.f": "w - d.y"},
+        "ports": {"inputs": {"w": "w"}, "outputs": {"x": "p.x"}},
+    }
+    wanted = {"margins": {"cut": "d.y", "gain": 3.0}}
+    (row,) = wavesweep.compile(tables).stable_intervals("tau", (0.004, 0.005), require=wanted).itertuples()
+    assert (row.low, row.high, row.certified) == (0.004, 0.005, True)

@@ -43,11 +43,11 @@ from wavesweep.require.disc_panels import (
     Domain,
     along_panels,
 )
-from wavesweep.require.discs import ZERO_EIGENVALUES, eigenvectors
+from wavesweep.require.discs import eigenvectors
 from wavesweep.require.gain_bound import FACTOR_GAIN, FactorBound
 from wavesweep.require.gain_intervals import attached, begun_at_low_end
 from wavesweep.require.maps import at_runs
-from wavesweep.require.pencil import dominated
+from wavesweep.require.pencil import SMALL_EIGENVALUES, dominated
 
 if TYPE_CHECKING:
     from wavesweep.engine.loop import Loops
@@ -282,7 +282,7 @@ def clear(maps, f, turn, u, r):
         S, to_inputs = _with_factor(*middle, f)
         fine = np.isfinite(S).all((-1, -2))
         S, units = balance(np.where(fine[:, None, None], S, 0.0), thorough=True)
-        d, V = eigenvectors(S, ZERO_EIGENVALUES)
+        d, V = eigenvectors(S, SMALL_EIGENVALUES)
         V = units[:, :, None] * V
         f = f[:, None, None]
         K = _pencil(*middle, f)

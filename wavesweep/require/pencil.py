@@ -14,11 +14,13 @@ import numpy as np
 
 from wavesweep.engine.frames import Bounded, balance, inverse, solve
 from wavesweep.require.disc_panels import SAFE
-from wavesweep.require.discs import ZERO_EIGENVALUES
 
 TURN = 0.35 + 0.4j  # a
 RATE = (1 - abs(TURN) ** 2) / (1 - TURN)
 ONE = (1 - TURN) / (1 - np.conj(TURN))  # where the map takes z = 1
+# up to which eigenvalues of delays are taken together, whose vectors are nearly the same: 3 ticks of
+# a dead time need it
+SMALL_EIGENVALUES = 0.3
 DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond its own rounding
 WIDER_ARC = 1e-12  # rad, by which an arc is taken wider, since its ends are rounded
 
@@ -170,10 +172,10 @@ def _vectors(S):
     V = V.astype(complex)
     for middle in (-TURN, -1 / np.conj(TURN)):
         place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
-        near = np.abs(delta - place) <= ZERO_EIGENVALUES
+        near = np.abs(delta - place) <= SMALL_EIGENVALUES
 
         def is_near(d, place=place):
-            return abs(d - place) <= ZERO_EIGENVALUES
+            return abs(d - place) <= SMALL_EIGENVALUES
 
         for at in np.flatnonzero(near.sum(-1) > 1):
             T, basis, count = schur(S[at], output="complex", sort=is_near)
