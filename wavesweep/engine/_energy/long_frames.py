@@ -20,10 +20,9 @@ from wavesweep.engine._energy.hinf import RAISES, START, angles, then, tick
 from wavesweep.engine._energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
+from wavesweep.engine._response.gain import by_lanczos
 from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 
-# steps of the iteration for a largest gain, after which it is computed
-LOOK_AT_STEPS = (2, 3, 4, 6, 9, 13, 19, 28, 40, 60)
 DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
 LOOSER = 100.0  # times the tolerance: a level above that is proved where a near one is not
 LEAST_ENERGY = 1e-12  # of the largest: that of a state in which nothing is stored, for its unit
@@ -73,11 +72,7 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
 
 def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
     """Return the largest singular value of the map of one loop at each angle, `(points,)`, or a
-    little less.
-
-    By bidiagonalisation (G. Golub, W. Kahan, SIAM J. Numer. Anal. 2, 1965), all angles together:
-    every value on the way is that of an input.
-    """
+    little less."""
     T = lifted.T[0]
     O = lifted.O[0]
     G = lifted.G[0]
@@ -89,50 +84,20 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
     w = on_circle(theta)[:, None, None] * np.eye(lifted.E.shape[-1]) - lifted.E[0]
     inner = solve(w, np.broadcast_to(G, (theta.size, *G.shape)) + 0j)  # (points, n, inputs)
     inner_conj = inner.conj()
-    right = np.cos(np.arange(1, G.shape[-1] + 1)) + np.zeros((theta.size, 1), complex)
-    right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    left = np.zeros((theta.size, len(T)), complex)
-    beta = np.zeros((theta.size, 1))
-    found = np.zeros(theta.size)
-    diagonal = []
-    beside = []
-    steps = min(LOOK_AT_STEPS[-1], *T.shape)
+
+    def apply(v, back):
+        if back:
+            return _times(v, T) + (_times(v, O)[:, None] @ inner_conj)[:, 0]
+        return _times(v, T.T) + _times((inner @ v[..., None])[..., 0], O.T)
+
     with np.errstate(all="ignore"):
-        for step in range(1, steps + 1):
-            reached = _times(right, T.T) + _times((inner @ right[..., None])[..., 0], O.T)
-            left = reached - beta * left
-            alpha = np.linalg.norm(left, axis=-1, keepdims=True)
-            left = np.where(alpha > 0, left / alpha, 0.0)
-            back = _times(left, T) + (_times(left, O)[:, None] @ inner_conj)[:, 0]
-            right = back - alpha * right
-            diagonal.append(alpha[:, 0])
-            if step in LOOK_AT_STEPS or step == steps:
-                before = found
-                found = np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0]
-                # The last steps change the largest of all gains by less.
-                if found.max() - before.max() <= 1e-13 * found.max():
-                    break
-            beta = np.linalg.norm(right, axis=-1, keepdims=True)
-            beside.append(beta[:, 0])
-            right = np.where(beta > 0, right / beta, 0.0)
-    return found
+        return by_lanczos(apply, theta.size, len(T))
 
 
 def _times(vectors, matrix):
     """Return complex vectors `(points, k)` times a real matrix, without a complex copy of it."""
     product = np.concatenate([vectors.real, vectors.imag]) @ matrix
     return product[: len(vectors)] + 1j * product[len(vectors) :]
-
-
-def _bidiagonal(diagonal, beside):
-    """Upper bidiagonal matrices, `(points, steps, steps)`."""
-    steps = len(diagonal)
-    matrices = np.zeros((diagonal[0].size, steps, steps))
-    index = np.arange(steps)
-    matrices[:, index, index] = np.stack(diagonal, -1)
-    if beside:
-        matrices[:, index[:-1], index[1:]] = np.stack(beside, -1)
-    return matrices
 
 
 @np.errstate(all="ignore")

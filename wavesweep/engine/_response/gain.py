@@ -116,8 +116,7 @@ class Gain:
         return np.where(finite, value, np.nan), error
 
     def _lanczos(self, core):
-        """Return the largest singular value by Golub-Kahan-Lanczos with full
-        reorthogonalisation, all points at once."""
+        """Return the largest singular value, see `by_lanczos`."""
         shape = core.shape[:-2]
         ticks = self.frame.ticks
         loop = np.repeat(np.arange(int(np.prod(shape[:-1], dtype=int))), shape[-1])
@@ -134,31 +133,43 @@ class Gain:
             through_state = out @ (middle @ (into.mT @ v[..., None]))
             return direct + through_state[..., 0]
 
-        v = apply(np.ones((len(core), ticks), complex), back=True)
-        mixed = np.random.default_rng(0).normal(
-            size=ticks
-        )  # the same always, and a part of every singular vector
-        v = v / _norm(v) + mixed / _norm(mixed)
-        best = 0.0
-        basis = []
-        band = []
-        settled = np.zeros(len(core), bool)  # a point that has settled keeps its value
-        for step in range(min(40, ticks)):  # it stops earlier when nothing moves any more
-            v = v / _norm(v)
-            basis.append(v)
-            band.append(apply(v, back=False))
-            value = _largest_singular_value(np.stack(band, axis=-1))
-            still = (np.abs(value - best) <= 1e-13 * value) & (
-                step >= 8  # before, the process may rest at another singular value
-            )
-            best = np.where(settled, best, value)
-            settled = settled | still
-            if settled.all():
-                break
-            v = apply(band[-1], back=True)
-            for vector in basis * 2:
-                v = v - vector * (vector.conj() * v).sum(-1, keepdims=True)
-        return best.reshape(shape)
+        return by_lanczos(apply, len(core), ticks).reshape(shape)
+
+
+def by_lanczos(apply, points: int, outputs: int) -> np.ndarray:
+    """Return the largest singular value of a map at points, `(points,)`, or a little less, by
+    Golub-Kahan-Lanczos with full reorthogonalisation, all points at once.
+
+    apply: takes vectors `(points, inputs)`, or with `back` those `(points, outputs)` of the adjoint
+    map.
+    """
+    v = apply(np.ones((points, outputs), complex), back=True)
+    mixed = np.random.default_rng(0).normal(
+        size=v.shape[-1]
+    )  # the same always, and a part of every singular vector
+    v = v / _norm(v) + mixed / _norm(mixed)
+    best = 0.0
+    basis = []
+    band = []
+    settled = np.zeros(points, bool)  # a point that has settled keeps its value
+    for step in range(
+        min(40, outputs, v.shape[-1])
+    ):  # it stops earlier when nothing moves any more
+        v = v / _norm(v)
+        basis.append(v)
+        band.append(apply(v, back=False))
+        value = _largest_singular_value(np.stack(band, axis=-1))
+        still = (np.abs(value - best) <= 1e-13 * value) & (
+            step >= 8  # before, the process may rest at another singular value
+        )
+        best = np.where(settled, best, value)
+        settled = settled | still
+        if settled.all():
+            break
+        v = apply(band[-1], back=True)
+        for vector in basis * 2:
+            v = v - vector * (vector.conj() * v).sum(-1, keepdims=True)
+    return best
 
 
 def _largest_singular_value(H):
