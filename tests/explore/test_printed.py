@@ -94,6 +94,8 @@ const note = () => said.push([places.state.textContent, places.proof.textContent
   values["controller.b"] = 41; changed();
   asked.pop().lose(new Error("lost")); await soon(); note();
   stream.onmessage(); asked.pop().answer(FOUND); await soon(); note();
+  values["controller.b"] = 42; changed();
+  asked.pop().answer({...FOUND, plane: undefined, ranges: []}); await soon(); note();
   console.log(JSON.stringify(said));
 })();
 """
@@ -111,6 +113,7 @@ def test_nothing_of_an_earlier_design_is_shown_for_long(page):
         right,
         [*none, True],
         right,
+        ["● stable", "… preview", False, False, False],
     ]
 
 

@@ -68,6 +68,7 @@ async function follow() {
 function take(found, key) {
   answer = found;
   if (found.plane) picture = {...found.plane, key};
+  else if (picture?.key !== key) picture = null;
   if (key === pictureKey() && !away() && found.response && !ghost.response) ghost.response = found.response;
   if (visible && lacking()) changed();  // they came into view after the question
   else if (!again) proveMargins(false);

@@ -141,8 +141,10 @@ class Page:
         search = {
             path: span_of(span) for path, span in question.get("search", {}).items() if path in WALL
         }
+        started = time.perf_counter()
         answer = quick(spec, bool(question.get("response", True)))
-        if plane:
+        # Beside numbers that take long the plane and the intervals follow when the sliders rest.
+        if plane and time.perf_counter() - started < self.answer_s / 4:
             answer |= self._preview(spec, plane, search, bool(question.get("preview", True)))
         return reduce(
             or_,
