@@ -594,8 +594,9 @@ def test_a_gain_that_holds_from_a_wall_of_zero_on_begins_there(controller, stop,
 
 
 @pytest.mark.slow
-def test_a_disk_margin_holds_from_a_drift_on_that_lies_within_the_range():
-    """A mass under a hold of 4 ticks, whose force comes 3 ticks later: against its own samples on the circle."""
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_disk_margin_holds_from_a_drift_on_that_lies_within_the_range(sign):
+    """A mass under a hold of 4 ticks, whose force comes 3 ticks later: against samples on the circle; of either sign."""
     tables = {
         "rates": {"tick_hz": 1000},
         "numbers": {"K": 1.0},
@@ -604,12 +605,14 @@ def test_a_disk_margin_holds_from_a_drift_on_that_lies_within_the_range():
             "h": {"type": "hold", "every": 4},
             "d": {"type": "delay", "steps": 3},
         },
-        "wire": {"h.u": "p.x", "d.u": "h.y", "p.f": "w - K*d.y"},
+        "wire": {"h.u": "p.x", "d.u": "h.y", "p.f": f"w - {sign}*K*d.y"},
         "ports": {"inputs": {"w": "w"}, "outputs": {"x": "p.x"}},
     }
     require = {"margins": {"cut": "h.y", "disk": 0.8}}
-    (row,) = wavesweep.compile(tables).stable_intervals("K", (-20, 300), require=require).itertuples()
-    assert (row.certified, row.low) == (True, 0)
+    span = sorted((-20 * sign, 300 * sign))
+    (row,) = wavesweep.compile(tables).stable_intervals("K", span, require=require).itertuples()
+    drift, end = (row.low, row.high)[::sign]
+    assert (row.certified, drift) == (True, 0)
     flow = np.array([[0, 1, 0], [0, -10, 5], [0, 0, 0]])
     late, last = expm(0.003 * flow), expm(0.001 * flow)
     A = last[:2, :2] @ late[:2, :2]
@@ -617,7 +620,7 @@ def test_a_disk_margin_holds_from_a_drift_on_that_lies_within_the_range():
     def distance(theta):
         z = np.exp(1j * theta)
         push = last[:2, :2] @ late[:2, 2] / z + last[:2, 2]
-        L = row.high * np.linalg.solve(z * np.eye(2) - A, push)[0]
+        L = sign * end * np.linalg.solve(z * np.eye(2) - A, push)[0]
         return -abs(1 / (1 + L) - 0.5)
 
     best = min(np.linspace(0.001, np.pi, 4000), key=distance)

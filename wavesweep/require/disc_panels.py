@@ -2,6 +2,7 @@
 whole; else it is halved."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -25,13 +26,15 @@ class Domain(NamedTuple):
 
     span: the lowest and the highest one. period: of the frame, s, `(columns,)`. bounds: beyond them
     there is no loop, two arrays `(columns,)`. resolved(column, low, high): whether loops have no
-    narrow features there.
+    narrow features there. from_above: whether it is the high end that a drift is next to: all is
+    done with the number's other sign.
     """
 
     span: tuple[float, float]
     period: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
     resolved: Callable[..., np.ndarray]
+    from_above: bool = False
 
     @property
     def width(self) -> float:
@@ -89,6 +92,14 @@ def along_panels(judges, known, domain: Domain, accuracy: Accuracy) -> Intervals
     known: columns of which anything is known, `(columns,)`. What is left are the ends, each in a
     gap as narrow as ends are exact, and panels in doubt.
     """
+    if domain.from_above:
+        low, high = domain.span
+        turned = domain._replace(
+            span=(0.0 - high, 0.0 - low),
+            resolved=lambda column, low, high: domain.resolved(column, -high, -low),
+            from_above=False,
+        )
+        return _turned(along_panels(list(map(_Turned, judges)), known, turned, accuracy))
     # Of each column partitions of the span, each as sorted low ends of panels and their labels:
     # first the span as one panel, which is in doubt if nothing is known, then those of each judge.
     partitions = []
@@ -107,6 +118,35 @@ def along_panels(judges, known, domain: Domain, accuracy: Accuracy) -> Intervals
         runs = _merged(column, partitions_of_column, domain, accuracy)
         rows.extend(_rows(column, runs, judges, domain, accuracy))
     return Intervals(*map(np.array, zip(*rows, strict=True)))
+
+
+class _Turned:
+    """A judge of panels of the number with the other sign."""
+
+    def __init__(self, judge: Judge) -> None:
+        self.judge = judge
+
+    def __getattr__(self, name):
+        return getattr(self.judge, name)
+
+    def label(self, column, low, high, bounds):
+        return self.judge.label(column, -high, -low, bounds)
+
+    def worst(self, column, p):
+        return self.judge.worst(column, -p)
+
+
+def _turned(found: Intervals) -> Intervals:
+    """Intervals of the number with the other sign."""
+    turned = replace(
+        found,
+        index=np.where(found.index < 0, -1, found.count - 1 - found.index),
+        low=0.0 - found.high,
+        high=0.0 - found.low,
+        low_omega=found.high_omega,
+        high_omega=found.low_omega,
+    )
+    return turned.take(np.lexsort((turned.low, turned.column)))
 
 
 class _Row(NamedTuple):

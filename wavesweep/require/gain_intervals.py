@@ -40,6 +40,8 @@ def along_gain(
     first = np.nanmin(stable.low, initial=np.inf)
     if domain.span[0] < first == 0 < domain.span[1]:  # as is that of an integrator
         domain = domain._replace(span=(0.0, domain.span[1]))
+    elif domain.span[0] < np.nanmax(stable.high, initial=-np.inf) == 0 <= domain.span[1]:
+        domain = domain._replace(span=(domain.span[0], 0.0), from_above=True)
     span = domain.span
     period = domain.period
     size = period.size
@@ -68,7 +70,7 @@ def along_gain(
         columns = np.flatnonzero(at_rest)
         judges.append(kind(*about, columns, stable, gain.arc, at_rest=True))
 
-    begun = begun_at_low_end(gain, span)
+    begun = begun_at_low_end(gain, span[::-1] if domain.from_above else span)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)
     known = np.ones(size, bool)
     found = along_panels(judges, known, domain._replace(period=step), ends)
