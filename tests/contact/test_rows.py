@@ -19,6 +19,7 @@ from wavesweep.program.tables.interval_table import intervals
 
 pytestmark = pytest.mark.asks("for_all")
 SWEEP = {"K_VE": {"start": 0, "stop": 2000}}
+PIECES = FIG4 | {"controller": {"kind": "pmw", "b": 20.0}, "environment": FIG4["environment"] | {"delay": 10}}
 DRAWN = {
     "rates": {"tick_hz": 1000},
     "numbers": {"k": 100.0, "b": 0.3},
@@ -53,6 +54,7 @@ def test_rows_of_contact_stand_beside_those_of_the_linear_wall():
     own, rows = (frame[frame["guarantee"] == word] for word in ("spec", "contact"))
     share = rows["high"].to_numpy() / own["high"].to_numpy()
     assert share == pytest.approx([0.622, 0.759, 0.9998, 0.9998], abs=2e-3)
+    assert (rows["low"] == 0).all()
     assert rows["certified"].all()
     assert rows["settled"].all()
     assert (rows["fails_from"] > rows["high"]).all()
@@ -64,10 +66,10 @@ def test_rows_of_contact_stand_beside_those_of_the_linear_wall():
 
 @pytest.mark.parametrize(
     ("tables", "stiffness", "stop", "settled"),
-    [(FIG4, 500, 50, True), (SLOW, 240, 50, True), (SLOW, 240, 1, False)],
+    [(FIG4, 500, 50, True), (PIECES, 500, 50, True), (SLOW, 240, 50, True), (SLOW, 240, 1, False)],
 )
 def test_intervals_along_the_damping_are_proved_too(tables, stiffness, stop, settled):
-    """What is proved next to an end along B_VE is so along K_VE, and nothing beyond it."""
+    """What is proved next to an end along B_VE, in pieces or at once, is so along K_VE, and nothing beyond it."""
     sweep = {"along": "B_VE", "B_VE": {"start": 0, "stop": stop}, "K_VE": [stiffness]}
     (row,) = contact_rows(spec_of(tables, sweep=sweep)).itertuples()
     assert 0.97 * row.low < row.fails_below < row.low
