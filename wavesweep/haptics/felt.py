@@ -16,7 +16,6 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import Opened, by_zeros
 from wavesweep.engine.intervals import AtPort, Question, record_type
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.rows import different
 from wavesweep.haptics.resting import DcGain, frame_dcgain, shows_at_rest, tick_dcgain
 
 FELT = ("felt_low", "felt_high")
@@ -172,22 +171,7 @@ def _known_at_ends(question, loops, opened, place, p):
         if of_tick:
             return of_tick.stiffness(twice, ends).reshape(p.shape)
         return np.full(p.shape, np.nan)
-    felt = _of_slices(opened, at_rest, twice, ends)
-    hidden = np.flatnonzero(np.isnan(felt) & ~np.isnan(ends))
-    if hidden.size and opened.loops.second:
-        columns = different(twice[hidden])
-        for alike in by_zeros(loops, columns):
-            few = columns[alike]
-            alone = Opened.of_each(
-                loops.some(few), question.number, few.size, find_port=hand_in_frame
-            )
-            alone_at_rest = alone and _frame_at_rest(alone)
-            if alone_at_rest:
-                rows = hidden[np.isin(twice[hidden], few)]
-                felt[rows] = _of_slices(
-                    alone, alone_at_rest, np.searchsorted(few, twice[rows]), ends[rows]
-                )
-    return felt.reshape(p.shape)
+    return _of_slices(opened, at_rest, twice, ends).reshape(p.shape)
 
 
 def _frame_at_rest(opened: Opened) -> DcGain | None:
