@@ -5,12 +5,13 @@ import pytest
 from tests.for_all.law_of_check import KINDS, broken
 
 pytestmark = pytest.mark.asks("contact")
-SLOW = ("three ranges", "late ticks", "contact of waves")  # a minute and more each: from the command line alone
-SEEDS = [seed for seed, kind in enumerate(KINDS) if kind not in SLOW]
+SEEDS = [*range(len(KINDS))]
+SEEDS[KINDS.index("contact of waves")] = 49  # the first one is refused
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS, ids=lambda seed: KINDS[seed])
+@pytest.mark.parametrize("seed", SEEDS, ids=KINDS)
 def test_rows_and_check_agree(seed):
-    faults, _ = broken(seed)
+    faults, asked = broken(seed)
+    assert asked
     assert not faults

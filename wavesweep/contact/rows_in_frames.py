@@ -213,9 +213,11 @@ class Along:
             found = begin > goal and finer.proved_at(begin)
             if found:
                 begin = finer.down(found, begin, goal)
-            beyond = end < high and finer.proved_alone(end, high)
-            if beyond and beyond[0] == end:
-                end = beyond[1]
+            knows_more = loop.conditions.source.max() > self.loop.conditions.source.max()
+            if knows_more and end < high:
+                beyond = finer.proved_alone(end, high)
+                if beyond and beyond[0] == end:
+                    end = beyond[1]
             proved = begin, end
         return proved
 
