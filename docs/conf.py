@@ -23,7 +23,7 @@ copybutton_line_continuation_character = "\\"
 
 # The pages in the order of the site. They stand here, so that the files have no directives, which a forge does not show.
 SECTIONS = {
-    "Start": "haptics drives first-drawing gallery",
+    "Start": "haptics three-axes drives first-drawing gallery",
     "Concepts": "concepts controllers",
     "Guides": "check sweeps identify for-all frames timing margins drawn-loops design results",
     "Reference": "commands keys blocks tables library engine",

@@ -25,7 +25,7 @@ MOST_FELT_STATES = 300
 
 def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     """What the hand feels of the wall over frequency as a JSON-able dict; None without a wall that
-    can be taken away.
+    can be taken away, or that adds something at rest.
 
     It is what the wall adds to free motion: the impedance less that of the same loop whose wall has
     the stiffness and damping
@@ -56,6 +56,8 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
         for name, size in zip(("impedance", "free"), sizes, strict=True)
     }
     rest = stiffness - np.nan_to_num(static_response(free)[1].ravel()[0].real)
+    if abs(rest) <= 1e-9 * stiffness:  # the hand slides on the wall, but for rounding
+        return None
     frequencies = np.geomspace(LOWEST_HZ, most, POINTS)
     added = cache(
         lambda *ends: _added(loop, free, frequencies if not ends else np.geomspace(*ends, FINE))
