@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         Peak,
         angles,
         hinf_norm,
+        then,
         tick,
         with_middles,
     )
@@ -34,6 +35,7 @@ else:
                 "START",
                 "angles",
                 "hinf_norm",
+                "then",
                 "tick",
                 "with_middles",
             ),

@@ -99,15 +99,16 @@ class Channel:
 
     def block(self, shows, registers) -> Block:
         """The channel in a tick in which it shows, and holds afterwards, what it takes from
-        these places."""
+        these places, each one or several with a factor."""
         n = 1 + len(registers)
         taps = np.zeros((n, n))
         direct = np.zeros((n, 1))
         for row, source in enumerate((shows, *registers)):
-            if source == SENT:
-                direct[row] = 1.0
-            elif source != NOTHING:
-                taps[row, 0 if source == KEPT else 1 + source] = 1.0
+            for place, factor in source if isinstance(source, tuple) else ((source, 1.0),):
+                if place == SENT:
+                    direct[row] += factor
+                elif place != NOTHING:
+                    taps[row, 0 if place == KEPT else 1 + place] += factor
         states = ("shown", *(f"message {i}" for i in range(1, n)))
         return Block(
             self.name, ("u",), ("y",), states, taps - np.eye(n), direct, taps[:1], direct[:1]
@@ -403,15 +404,16 @@ def _choices(channel, tick, lost):
 
 def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:
     """The loop whose channels show in every tick what they read, with all of their states."""
-    through = {
-        channel.name: channel.block(SENT, (NOTHING,) * channel.registers) for channel in channels
-    }
-    placed = (
-        ScheduledBlock(through[scheduled.block.name])
-        if scheduled.block.name in through
-        else scheduled
-        for scheduled in loop.placed
-    )
+    return in_every_tick(loop, channels, [(SENT, (NOTHING,) * each.registers) for each in channels])
+
+
+def in_every_tick(loop: MultirateLoop, channels, taken) -> MultirateLoop:
+    """The loop whose channels take from these places in every tick."""
+    own = {each.name: each.block(*places) for each, places in zip(channels, taken, strict=True)}
+    placed = []
+    for scheduled in loop.placed:
+        block = own.get(scheduled.block.name)
+        placed.append(ScheduledBlock(block) if block else scheduled)
     return replace(loop, placed=tuple(placed))
 
 

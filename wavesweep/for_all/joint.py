@@ -53,12 +53,13 @@ class Decision:
     """Whether matrices decay in every order that is allowed: "proved", "refuted" or "unknown".
 
     norms: if proved, those in which all matrices shrink. word: if refuted, the pattern of matrices
-    that grows when repeated, in the order in which they act.
+    that grows when repeated, in the order in which they act. by: if proved otherwise, in words how.
     """
 
     verdict: str
     norms: Norms | None = None
     word: Word = ()
+    by: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

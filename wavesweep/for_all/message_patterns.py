@@ -41,7 +41,7 @@ def growing_pattern(
     places = len(family.slots)
     A = family.at(x)
     best: tuple[float, Word] = (0.0, ())
-    for start in (*known, *_starts(family, periods)):
+    for start in filter(None, (*known, *_starts(family, periods))):
         word = start
         rate = growth(A, word)
         for _ in range(10):  # changes on the way up
@@ -50,7 +50,7 @@ def growing_pattern(
             gains = _gains(A, family, word)
             for cost in COSTS:
                 ahead = realised(family, _changed(family, word, gains, cost))
-                farther = growth(A, ahead)
+                farther = growth(A, ahead) if ahead else 0.0
                 if farther > rate * (1 + 1e-9):
                     break
             else:
@@ -87,20 +87,21 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[flo
 
 
 def realised(family: RingFrames, word: Word) -> Word:
-    """Return the pattern in which nothing that is held is older than before."""
+    """Return the pattern in which nothing that is held is older than before; () if the family has
+    none of its matrices."""
     at = {(held.tick, held.back): index for index, held in enumerate(family.symbols)}
     numbers = _numbers(family, word)
-    period = family.period
+    period = family.loop.drawn.ticks
     places = len(family.slots)
     found = []
     for step, symbol in enumerate(word):
         held = family.symbols[symbol]
         now = held.tick + period * (step // places)
         back = []
-        for channel, newest, own in zip(family.channels, numbers, held.back, strict=True):
+        for channel, newest, own in zip(family.loop.channels, numbers, held.back, strict=True):
             back.append(None if own is None else channel.sent(now) - int(newest[now]))
-        found.append(at[held.tick, tuple(back)])
-    return tuple(found)
+        found.append(at.get((held.tick, tuple(back))))
+    return () if None in found else tuple(found)
 
 
 def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
@@ -108,7 +109,7 @@ def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
     are sent from the begin of a period on: ticks by which each is late, LOST of one that is lost."""
     found = {}
     for channel, newest, earlier in zip(
-        family.channels, _numbers(family, word), family.earlier, strict=True
+        family.loop.channels, _numbers(family, word), family.loop.earlier, strict=True
     ):
         ticks = len(newest)
         count = ticks // channel.every
@@ -131,11 +132,11 @@ def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
 def _numbers(family, word):
     """The number of the newest message of each channel in each tick of a pattern, counted from the
     first that is sent in it."""
-    period = family.period
+    period = family.loop.drawn.ticks
     places = len(family.slots)
     ticks = period * len(word) // places
     found = []
-    for at, channel in enumerate(family.channels):
+    for at, channel in enumerate(family.loop.channels):
         wanted = [BEFORE] * ticks
         for step, symbol in enumerate(word):
             held = family.symbols[symbol]

@@ -10,33 +10,28 @@ messages has a matrix for each of the products of these choices over a period.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
+from math import prod
 
 import numpy as np
 
-from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop, ScheduledBlock
 from wavesweep.engine.doubles import UNIT_ROUNDING
-from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
-from wavesweep.engine.errors import UsageError
-from wavesweep.engine.frames import MarginalModes, Ticks
-from wavesweep.engine.loop import Loops
+from wavesweep.engine.drawing import Drawing
 from wavesweep.for_all.channel_families import (
-    SENT,
     Channel,
     NotByWordsError,
-    at_tick,
     channels_of,
     frames_with_messages,
-    readers_of,
-    refuse_moved,
 )
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
-from wavesweep.for_all.plan import TWO_VALUES
+from wavesweep.for_all.jitter_margin import SmallGain
+from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.open_channels import OpenLoop, taken_from
 
 MOST_WORDS = 50  # of whole messages: beyond it the norms of a ring are found ten times sooner
-MOST_HELD = 3000  # matrices of a ring: beyond it a step of a search takes minutes
+MOST_HELD = 3000  # matrices of a ring: beyond it a step of a search for norms takes minutes
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,33 +43,62 @@ class Held:
     back: tuple[int | None, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class RingFrames:
     """Frames at places that follow each other in a ring, as a `Family` of square matrices; each
     place has the states alone that are read after it.
 
-    whole: the frames in all states. place: of each symbol. slots: the states of `whole` at each
-    place, `(places, n)`, -1 where a place has fewer: these are zero. channels: as they send here. earlier:
-    how many messages later in the loop as it is drawn the first one of each in a period is sent.
+    loop: what they are frames of; gain: its proof without them, which are made when they are asked
+    for.
     """
 
-    whole: LoopFrames
-    place: np.ndarray
-    period: int
-    slots: np.ndarray
-    channels: tuple[Channel, ...]
-    earlier: tuple[int, ...]
+    loop: OpenLoop
+    gain: SmallGain
     drift = None
+
+    @cached_property
+    def few(self) -> bool:
+        """Whether of what may be held there is only the newest and the oldest, as all are too many
+        for norms."""
+        return sum(prod(map(len, row)) for row in self.loop.choices) > MOST_HELD
+
+    @cached_property
+    def _held(self):
+        """What may be held at each place, and the kinds of ticks from it to the next one."""
+        choices = self.loop.choices
+        if self.few:
+            choices = [[[*dict.fromkeys((each[0], each[-1]))] for each in row] for row in choices]
+        return _places(self.loop, choices)
 
     @property
     def symbols(self) -> Sequence[Held]:
         """What is held with each matrix."""
-        return self.whole.symbols
+        return self._held[0]
+
+    @cached_property
+    def place(self) -> np.ndarray:
+        """The place of each matrix."""
+        ticks = [held.tick for held in self.symbols]
+        return np.unique(ticks, return_inverse=True)[1]
 
     @property
     def follows(self) -> np.ndarray:
         """See `Family`."""
-        return self.whole.follows
+        return (self.place[:, None] + 1) % (1 + self.place.max()) == self.place
+
+    @cached_property
+    def whole(self) -> LoopFrames:
+        """The frames in all states."""
+        symbols, kinds = self._held
+        return self.loop.frames(kinds, tuple(symbols), self.follows)
+
+    @cached_property
+    def slots(self) -> np.ndarray:
+        """The states of `whole` at each place, `(places, n)`, -1 where a place has fewer: these are
+        zero."""
+        kept = self.whole.kept
+        acts = [each[np.ix_(kept, kept)] for each in self.whole.patterns]
+        return _slots(np.array(acts), self.place)
 
     @property
     def graph(self) -> Graph:
@@ -139,119 +163,40 @@ def ring_of_messages(
 ) -> RingFrames:
     """Return the ring of a drawn loop with channels, along a number that one wire or gain reads.
 
-    values: flat numbers. number: empty for the loop at these values alone. Errors: UsageError for too
-    many choices, and for messages that carry what drifts and may be zero in place of it.
+    values: flat numbers. number: empty for the loop at these values alone. Errors: UsageError for
+    messages that carry what drifts and may be zero in place of it.
     """
-    varied = {path_of(name_of(number)): TWO_VALUES} if number else {}
-    opened = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
-        name_of(number) if number else ""
-    )
-    delays = _delays_behind(opened, channels)
-    loop = _swapped(opened, delays)
-    before = []
-    for channel in channels:
-        reader, steps = delays.get(channel.name, (channel.name, 0))
-        phase = (channel.phase + steps) % channel.every
-        readers = readers_of(drawing, scalars(values), reader)
-        before.append(replace(channel, phase=phase, readers=readers))
-    choices = [[_choices(each, tick) for each in before] for tick in range(loop.ticks)]
-    counts = [_count([row[at] for row in choices]) for at in range(len(before))]
-    pair = []
-    for twin in Loops(drawing, values | varied).twins():
-        pair.append(_in_every_tick(_swapped(twin, delays), before, counts))
-    symbols, kinds = _places(loop, before, choices, counts)
-    number_of_kind = {
-        kind: at for at, kind in enumerate(dict.fromkeys(k for row in kinds for k in row))
-    }
-    maps = []
-    held = pair[0].held()
-    for tick, taken in number_of_kind:
-        ticks = Ticks.of(
-            at_tick(loop, tick, before, taken),
-            (FACTOR,) if number else (),
-            True,
-            PRODUCT if number else "",
-            held,
-            terms=True,
-        )
-        maps.append(ticks.maps[ticks.kind[0]])
-    ticks = Ticks(tuple(maps), np.arange(len(maps)))
-    drift = MarginalModes.of(*pair)
-    refuse_moved(ticks, drift)
-    ticks, _ = drift.relative_ticks(ticks)
-    rows = [tuple(number_of_kind[kind] for kind in row) for row in kinds]
-    of_place = list(dict.fromkeys(each.tick for each in symbols))
-    place = np.array([of_place.index(each.tick) for each in symbols])
-    written = WrittenFrames(
-        [row[:-1] for row in rows],
-        [row[-1] for row in rows],
-        tuple(symbols),
-        (place[:, None] + 1) % (1 + place.max()) == place,
-    )
-    whole = LoopFrames.of(ticks, drift.remaining, written)
-    acts = [each[np.ix_(whole.kept, whole.kept)] for each in whole.patterns]
-    earlier = tuple(
-        (each.phase + delays.get(each.name, ("", 0))[1]) // each.every for each in channels
-    )
-    return RingFrames(
-        whole, place, loop.ticks, _slots(np.array(acts), place), tuple(before), earlier
-    )
+    loop = OpenLoop.of(drawing, values, channels, number)
+    return RingFrames(loop, SmallGain.of(loop))
 
 
-def _choices(channel: Channel, tick: int) -> list[int | None]:
-    """How many messages back a receiver may hold one in a tick; None if nothing reads it."""
-    since = (tick - channel.phase) % channel.every
-    if not any((tick - phase) % every == 0 for every, phase in channel.readers):
-        return [None]
-    return list(range(channel.oldest(since) + 1))
-
-
-def _count(choices) -> int:
-    """The messages that a channel keeps, of which any may be held."""
-    return 1 + max(each for row in choices for each in (0, *row) if isinstance(each, int))
-
-
-def _places(loop: MultirateLoop, channels, choices, counts) -> tuple[list[Held], list[list[tuple]]]:
+def _places(loop: OpenLoop, choices) -> tuple[list[Held], list[list[tuple]]]:
     """What may be held at each place, and the kinds of ticks from it up to the next place.
 
     A kind is the first tick of the period in which the same blocks run, and what each channel takes
     from where in it.
     """
-    runs = [block.runs(loop.ticks) for block in loop.placed]
-    _, first, same = np.unique(runs, axis=1, return_index=True, return_inverse=True)
-    alike = first[same.reshape(-1)].tolist()
+    alike = loop.alike
 
     def kind(tick, back):
         taken = []
-        for channel, count, each in zip(channels, counts, back, strict=True):
-            taken.append(_taken(channel.sends(tick), count, each))
+        for channel, count, each in zip(loop.channels, loop.counts, back, strict=True):
+            taken.append(taken_from(channel.sends(tick), count, each))
         return alike[tick], tuple(taken)
 
-    ways = [int(np.prod([len(each) for each in row])) for row in choices]
-    places = [tick for tick in range(loop.ticks) if ways[tick] > 1] or [0]
-    if sum(ways[tick] for tick in places) > MOST_HELD:
-        names = ", ".join(channel.name for channel in channels)
-        raise UsageError(
-            f"channels {names}: expected at most {MOST_HELD} ways in which receivers hold one of the last messages in a tick of "
-            "their period, found more; choose longer ticks, or less `late` and `lost`"
-        )
+    period = len(choices)
+    places = [tick for tick, row in enumerate(choices) if prod(map(len, row)) > 1] or [0]
     symbols = []
     kinds = []
-    for tick, later in zip(places, [*places[1:], places[0] + loop.ticks], strict=True):
+    for tick, later in zip(places, [*places[1:], places[0] + period], strict=True):
         rest = [
-            kind(at % loop.ticks, [each[0] for each in choices[at % loop.ticks]])
+            kind(at % period, [each[0] for each in choices[at % period]])
             for at in range(tick + 1, later)
         ]
         for back in product(*choices[tick]):
             symbols.append(Held(tick, back))
             kinds.append([kind(tick, back), *rest])
     return symbols, kinds
-
-
-def _taken(sends: bool, count: int, back: int | None) -> tuple[object, tuple]:
-    """What a channel shows, and what its registers, of the last messages, take from where."""
-    registers: list[object] = [SENT, *range(count - 1)] if sends else list(range(count))
-    return registers[back or 0], tuple(registers)
 
 
 def _slots(acts: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -280,45 +225,3 @@ def _slots(acts: np.ndarray, place: np.ndarray) -> np.ndarray:
                 new.remove(state)
         slots[at, np.flatnonzero(slots[at] < 0)[: len(new)]] = new
     return slots
-
-
-def _delays_behind(loop: MultirateLoop, channels) -> dict[str, tuple[str, int]]:
-    """The delay in every tick that alone reads a channel, and its ticks, by the channel's name."""
-    found = {}
-    for channel in channels:
-        signal = f"{channel.name}.y"
-        readers = [port for port, terms in loop.sums.items() if signal in terms]
-        for scheduled in loop.placed:
-            block = scheduled.block
-            if readers == [f"{block.name}.u"] and loop.sums[readers[0]] == {signal: 1.0}:
-                steps = len(block.states)
-                shifts = np.eye(steps, k=-1) - np.eye(steps)
-                last = np.eye(steps)[-1:]
-                in_line = scheduled.every == 1 and steps > 0 and not block.D.any()
-                if in_line and np.array_equal(block.E, shifts) and np.array_equal(block.C, last):
-                    found[channel.name] = block.name, steps
-    return found
-
-
-def _swapped(loop: MultirateLoop, delays: Mapping[str, tuple[str, int]]) -> MultirateLoop:
-    """The loop with these delays before their channels, which then send later by as much."""
-    sums = {}
-    own = {f"{delay}.y": f"{channel}.y" for channel, (delay, _) in delays.items()}
-    for port, terms in loop.sums.items():
-        sums[port] = {own.get(signal, signal): gain for signal, gain in terms.items()}
-    for channel, (delay, _) in delays.items():
-        sums[f"{delay}.u"] = sums[f"{channel}.u"]
-        sums[f"{channel}.u"] = {f"{delay}.y": 1.0}
-    return replace(loop, sums=sums)
-
-
-def _in_every_tick(loop: MultirateLoop, channels, counts) -> MultirateLoop:
-    """The loop whose channels send in every tick, with all messages that they keep."""
-    blocks = {}
-    for channel, count in zip(channels, counts, strict=True):
-        blocks[channel.name] = channel.block(*_taken(True, count, 0))
-    placed = []
-    for scheduled in loop.placed:
-        name = scheduled.block.name
-        placed.append(ScheduledBlock(blocks[name]) if name in blocks else scheduled)
-    return replace(loop, placed=tuple(placed))

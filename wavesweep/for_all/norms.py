@@ -26,6 +26,7 @@ from wavesweep.for_all.norm_check import Norms
 STEP_SHARE = 0.8  # part of the way to where the prediction fails that is taken
 CENTRED_DECREMENT = 0.6  # Newton decrement below which a point counts as the centre
 LEAST_SCALE = 0.1  # known forms are of no use if the matrices must be scaled below this
+LEAST_FORM = 1e-3  # what Lyapunov functions lose at a place, in units in which states are about 1
 NARROW = 3  # nodes times more than are next to each other in a ring whose Hessian has a narrow band
 CALLS = 3e6  # operations that take as long as the overhead of a Newton step
 OPERATIONS_OF_SEARCH = 2e11  # operations in Newton steps after which a search ends: about 20 s
@@ -73,6 +74,53 @@ def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         P /= np.trace(P) / n
     to = np.linalg.cholesky(P).mT
     return np.linalg.inv(to), to
+
+
+def units_of_places(A: np.ndarray, place: np.ndarray) -> np.ndarray | None:
+    """Return units at the places of a ring, `z = to x`, `(places, n, n)`, in which the Lyapunov
+    functions of the means of the matrices A of each place are about 1; None if the means are not
+    stable.
+
+    place: of each matrix, 0, 1, ...; the next one follows, and the first the last.
+    """
+    one = np.eye(A.shape[-1])
+    places = 1 + place.max()
+    P = np.broadcast_to(one, (places, *one.shape)).copy()
+    for _ in range(60):  # as `rough_basis`, at each place
+        for at in range(places - 1, -1, -1):
+            own = A[place == at]
+            P[at] = LEAST_FORM * one + (own.mT @ P[(at + 1) % places] @ own).mean(0)
+        P = P / np.trace(P.mean(0)) * len(one)
+    rough = np.linalg.cholesky(P).mT
+    means = means_of_places(A, place)
+    forms = periodic_forms(np.roll(rough, -1, 0) @ means @ np.linalg.inv(rough))
+    return forms if forms is None else np.linalg.cholesky(forms).mT @ rough
+
+
+def means_of_places(A: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return the mean of the matrices of each place."""
+    return np.array([A[place == at].mean(0) for at in range(1 + place.max())])
+
+
+def periodic_forms(A: np.ndarray) -> np.ndarray | None:
+    """Return forms that each of some matrices in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
+    loop is not stable."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    one = np.eye(A.shape[-1])
+    whole = one
+    lost = np.zeros_like(one)
+    for each in A:
+        lost = lost + LEAST_FORM * whole.T @ whole
+        whole = each @ whole
+    if not np.isfinite(whole).all() or np.abs(np.linalg.eigvals(whole)).max() >= 1:
+        return None
+    P = solve_discrete_lyapunov(whole.T, lost)
+    forms = []
+    for each in A[::-1]:
+        P = LEAST_FORM * one + each.T @ P @ each
+        forms.append((P + P.T) / 2)
+    return np.array(forms[::-1])
 
 
 def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:

@@ -23,16 +23,23 @@ from wavesweep.for_all.message_patterns import (
 )
 from wavesweep.for_all.message_rings import RingFrames
 from wavesweep.for_all.norm_check import Norms, shrink_along
-from wavesweep.for_all.norms import Centre, advanced, recentred
+from wavesweep.for_all.norms import (
+    Centre,
+    advanced,
+    means_of_places,
+    recentred,
+    units_of_places,
+)
 from wavesweep.for_all.patterns import is_refuted
-
-LEAST_FORM = 1e-3  # what Lyapunov functions lose at a place, in units in which states are about 1
 
 SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
 WORK = 1e11  # operations of a search for norms, or of a proof on one side: some 40 s
 STEPS = 40  # of Newton's, which a search takes at least
 # Of an interval, how far within it a loop is taken to be stable while patterns are searched.
 START = 1e-3
+STARTS = (0.1, 0.01, 0.5)  # of the way to a refuted number, where a proof begins
+NORMS_BEGIN = 0.2  # of what a small gain proves, where norms are searched that prove more
+BY_GAIN = "by a small gain"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,23 +55,8 @@ class RingSearch:
     def at_mean(family: RingFrames, x: float) -> RingSearch | None:
         """The ring in units in which the Lyapunov functions of the means are about 1; None if the
         means are not stable."""
-        graph = family.graph
-        A = family.at(x)
-        one = np.eye(A.shape[-1])
-        P = np.broadcast_to(one, (graph.nodes, *one.shape)).copy()
-        for _ in range(60):  # as `rough_basis`, at each place
-            for place in range(graph.nodes - 1, -1, -1):
-                own = A[family.place == place]
-                after = P[(place + 1) % graph.nodes]
-                P[place] = LEAST_FORM * one + (own.mT @ after @ own).mean(0)
-            P = P / np.trace(P.mean(0)) * len(one)
-        rough = np.linalg.cholesky(P).mT
-        search = RingSearch(family, graph, rough, np.linalg.inv(rough))
-        forms = periodic_forms(_means(family, search.at(x)))
-        if forms is None:
-            return None
-        to = np.linalg.cholesky(forms).mT @ rough
-        return replace(search, to=to, back=np.linalg.inv(to))
+        to = units_of_places(family.at(x), family.place)
+        return to if to is None else RingSearch(family, family.graph, to, np.linalg.inv(to))
 
     def at(self, x: float) -> np.ndarray:
         """The matrices of z."""
@@ -73,7 +65,7 @@ class RingSearch:
     def found(self, x: float, work: float) -> Centre | None:
         """Forms in which all matrices at x shrink, in doubles; None if none are found."""
         A = self.at(x)
-        same = _means(self.family, A)[self.graph.source]
+        same = means_of_places(A, self.family.place)[self.graph.source]
         one = np.eye(A.shape[-1])
         P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
         forms = len(one) * (len(one) + 1) / 2
@@ -152,10 +144,12 @@ def walked(
 
 def decide_ring(family: RingFrames, x: float = 0.0, work: float = WORK) -> Decision:
     """Decide whether all patterns decay at x; as `joint.decide`, whose norms and errors it has."""
+    if family.gain.proved(x, x):
+        return Decision(PROVED, by=BY_GAIN)
     word = _refuting(family, x, SHORT)
     if word:
         return Decision(REFUTED, word=word)
-    search = RingSearch.at_mean(family, x)
+    search = None if family.few else RingSearch.at_mean(family, x)
     centre = search and search.found(x, work)
     if centre is not None and search.proved((x, centre)):
         return Decision(PROVED)
@@ -181,53 +175,26 @@ def bracket_ring(
     low, high = about
     fails, word = nearest_pattern(family, low + START * (high - low), high)
     goal = fails - tolerance / 2 * (fails - low) if word else high
-    for share in (0.1, 0.01, 0.5):  # of the way to the goal, where a proof begins
-        start = low + share * (goal - low)
+    gain = family.gain
+    starts = [low + share * (goal - low) for share in STARTS]
+    begun = next((x for x in starts if gain.proved(x, x)), None)
+    if begun is None:
+        return None
+    above = gain.reached(begun, goal)
+    below = gain.reached(begun, low)
+    report(below, above, 100 * (above - low) / (goal - low))
+    if above != goal and not family.few:
+        start = below + NORMS_BEGIN * (above - below)
         search = RingSearch.at_mean(family, start)
         centre = search and search.found(start, work)
-        if centre is None or not search.proved((start, centre)):
-            continue
-        begun = replace(centre, work=0.0)
-        _, above = walked(search, begun, start, goal, work, report=partial(report, start))
-        _, below = walked(
-            search,
-            begun,
-            start,
-            low,
-            work,
-            report=lambda x, part, above=above: report(x, above, part),
-        )
-        fails_below, first = np.nan, ()
-        reached_low = below <= max(low, tolerance**2 * above)
-        if not reached_low:
-            fails_below, first = nearest_pattern(family, start, low)
-        end = fails if word else high
-        settled = reached_low and abs(end - above) <= tolerance * abs(end)
-        return Bracket(below, above, fails_below, fails, (first, word), settled, ())
-    return None
-
-
-def _means(family, A):
-    """The mean of the matrices of each place."""
-    return np.array([A[family.place == at].mean(0) for at in range(len(family.slots))])
-
-
-def periodic_forms(A: np.ndarray) -> np.ndarray | None:
-    """Return forms that each of some matrices in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
-    loop is not stable."""
-    from scipy.linalg import solve_discrete_lyapunov
-
-    one = np.eye(A.shape[-1])
-    whole = one
-    lost = np.zeros_like(one)
-    for each in A:
-        lost = lost + LEAST_FORM * whole.T @ whole
-        whole = each @ whole
-    if not np.isfinite(whole).all() or np.abs(np.linalg.eigvals(whole)).max() >= 1:
-        return None
-    P = solve_discrete_lyapunov(whole.T, lost)
-    forms = []
-    for each in A[::-1]:
-        P = LEAST_FORM * one + each.T @ P @ each
-        forms.append((P + P.T) / 2)
-    return np.array(forms[::-1])
+        if centre is not None and search.proved((start, centre)):
+            centre = replace(centre, work=0.0)
+            _, end = walked(search, centre, start, goal, work, report=partial(report, below))
+            above = max(above, end)
+    fails_below, first = np.nan, ()
+    reached_low = below <= max(low, tolerance**2 * above)
+    if not reached_low:
+        fails_below, first = nearest_pattern(family, below, low)
+    end = fails if word else high
+    settled = reached_low and abs(end - above) <= tolerance * abs(end)
+    return Bracket(below, above, fails_below, fails, (first, word), settled, ())

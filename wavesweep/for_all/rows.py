@@ -481,7 +481,7 @@ def reason_of(found: Mapping[str, str]) -> str:
     if found.get("doubt"):
         return CONTRADICTED
     return found.get(
-        "partly", "neither proved nor refuted: see what `wavesweep stability-region` proves"
+        "known", "neither proved nor refuted: see what `wavesweep stability-region` proves"
     )
 
 
@@ -499,6 +499,8 @@ def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
         reason = f"unstable with {in_a_sentence(found['counterexample'])}"
     elif status is Status.UNKNOWN:
         reason = reason_of(found)
+    else:
+        reason = found.get("known", "")
     rows = ForAllGuarantee(rules)
     return Claim(rows.what, rows.scope(spec), status, reason), found
 
@@ -506,8 +508,8 @@ def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved",
     "refuted" or "unknown"), counterexample, the numbers with which it is unstable, and kind,
-    what it is about. partly: of constant numbers whose proof did not end, what is proved and
-    what is open, as a text. rules: others than those of the spec."""
+    what it is about. known: of constant numbers whose proof did not end, what is proved and
+    what is open, and of a proof by other than norms its means, as a text. rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
     random = rules.for_all.shares
@@ -527,18 +529,18 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
 
 
 def _verdict(spec, rules):
-    decided, partly = True, ""
+    texts = {}
     loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
         said, numbers, text = _case_verdict(spec, rules, number, case)
         if said == "refuted":
             return {"verdict": said, "counterexample": numbers_in_words(numbers)}
-        decided &= said == "proved"
-        partly = partly or text
-    covered = {"verdict": "proved" if decided else "unknown", "counterexample": ""}
-    if partly:
-        covered["partly"] = partly
-    if decided and not claims_hold(rules, loop.cases):
+        texts[said] = texts.get(said) or text
+    decided = "unknown" if "unknown" in texts else "proved"
+    covered = {"verdict": decided, "counterexample": ""}
+    if known := texts.get(decided):
+        covered["known"] = known
+    if decided == "proved" and not claims_hold(rules, loop.cases):
         return covered | {"verdict": "unknown", "doubt": "contradiction"}
     return covered
 
@@ -548,7 +550,7 @@ def _case_verdict(spec, rules, number, case):
     proved of one that is not."""
     if rules.vary:
         said, by = _decided(spec, rules, number, case)
-        return said, case.fixed | by, ""
+        return said, case.fixed | by, "".join(by)
     if not case.ranges:
         numbers = case.unstable()
         if numbers is None:

@@ -5,9 +5,9 @@ from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.norm_check import Norms, definite, in_its_units, shrink, shrink_along
-from wavesweep.for_all.norms import Centre, advanced, recentred, rough_basis
+from wavesweep.for_all.norms import Centre, advanced, periodic_forms, recentred, rough_basis
 from wavesweep.for_all.patterns import is_refuted, refuted_beyond
-from wavesweep.for_all.ring_search import periodic_forms, walked
+from wavesweep.for_all.ring_search import walked
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
 from wavesweep.for_all.unknown import Part
 from wavesweep.for_all.varying import Rules, bracketed, decided, text_of_pattern

@@ -403,7 +403,7 @@ def decided_over(
     work: float | None = None,
 ) -> tuple[str, dict[str, float | None]]:
     """Whether a loop is stable for all numbers of some ranges, if there are any, and every order of
-    frames, and what it is not stable with.
+    frames, and what it is not stable with, or by what it is proved if not by norms.
 
     work: operations after which no more is tried.
     """
@@ -420,7 +420,8 @@ def decided_over(
 
 
 def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) -> tuple[str, str]:
-    """Whether a loop is stable for every order of frames, and the pattern with which it is not.
+    """Whether a loop is stable for every order of frames, and the pattern with which it is not, or how
+    it is proved if not by norms of all that may happen.
 
     family: along no number. work: operations after which no more norms are looked for.
     """
@@ -431,7 +432,7 @@ def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) ->
         found = decide_ring(family)
     else:
         found = decide(family, work=work)
-    return found.verdict, text_of_pattern(family, found.word)
+    return found.verdict, found.by or text_of_pattern(family, found.word)
 
 
 def decided_along(
@@ -448,7 +449,8 @@ def decided_along(
         return PROVED, {}
     ends = [end for end in (found.below, found.above) if end.word] if found else []
     family = None if ranges else rules.family(values, along)
-    if family is not None and family.drift is None:
+    # Short words of messages may be such as nothing that is held can follow.
+    if isinstance(family, LoopFrames) and family.drift is None:
         for word in growing_of(family.at(value), short_words(family.follows)):
             ends.append(End(value, (), word, text_of_pattern(family, word)))
     for end in ends:

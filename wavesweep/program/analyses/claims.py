@@ -615,7 +615,7 @@ class Scope:
 class Claim:
     """What is known of the loops of a scope.
 
-    reason: what refutes it, or why it is not known, in words.
+    reason: what refutes it, why it is not known, or by what it is proved, in words.
     """
 
     what: Property
@@ -635,7 +635,7 @@ class Claim:
             case Status.UNKNOWN:
                 return f"not known {words.question}{about}{because}"
             case Status.PROVED:
-                return f"{words.proved}{about}"
+                return f"{words.proved}{about}{self.reason and f', {self.reason}'}"
             case Status.COMPUTED:
                 return f"{words.holds}{about}, {IN_DOUBLES}"
         return f"{words.holds}{about}, {self.vouched}"

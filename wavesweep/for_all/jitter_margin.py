@@ -1,0 +1,192 @@
+"""A proof for messages of any age by a small gain, without a matrix for each thing that may happen.
+
+A receiver that holds one of the last messages `m_0` to `m_D`, the newest first, holds
+`(m_0 + m_D)/2 + w` with `w = (sum of some d - sum of the others)/2`, where d are the D differences of
+neighbours: `w^2 <= D/4 (sum of d^2)`, and no smaller multiple does for all constant d. Summed over a
+period, all w^2 are at most `g` times all d^2 with `g = sum over ticks of D^2/4`. So the loop decays if
+forms X at each tick of its period and a weight c of each channel are such that, but for the messages
+in time,
+
+    x'X x + sum c w^2 - x+'X+ x+ - sum c g d^2   is positive definite in x and w:
+
+then `x'X x` and weighted squares of the last d are a norm in which all shrink (C.-Y. Kao, B. Lincoln,
+Simple stability criteria for systems with time-varying delays, Automatica 40, 2004, where the middle
+delay has the gain `D/sqrt 2` in place of `D/2`). `norm_check` proves the forms; no frequency is looked
+at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from wavesweep.engine.norms import START, TickMaps, then, tick
+from wavesweep.for_all.channel_families import NOTHING, SENT
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.norm_check import Norms, shrink_along
+from wavesweep.for_all.norms import units_of_places
+from wavesweep.for_all.open_channels import OpenLoop, taken_from
+
+LEAST_STEP = 0.02  # of a number, a stretch that ends a proof
+DOUBLINGS = 30  # of the number of periods, after which nothing of a state is left
+RANK = 1e-9  # of the largest change that a number makes in a tick, one that counts
+SHARE = 1e-6  # of a state squared, in units in which it loses 1e-3 a tick: what the balance keeps
+NEAR = {
+    "xatol": 0.1,
+    "fatol": 1e-3,
+}  # of the logarithms of weights: the gain is flat about the best
+# Angles (rad per period) at which weights are compared, which decide nothing.
+ANGLES = np.unique(np.concatenate([START, np.geomspace(1e-4, np.pi, 20)]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmallGain:
+    """A loop whose channels show `(m_0 + m_D)/2 + w`; in its ticks w are states that are free, and
+    become the differences d.
+
+    whole: its ticks. slots: of each channel the state that is w and d. gains: `g` of each channel.
+    """
+
+    whole: LoopFrames
+    slots: np.ndarray
+    gains: np.ndarray
+
+    @staticmethod
+    def of(loop: OpenLoop) -> SmallGain:
+        """The same of a loop with channels."""
+        counts = loop.counts
+        kinds = []
+        for at, alike in enumerate(loop.alike):
+            taken = []
+            for channel, count, held in zip(loop.channels, counts, loop.choices[at], strict=True):
+                taken.append(_taken(channel.sends(at), count, held[-1]))
+            kinds.append([(alike, tuple(taken))])
+        ticks = len(kinds)
+        whole = loop.frames(kinds, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
+        names = [whole.ticks.states[state] for state in whole.kept]
+        slots: list[int] = []
+        gains = []
+        for at, (channel, count) in enumerate(zip(loop.channels, counts, strict=True)):
+            name = f"{channel.name}.message {count + 1}"
+            if name not in names:  # whatever is held is in time
+                continue
+            slots.append(names.index(name))
+            oldest = np.zeros(channel.every)
+            for now, choices in enumerate(loop.choices):
+                since = (now - channel.phase) % channel.every
+                oldest[since] = max(oldest[since], choices[at][-1] or 0)
+            gains.append(oldest @ oldest / 4)
+        return SmallGain(whole, np.array(slots), np.array(gains))
+
+    def reached(self, x: float, goal: float) -> float:
+        """The number up to which all from x towards the goal are proved; NaN for x NaN."""
+        step = goal - x
+        while abs(step) > LEAST_STEP * abs(x) and x != goal:
+            ahead = goal if abs(goal - x) <= abs(step) else x + step
+            if self.proved(*sorted((x, ahead))):
+                x = ahead
+                step *= 2
+            else:
+                step /= 2
+        return x
+
+    def proved(self, low: float, high: float) -> bool:
+        """Whether the loop decays for all numbers from low to high, which may be the same."""
+        points = self.whole.hull(low, high)
+        if points is None:
+            return False
+        M = self.whole.at((low + high) / 2)
+        n = M.shape[-1]
+        ticks = np.arange(len(M))
+        slots = self.slots
+        rest = np.delete(np.arange(n), slots)
+        to = units_of_places(_parts(M, rest, slots)[0], ticks)
+        if to is None:
+            return False
+        units = np.broadcast_to(np.eye(n), M.shape).copy()
+        units[:, *np.ix_(rest, rest)] = to
+        later = np.roll(units, -1, 0)
+        back = np.linalg.inv(units)
+        # What the number changes is one more channel, of which w is at most d.
+        half = (self.whole.at(high) - self.whole.at(low)) / 2
+        left, size, right = np.linalg.svd(later @ half @ back)
+        some = np.flatnonzero((size > RANK * size.max()).any(0))
+        root = np.sqrt(size[:, None, some])
+        both = np.zeros((ticks.size, n + some.size, n + some.size))
+        both[:, :n, :n] = later @ M @ back
+        both[:, :n, n:] = left[..., some] * root
+        both[:, n:, :n] = root.mT * right[:, some]
+        channel = np.array([*range(slots.size), *(slots.size for _ in some)])
+        gains = np.append(self.gains, 1.0)[channel]
+        A, B, C, D = _parts(both, rest, [*slots, *(n + some)])
+        weight = _weights(A, B, C, D, gains, channel)
+        if weight is None:
+            return False
+        taken = np.sqrt(weight)
+        given = (taken * np.sqrt(gains))[:, None]
+        X = _stored(A, B / taken, given * C, given * D / taken)
+        P = np.zeros((2, *M.shape))
+        P[:, :, *np.ix_(rest, rest)] = to.mT @ X @ to
+        P[1] = np.roll(P[1], -1, 0)
+        P[0][:, slots, slots] = weight[: slots.size]
+        P[1][:, slots, slots] = (weight * gains)[: slots.size]
+        P = np.concatenate((P + P.mT) / 2)
+        norms = Norms(P, Graph(ticks, ticks, ticks.size + ticks))
+        return shrink_along([norms], *points, self.whole.follows)
+
+
+def _parts(M, rest, free):
+    """The blocks of matrices whose rows and columns are some states, and those that are free."""
+    return [M[:, *np.ix_(rows, columns)] for rows in (rest, free) for columns in (rest, free)]
+
+
+def _weights(A, B, C, D, gains, channel) -> np.ndarray | None:
+    """The weights of the inputs, one for each channel, with which the largest gain from w to d, of
+    those at some angles, is least; None if it is not below 1."""
+    from scipy.optimize import minimize
+
+    ticks = np.arange(len(A))
+    one = np.eye(A.shape[-1])
+    lifted = TickMaps.of([*zip(A - one, B, C, D, strict=True)], ticks, ()).lifted(measured=False)
+    H = lifted.response(np.zeros(ANGLES.size, int), ANGLES)
+    some = np.abs(H).any((0, 2))
+    inputs = np.tile(channel, len(A))
+    H = np.tile(np.sqrt(gains), len(A))[some, None] * H[:, some]
+
+    def gain(logarithms):
+        scale = np.exp(logarithms[inputs])
+        scaled = scale[some, None] * H / scale
+        return np.linalg.eigvalsh(scaled @ scaled.conj().mT).max()
+
+    # Steps are a share of where it starts; only differences count.
+    start = np.full(1 + channel.max(), 8.0)
+    found = minimize(gain, start, method="Nelder-Mead", options=NEAR)
+    return np.exp(2 * (found.x - start)[channel]) if found.fun < 1 else None
+
+
+def _stored(A, B, C, D) -> np.ndarray:
+    """Forms X before each tick with `x'X x + w'w - x+'X+ x+ - d'd` a share of all states or more,
+    if there are any."""
+    own = SHARE * np.eye(A.shape[-1])
+    of_inputs = np.eye(D.shape[-1]) - D.mT @ D
+    elements = [*map(tick, A, B, -C.mT @ C - own, -C.mT @ D, of_inputs)]
+    ahead = reduce(then, elements)
+    for _ in range(DOUBLINGS):
+        ahead = then(ahead, ahead)
+    X = []
+    for element in reversed(elements):
+        ahead = then(element, ahead)
+        X.append(-ahead.Q)
+    return np.array(X[::-1])
+
+
+def _taken(sends: bool, count: int, oldest: int | None) -> tuple[object, tuple]:
+    """The same as `taken_from` of what is held half the newest and half the oldest, and w."""
+    shows, registers = taken_from(sends, count, 0)
+    if oldest:
+        shows = ((shows, 0.5), (registers[oldest], 0.5), (count, 1.0))
+    difference = ((SENT, 1.0), (0, -1.0)) if sends else NOTHING
+    return shows, (*registers, difference)

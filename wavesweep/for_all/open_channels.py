@@ -1,0 +1,164 @@
+"""A drawn loop with channels tick by tick: which of its last messages a receiver may hold, and
+what the loop does in a tick in which it holds one of these."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop
+from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
+from wavesweep.engine.frames import MarginalModes, Ticks
+from wavesweep.engine.loop import Loops
+from wavesweep.for_all.channel_families import (
+    NOTHING,
+    SENT,
+    Channel,
+    at_tick,
+    in_every_tick,
+    readers_of,
+    refuse_moved,
+)
+from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
+from wavesweep.for_all.plan import TWO_VALUES
+
+
+@dataclass(frozen=True, slots=True)
+class OpenLoop:
+    """A loop with channels, open at a number if it is along one, whose delays are before the
+    channels.
+
+    values: at which it is drawn, twice with two numbers. delays: see `_delays_behind`. channels:
+    as they send here. earlier: how many messages later in the loop as it is drawn the first one of
+    each in a period is sent. choices: of each tick of the period, how many messages back each channel
+    may hold one, None where nothing reads it.
+    """
+
+    drawing: Drawing
+    values: Mapping[str, object]
+    number: str
+    drawn: MultirateLoop
+    delays: Mapping[str, tuple[str, int]]
+    channels: tuple[Channel, ...]
+    earlier: tuple[int, ...]
+    choices: list[list[list[int | None]]]
+
+    @staticmethod
+    def of(
+        drawing: Drawing, values: Mapping[str, object], channels: Sequence[Channel], number: str
+    ) -> OpenLoop:
+        """See `ring_of_messages`."""
+        varied = {path_of(name_of(number)): TWO_VALUES} if number else {}
+        opened = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
+            name_of(number) if number else ""
+        )
+        delays = _delays_behind(opened, channels)
+        before = []
+        earlier = []
+        for channel in channels:
+            reader, steps = delays.get(channel.name, (channel.name, 0))
+            sends = channel.phase + steps
+            readers = readers_of(drawing, scalars(values), reader)
+            before.append(replace(channel, phase=sends % channel.every, readers=readers))
+            earlier.append(sends // channel.every)
+        loop = _swapped(opened, delays)
+        choices = [[_choices(each, tick) for each in before] for tick in range(loop.ticks)]
+        return OpenLoop(
+            drawing, values | varied, number, loop, delays, tuple(before), tuple(earlier), choices
+        )
+
+    @property
+    def counts(self) -> list[int]:
+        """The messages that each channel keeps, of which any may be held."""
+        return [_count([row[at] for row in self.choices]) for at in range(len(self.channels))]
+
+    @property
+    def alike(self) -> list[int]:
+        """Of each tick of the period the first one in which the same blocks run."""
+        runs = [block.runs(self.drawn.ticks) for block in self.drawn.placed]
+        _, first, same = np.unique(runs, axis=1, return_index=True, return_inverse=True)
+        return first[same.reshape(-1)].tolist()
+
+    def frames(
+        self, kinds: Sequence[Sequence[tuple]], symbols, follows, more: int = 0
+    ) -> LoopFrames:
+        """The frames that consist of these kinds of ticks; more: registers beside messages."""
+        through = [(SENT, (SENT, *range(count - 1), *[NOTHING] * more)) for count in self.counts]
+        pair = []
+        for twin in Loops(self.drawing, self.values).twins():
+            pair.append(in_every_tick(_swapped(twin, self.delays), self.channels, through))
+        held = pair[0].held()
+        of_kind = {
+            kind: at for at, kind in enumerate(dict.fromkeys(k for row in kinds for k in row))
+        }
+        maps = []
+        for tick, taken in of_kind:
+            ticks = Ticks.of(
+                at_tick(self.drawn, tick, self.channels, taken),
+                (FACTOR,) if self.number else (),
+                True,
+                PRODUCT if self.number else "",
+                held,
+                terms=True,
+            )
+            maps.append(ticks.maps[ticks.kind[0]])
+        ticks = Ticks(tuple(maps), np.arange(len(maps)))
+        drift = MarginalModes.of(*pair)
+        refuse_moved(ticks, drift)
+        ticks, _ = drift.relative_ticks(ticks)
+        rows = [tuple(of_kind[kind] for kind in row) for row in kinds]
+        written = WrittenFrames(
+            [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows
+        )
+        return LoopFrames.of(ticks, drift.remaining, written)
+
+
+def _choices(channel: Channel, tick: int) -> list[int | None]:
+    """How many messages back a receiver may hold one in a tick; None if nothing reads it."""
+    since = (tick - channel.phase) % channel.every
+    if not any((tick - phase) % every == 0 for every, phase in channel.readers):
+        return [None]
+    return list(range(channel.oldest(since) + 1))
+
+
+def _count(choices) -> int:
+    """The messages that a channel keeps, of which any may be held."""
+    return 1 + max(each for row in choices for each in (0, *row) if isinstance(each, int))
+
+
+def taken_from(sends: bool, count: int, back: int | None) -> tuple[object, tuple]:
+    """What a channel shows, and what its registers, of the last messages, take from where."""
+    registers: list[object] = [SENT, *range(count - 1)] if sends else list(range(count))
+    return registers[back or 0], tuple(registers)
+
+
+def _delays_behind(loop: MultirateLoop, channels) -> dict[str, tuple[str, int]]:
+    """The delay in every tick that alone reads a channel, and its ticks, by the channel's name."""
+    found = {}
+    for channel in channels:
+        signal = f"{channel.name}.y"
+        readers = [port for port, terms in loop.sums.items() if signal in terms]
+        for scheduled in loop.placed:
+            block = scheduled.block
+            if readers == [f"{block.name}.u"] and loop.sums[readers[0]] == {signal: 1.0}:
+                steps = len(block.states)
+                shifts = np.eye(steps, k=-1) - np.eye(steps)
+                last = np.eye(steps)[-1:]
+                in_line = scheduled.every == 1 and steps > 0 and not block.D.any()
+                if in_line and np.array_equal(block.E, shifts) and np.array_equal(block.C, last):
+                    found[channel.name] = block.name, steps
+    return found
+
+
+def _swapped(loop: MultirateLoop, delays: Mapping[str, tuple[str, int]]) -> MultirateLoop:
+    """The loop with these delays before their channels, which then send later by as much."""
+    sums = {}
+    own = {f"{delay}.y": f"{channel}.y" for channel, (delay, _) in delays.items()}
+    for port, terms in loop.sums.items():
+        sums[port] = {own.get(signal, signal): gain for signal, gain in terms.items()}
+    for channel, (delay, _) in delays.items():
+        sums[f"{delay}.u"] = sums[f"{channel}.u"]
+        sums[f"{channel}.u"] = {f"{delay}.y": 1.0}
+    return replace(loop, sums=sums)
