@@ -141,7 +141,6 @@ def test_messages_that_no_reader_tells_apart_are_looked_at_once():
     assert merged > 4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 4, 7, 11])
 def test_patterns_grow_as_they_do_tick_by_tick(seed):
     source = np.random.default_rng(seed)

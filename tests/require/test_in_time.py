@@ -15,6 +15,7 @@ from wavesweep.require import enclosed
 from wavesweep.require.disc_panels import HALF_RIM
 from wavesweep.require.gain_bound import MEASURES
 from wavesweep.require.maps import over_frame
+from wavesweep.require.wish import WISHES
 
 T = 0.01  # s
 ENDS = {"from": "ref", "to": "own"}
@@ -234,6 +235,7 @@ def test_a_step_is_known_where_a_state_ends_at_rest_but_for_rounding():
     found = wished(tables, [kp], overshoot={"at_most": 1.0, **ENDS})["overshoot"]
     assert found.certified[0]
     assert found.value[0] == pytest.approx(max(places) - 1, rel=1e-8)
+    assert [WISHES[name]["unit"] for name in MEASURES] == ["1", "s", ""]
 
 
 @pytest.mark.parametrize(
