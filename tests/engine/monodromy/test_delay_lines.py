@@ -25,8 +25,9 @@ def test_a_solve_of_the_states_that_are_kept_is_one_of_all(seed):
     E, B, C = random_system(seed)
     lines, random = DelayLines.of(E), np.random.default_rng(seed)
     theta = random.uniform(0.1, 3, (len(E), 5)) + (0.2j * random.normal(size=(len(E), 5)) if seed % 2 else 0)
-    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
-    reached, read = lines.reached(E[:, None], B[:, None], theta), lines.row(E[:, None], C[:, None], theta)
+    w = on_circle(theta)
+    A = w[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
+    reached, read = lines.reached(E[:, None], B[:, None], w), lines.row(E[:, None], C[:, None], w)
     limit = 1e-14 * np.linalg.cond(A).max()
     for found, exact in (
         (reached, np.linalg.solve(A, B[:, None] + 0j)[..., 0]),

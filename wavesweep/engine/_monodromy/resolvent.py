@@ -14,7 +14,7 @@ import numpy as np
 
 from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE
 from wavesweep.engine._monodromy.rounding import balance
-from wavesweep.engine._monodromy.unit_circle import inverse, on_circle, solve
+from wavesweep.engine._monodromy.unit_circle import inverse, solve
 from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.doubles import EPS
 
@@ -137,34 +137,36 @@ class DelayLines:
         ends = np.cumsum([0, *(line.size for line in self.lines)]).tolist()
         return [slice(*pair) for pair in pairwise(ends)]
 
-    def reached(self, E, B, theta):
-        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E: `(..., n, n)`, B:
-        `(..., n, 1)`, theta: `(...)`."""
+    def reached(self, E, B, w):
+        """Return `(w I - E)^-1 B` at w `(...)`, `(..., n)`; E: `(..., n, n)`, B: `(..., n, 1)`."""
         k = self.solved
         d = self.delayed
-        w = on_circle(theta)[..., None, None]
-        into = self.along(np.concatenate([E[..., d[:, None], k], B[..., d, :]], -1), 1 + w)
+        w = w[..., None, None]
+        entered = np.broadcast_to(E[..., d[:, None], k], (*w.shape[:-2], d.size, k.size))
+        alone = np.broadcast_to(B[..., d, :], (*w.shape[:-2], d.size, 1))
+        into = self.along(np.concatenate([entered, alone], -1), 1 + w)
         gained = E[..., k[:, None], d] @ into
         A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1]
         solved = solve(A, B[..., k, :] + gained[..., -1:])
         delayed = into[..., :-1] @ solved + into[..., -1:]
-        states = np.empty((*theta.shape, E.shape[-1]), complex)
+        states = np.empty((*w.shape[:-2], E.shape[-1]), complex)
         states[..., k] = solved[..., 0]
         states[..., d] = delayed[..., 0]
         return states
 
-    def row(self, E, C, theta):
-        """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, E and
-        theta as for `reached`."""
+    def row(self, E, C, w):
+        """Return `C (w I - E)^-1`, `(..., n)`; C: `(..., 1, n)`, E and w as for `reached`."""
         k = self.solved
         d = self.delayed
-        w = on_circle(theta)[..., None, None]
-        out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
+        w = w[..., None, None]
+        left = np.broadcast_to(E[..., k[:, None], d], (*w.shape[:-2], k.size, d.size))
+        alone = np.broadcast_to(C[..., d], (*w.shape[:-2], 1, d.size))
+        out = self.read(np.concatenate([left, alone], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
         A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
         solved = solve(A.mT, (C[..., k] + gained[..., -1:, :]).mT).mT
         delayed = solved @ out[..., :-1, :] + out[..., -1:, :]
-        states = np.empty((*theta.shape, E.shape[-1]), complex)
+        states = np.empty((*w.shape[:-2], E.shape[-1]), complex)
         states[..., k] = solved[..., 0, :]
         states[..., d] = delayed[..., 0, :]
         return states
@@ -230,23 +232,16 @@ class TriangularForm:
         """T, or of a diagonal one the diagonal alone, `(loops, 1, n)`."""
         return np.diagonal(self.T, axis1=-2, axis2=-1)[:, None] if self.diagonal else self.T
 
-    def reached(self, E, B, theta):
-        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E, B: of `system`. See
-        `DelayLines.reached`."""
-        return self.solved(E, B[..., 0], on_circle(theta))
-
-    def row(self, E, C, theta):
-        """Return `C (w I - E)^-1`, `(..., n)`."""
-        return self.read(E, C[..., 0, :], on_circle(theta))
-
-    def solved(self, E, right, w):
-        """Return `(w I - E)^-1 right`, `(..., n)`; E: of `frames`."""
+    def reached(self, E, B, w):
+        """Return `(w I - E)^-1 B`, `(..., n)`; E, B: of `system`. See `DelayLines.reached`."""
+        right = B[..., 0]
         if self.diagonal:
             return right / (w[..., None] - E[..., 0, :])
         return _forward(E[..., ::-1, ::-1], right[..., ::-1], w)[..., ::-1]
 
-    def read(self, E, left, w):
-        """Return `left (w I - E)^-1`, `(..., n)`; E: of `frames`."""
+    def row(self, E, C, w):
+        """Return `C (w I - E)^-1`, `(..., n)`."""
+        left = C[..., 0, :]
         if self.diagonal:
             return left / (w[..., None] - E[..., 0, :])
         return _forward(E.mT, left, w)
@@ -317,48 +312,17 @@ class Inverse:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InLines:
-    """Of one loop at several points, with its delays eliminated; see `DelayLines`.
-
-    into, out: what the states `solved` enter of the delayed ones, `(points, delayed, k)`, and read
-    of them, `(points, k, delayed)`. back: the inverse that is left for these states, `(points, k,
-    k)`.
-    """
+    """Of one loop at several points, along its delay lines; E: `(n, n)`, w: `(points,)`."""
 
     lines: DelayLines
     E: np.ndarray
-    z: np.ndarray
-    into: np.ndarray
-    out: np.ndarray
-    back: np.ndarray
-
-    @staticmethod
-    def at(lines: DelayLines, E, w) -> "InLines":
-        """E `(n, n)`; w `(points,)`."""
-        k = lines.solved
-        d = lines.delayed
-        w = w[:, None, None]
-        into = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w)
-        out = lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
-        back = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
-        return InLines(lines, E, 1 + w, into, out, back)
+    w: np.ndarray
 
     def reached(self, columns):
-        k = self.lines.solved
-        d = self.lines.delayed
-        alone = self.lines.along(columns[..., d, :] + 0 * self.z, self.z)
-        states = np.empty((len(self.z), len(self.E), 1), complex)
-        states[:, k] = self.back @ (columns[..., k, :] + self.E[np.ix_(k, d)] @ alone)
-        states[:, d] = alone + self.into @ states[:, k]
-        return states
+        return self.lines.reached(self.E, columns, self.w)[..., None]
 
     def row(self, rows):
-        k = self.lines.solved
-        d = self.lines.delayed
-        alone = self.lines.read(rows[..., None, d] + 0 * self.z, self.z)
-        read = np.empty((len(self.z), 1, len(self.E)), complex)
-        read[..., k] = (rows[..., None, k] + alone @ self.E[np.ix_(d, k)]) @ self.back
-        read[..., d] = alone + read[..., k] @ self.out
-        return read[:, 0]
+        return self.lines.row(self.E, rows[..., None, :], self.w)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -373,13 +337,13 @@ class InForm:
         form = self.form
         units = form.units[0]
         right = (columns[..., 0] / units) @ form.Z[0].T
-        states = form.solved(form.frames, right, self.w)
+        states = form.reached(form.frames, right[..., None], self.w)
         return (units * (states @ form.V[0].T))[..., None]
 
     def row(self, rows):
         form = self.form
         units = form.units[0]
-        read = form.read(form.frames, (rows * units) @ form.V[0], self.w)
+        read = form.row(form.frames, ((rows * units) @ form.V[0])[..., None, :], self.w)
         return (read @ form.Z[0]) / units
 
 
@@ -405,5 +369,5 @@ class ManyStates:
     def at(self, w) -> InLines | InForm:
         """w: `(points,)`."""
         if isinstance(self.form, DelayLines):
-            return InLines.at(self.form, self.E, w)
+            return InLines(self.form, self.E, w)
         return InForm(self.form, w)

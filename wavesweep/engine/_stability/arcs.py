@@ -164,7 +164,7 @@ def _boundary(opened, solver, theta, largest=0.0, loops=None, late=None) -> _Bou
     than `largest`. solver: delay lines of the loops, or their form, which they are the `loops` of.
     late: see `_of_late`.
     """
-    right = solver.reached(opened.E, opened.B, theta)
+    right = solver.reached(opened.E, opened.B, on_circle(theta))
     H = _response(opened, solver, right, theta, loops)
     value = H.turning
     value_off = H.turning_off
@@ -212,7 +212,7 @@ def _response(opened, solver, right, theta, loops, row=0) -> _Response:
     E, B, C, D = opened
     C = C[..., row : row + 1, :]
     D = D[..., row, 0]
-    left = solver.row(E, C, -theta)
+    left = solver.row(E, C, on_circle(-theta))
     terms = left * right
     size = np.abs(terms).sum(-1)
     # H at theta, by what B reaches, and at -theta, by what C reads.
