@@ -280,7 +280,7 @@ def _error(loop, theta, left, along, *, free=True):
         return error + abs(slope) * float(np.float64(error) / abs(along(slope)))
 
 
-def _margin(name, value, omega, bound, doubt=Doubt.NONE):
+def _margin(name, value, omega, bound, doubt):
     if doubt == Doubt.NONE and not bound <= SPARED:
         doubt = Doubt.ROUNDING
     return Margin(name, value, omega, float(bound), doubt)
