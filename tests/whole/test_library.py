@@ -16,8 +16,6 @@ from wavesweep.capabilities import CAPABILITIES
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.platform_compat import one_thread
-from wavesweep.program.spec import load
-from wavesweep.program.tables.response_table import responses
 
 SPEC = {
     "controller": {"kind": "pmw"},
@@ -110,7 +108,6 @@ REFUSED = [
     (lambda _: wavesweep.program.results.read(None), "expected the path of a CSV or Parquet file, found None"),
     (lambda _: wavesweep.compile(3), "expected a path, or nested tables as a dict, found 3"),
     (lambda _: wavesweep.compile(MultirateLoop(1e-3, (), {})), "a drawn loop: expected at least one block, found none"),
-    (lambda _: _publish(partition=2.5), "partition: expected a whole number of rows >= 1, found 2.5"),
     (lambda _: _direct().stable_intervals(["K_VE"]), "K_VE"),
     (lambda _: _direct().stable_intervals(span=(0, 10**400)), "span"),
     (lambda _: _direct().stable_intervals(span=(False, True)), "span"),
@@ -162,10 +159,6 @@ def test_a_file_that_is_no_table_is_refused(text, tmp_path):
 
 def _direct():
     return wavesweep.compile({"controller": {"kind": "dc"}})
-
-
-def _publish(**options):
-    wavesweep.program.results.publish(responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
 
 
 def test_calls_compute_with_one_thread_and_give_the_others_back(monkeypatch):

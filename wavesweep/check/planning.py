@@ -130,7 +130,7 @@ def _interval_lines(spec, command, along, estimated):
 
 def _advice(jobs):
     """The advice for tables that few programs can read as a single CSV."""
-    advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
+    advice = "--out FILE.parquet writes the Parquet file alone, and no CSV"
     for job in jobs:
         rows = round(job.kind.rows * job.size)
         if rows > 30_000_000:  # some 5 GB of CSV

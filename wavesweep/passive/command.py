@@ -14,7 +14,7 @@ from wavesweep.program.cli.study_commands import one_spec
     help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel. "
     "[sweep] gives its range.",
 )
-@run_options("workers", "long")
+@run_options("workers")
 def passivity(spec: str, options: Options, along: str | None) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 

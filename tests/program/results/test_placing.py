@@ -12,6 +12,8 @@ import time
 from contextlib import suppress
 from functools import partial
 
+import numpy as np
+import pyarrow.parquet
 import pytest
 from support.tables import same
 
@@ -19,6 +21,7 @@ from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.results import at_work, publish, read, read_table, table_writing
 from wavesweep.program.results.folder import HEADER, PACKAGE, names_of, refuse_other_spec
 from wavesweep.program.results.package import file_facts
+from wavesweep.program.results.table_files import read_rows
 from wavesweep.program.tables.table import Table
 
 FILES = ["zwidth.csv", "zwidth.datapackage.json", "zwidth.parquet"]
@@ -59,28 +62,43 @@ def vouched(folder):
     return len(read(folder / "zwidth.parquet")["low"])
 
 
-@pytest.mark.sample(11)
+@pytest.mark.sample(6)
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(RENAMES))
-@pytest.mark.parametrize(("before", "after"), [("", None), ("one", None), ("one", 4), (4, None), (4, 4)], ids=str)
-def test_a_kill_before_any_rename_leaves_old_or_new_results_and_no_mixture(columns, facts, tmp_path, before, after, number):
-    """before: what is there, nothing, single files or parts of so many rows; after: likewise what is written."""
+@pytest.mark.parametrize("before", [False, True])
+def test_a_kill_before_any_rename_leaves_old_or_new_results_and_no_mixture(columns, facts, tmp_path, before, number):
+    """before: whether results are there."""
     out, old = tmp_path / "out", {name: column[:5] for name, column in columns.items()}
     new = partial(publish, Table.of("zwidth", columns, facts, figure=lambda path: path.write_bytes(b"a figure")), out)
     if before:
         table = Table.of("zwidth", old, facts | {"spec_sha256": "cd" * 32})
-        publish(table, out, partition=None if before == "one" else before)
-    killed(number, partial(new, overwrite=True, partition=after))
+        publish(table, out)
+    killed(number, partial(new, overwrite=True))
     lengths = (5, len(columns["low"]))
     for path in (out / "zwidth.csv", out / "zwidth.parquet"):  # each file is whole, and a CSV without its package is refused
         with suppress(UsageError):
             assert not path.exists() or len(read_table(path)[1]["low"]) in lengths
     assert vouched(out) in (0, *lengths)
-    new(overwrite=bool(before), partition=after)
+    new(overwrite=before)
     same(read(out / "zwidth.parquet"), columns)
-    left = ["zwidth.datapackage.json", "zwidth.parquet", "zwidth.png"]
-    assert names(out) == sorted([*left, *([] if after else ["zwidth.csv"])])
+    assert names(out) == ["zwidth.csv", "zwidth.datapackage.json", "zwidth.parquet", "zwidth.png"]
     assert vouched(out) == lengths[1]
+
+
+def test_blocks_of_rows_leave_no_trace_in_the_bytes(columns, facts, tmp_path, monkeypatch):
+    monkeypatch.setattr(table_writing, "GROUP_ROWS", 10)
+    table = {name: np.resize(column, 64) for name, column in columns.items()}
+    for size in (64, 7, 1):
+        blocks = [{name: column[start : start + size] for name, column in table.items()} for start in range(0, 64, size)]
+        publish(Table("zwidth", lambda blocks=blocks: blocks, facts), tmp_path / str(size))
+    whole = tmp_path / "64/zwidth.parquet"
+    found = pyarrow.parquet.ParquetFile(whole).metadata
+    assert [found.row_group(number).num_rows for number in range(found.num_row_groups)] == [10] * 6 + [4]
+    for other in ("7", "1"):
+        for suffix in (".csv", ".parquet"):
+            assert (tmp_path / other / f"zwidth{suffix}").read_bytes() == whole.with_suffix(suffix).read_bytes()
+    for first, end in ((0, 64), (5, 23), (16, 17), (40, None), (64, None)):
+        same(read_rows(whole, first, end), {name: column[first:end] for name, column in table.items()})
 
 
 def test_what_an_interrupted_run_wrote_is_removed_and_folders_of_other_names_stay(columns, facts, tmp_path):

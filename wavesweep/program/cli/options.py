@@ -99,8 +99,7 @@ def _declared(option: Callable[..., Any], default: Any = None, of: str = "all") 
 class Options:
     """How a run is done and where its results go; each field declares its option.
 
-    Commands that work in chunks have those of "workers" as well, and those whose tables can be long
-    that of "long".
+    Commands that work in chunks have those of "workers" as well.
     """
 
     out: str | None = _declared(
@@ -135,16 +134,6 @@ class Options:
             "--wait", is_flag=True, help="Wait if another run is at work on the same results."
         ),
         False,
-    )
-    partition: int | None = _declared(
-        click.option(
-            "--partition",
-            metavar="ROWS",
-            type=click.IntRange(min=1),
-            help="Write the table as a folder of Parquet files with so many rows each, which programs read as one table, and "
-            "no CSV. For tables of tens of millions of rows, e.g. 10000000.",
-        ),
-        of="long",
     )
     jobs: int = _declared(
         click.option(
@@ -272,9 +261,5 @@ def _consistent(options: Options) -> Options:
     if options.as_json and options.to_stdout:
         raise click.UsageError(
             "--json and --out - would both write to stdout; name a folder, or leave one of them out"
-        )
-    if options.partition is not None and not options.to_folder:
-        raise click.UsageError(
-            f"--partition writes a folder of Parquet files, and --out {options.out} none; leave one of them out"
         )
     return options

@@ -395,7 +395,7 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
         table = drawn(table, notices.append)
     paths: list[Path] = []
     if options.to_folder or main:
-        paths = _write(table.watched(tally.add) if tally else table, directory, options, main)
+        paths = _write(table.watched(tally.add) if tally else table, directory, options)
     elif tally:
         tally.add(table.columns)
     # The rows are written, so the checkpoint is not needed any more.
@@ -407,15 +407,14 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     return Finished(table.kind, notices, numbers, [*warnings, *kind.lines(numbers)], paths)
 
 
-def _write(table: Table, directory: Path, options: Options, main: bool) -> list[Path]:
+def _write(table: Table, directory: Path, options: Options) -> list[Path]:
     """Write a table to files, or to stdout, and give the paths of its files."""
     from wavesweep.program import results
 
     if options.file:
         return [results.save(table, options.file)]
     if options.to_folder:
-        rows = options.partition if main else None
-        return results.publish(table, directory, options.overwrite, options.formats, True, rows)
+        return results.publish(table, directory, options.overwrite, options.formats, True)
     try:
         results.stream(table, sys.stdout.buffer)
     except OSError as error:

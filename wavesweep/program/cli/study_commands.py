@@ -29,7 +29,7 @@ for_hands = click.option(
 
 def _of_intervals(body: Callable[..., Any]) -> Callable[..., Any]:
     """The options of the commands of stable intervals."""
-    with_options: Callable[..., Any] = for_hands(run_options("workers", "long")(body))
+    with_options: Callable[..., Any] = for_hands(run_options("workers")(body))
     return with_options
 
 
@@ -112,7 +112,7 @@ def stability_region(spec: str, options: Options, for_hands: tuple[str, ...]) ->
 
 @click.command("bode")
 @several_specs
-@run_options("workers", "long")
+@run_options("workers")
 def bode(specs: tuple[str, ...], options: Options) -> None:
     """Compute transmitted admittance and impedance over frequency, or the responses between inputs and outputs.
 

@@ -11,7 +11,7 @@ from typing import Any
 from wavesweep.capabilities import WITH_SPECS
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import is_folder, read_file
-from wavesweep.program.results.package import BEST, PART, packaged_facts
+from wavesweep.program.results.package import BEST, packaged_facts
 from wavesweep.program.spec import SYMBOLS
 
 FIGURES = (".png", ".svg", ".pdf", ".eps")
@@ -203,7 +203,7 @@ def refuse_folders(kind: str, directory: Path) -> None:
                 raise UsageError(
                     f"{place}: expected designs of this program or none, found others; move it away"
                 )
-        elif is_folder(place) and not (place.suffix == ".parquet" and _holds_only(PART, place)):
+        elif is_folder(place):
             raise UsageError(
                 f"{place}: expected a file of results or none, found a folder; move it away"
             )

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -28,9 +27,8 @@ _MEDIA = {
 OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
 OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
 BEST = "best"  # the folder of specs beside a table that has them
-LARGEST_PACKAGE = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
+LARGEST_PACKAGE = 1 << 24  # bytes of a package
 _OF_COLUMN = ("name", "type", "unit", "description")
-PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
 
 def package_text(
@@ -76,7 +74,7 @@ def package_text(
 
 
 def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The entries of the CSV and the Parquet file or, without a CSV, of each part of the folder of Parquet files."""
+    """The entries of the CSV and the Parquet file."""
     # No "tabular-data-resource": frictionless would then look for the bytes of a text stream and
     # find none.
     parquet = {
@@ -86,15 +84,6 @@ def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, 
         "mediatype": "application/vnd.apache.parquet",
     }
     single = stem.with_suffix(".parquet")
-    if single.is_dir():
-        parts = []
-        for file in sorted(single.iterdir()):
-            part = {"name": f"{kind}-{file.stem}", **parquet, **file_facts(file)}
-            part["path"] = f"{single.name}/{file.name}"
-            if file.name == "part-00000.parquet":
-                part["schema"] = schema
-            parts.append(part)
-        return parts
     csv = {
         "profile": "tabular-data-resource",
         "format": "csv",
@@ -181,13 +170,6 @@ def _has_texts(entry: Any, names: Iterable[str]) -> bool:
     if not isinstance(entry, dict):
         return False
     return all(isinstance(entry.get(name), str) for name in names)
-
-
-def packaged_parts(package: Path) -> int:
-    """Give the number of parts of the folder of Parquet files in a package, 0 if it is not readable or has none."""
-    return sum(
-        re.fullmatch(PART, name.rpartition("/")[2]) is not None for name in packaged_files(package)
-    )
 
 
 def packaged_files(package: Path) -> list[str]:

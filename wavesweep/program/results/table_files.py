@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,11 +15,9 @@ from wavesweep.engine.rows import different
 from wavesweep.program.atomic_files import open_file
 from wavesweep.program.platform_compat import memory
 from wavesweep.program.results.package import (
-    PART,
     packaged_facts,
     packaged_fault,
     packaged_kinds,
-    packaged_parts,
     parsed,
 )
 from wavesweep.program.tables import kind_named, kinds
@@ -100,34 +97,6 @@ class ParquetFile:
             # if it failed, pyarrow would try again at some later time, and print a traceback
             self._writer.is_open = False
             self._file.close()
-
-
-class ParquetParts:
-    """A folder of Parquet files with `rows` rows each, the last one with the rest: as for `ParquetFile`."""
-
-    def __init__(
-        self, path: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], rows: int
-    ) -> None:
-        path.mkdir()
-        self._path, self._given, self._rows = path, (fields, facts), rows
-        self._number, self._left, self._part = (
-            0,
-            rows,
-            ParquetFile(path / part_name(0), fields, facts),
-        )
-
-    def append(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Write checked columns, no more than fit into the part, as one row group."""
-        if not self._left:
-            self._part.close()
-            self._number, self._left = self._number + 1, self._rows
-            self._part = ParquetFile(self._path / part_name(self._number), *self._given)
-        self._part.append(columns)
-        self._left -= len(next(iter(columns.values())))
-
-    def close(self) -> None:
-        """Write the footer of the last part."""
-        self._part.close()
 
 
 def _opened(path: Path, mode: str) -> Any:
@@ -282,7 +251,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     Parameters
     ----------
     path : str or Path
-        The CSV or Parquet file, or a folder of Parquet parts.
+        The CSV or Parquet file.
 
     Returns
     -------
@@ -334,8 +303,8 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
 
 
 def _refuse_other_paths(path: Path) -> None:
-    """Raise UsageError for a path that is neither a file nor a folder of Parquet parts."""
-    if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
+    """Raise UsageError for a path that is no file."""
+    if not path.is_file():
         tables = sorted(
             package.with_suffix("").with_suffix(".parquet").name
             for package in path.glob("*.datapackage.json")
@@ -374,11 +343,11 @@ def _names_and_facts(path: Path, package: Path) -> tuple[list[str], dict[str, An
 
 
 def _schema(path: Path) -> Any:
-    """The schema of a Parquet file, or of the first part of a folder, of which no row is read."""
+    """The schema of a Parquet file, of which no row is read."""
     import pyarrow.parquet
 
     _refuse_other_suffix(path)
-    with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
+    with _as_table(path), _opened(path, "rb") as file:
         return pyarrow.parquet.read_schema(file)
 
 
@@ -391,7 +360,7 @@ def _facts_in(schema: Any) -> dict[str, Any]:
 
 
 def schema_facts(path: Path) -> dict[str, Any]:
-    """The facts in the schema of a Parquet file, or of the first part of a folder; empty if it has none."""
+    """The facts in the schema of a Parquet file; empty if it has none."""
     try:
         return _facts_in(_schema(path))
     except (OSError, WavesweepError):
@@ -425,23 +394,14 @@ def read_rows(
     """
     import pyarrow.parquet
 
-    blocks: list[dict[str, np.ndarray]] = []
-    before = 0
-    for block_file in parts_of(path):
-        with (
-            _as_table(block_file),
-            _opened(block_file, "rb") as source,
-            pyarrow.parquet.ParquetFile(source) as file,
-        ):
-            rows = file.metadata.num_rows
-            start, stop = max(first - before, 0), rows if end is None else min(end - before, rows)
-            if start < stop or not blocks:  # of the first part at least the columns
-                blocks.append(_rows_of(file, start, max(start, stop), columns))
-        before += rows
-        if end is not None and before >= end:
-            break
-    with _as_table(path):
-        return _columns(pyarrow.concat_tables(blocks))
+    with (
+        _as_table(path),
+        _opened(path, "rb") as source,
+        pyarrow.parquet.ParquetFile(source) as file,
+    ):
+        rows = file.metadata.num_rows
+        stop = rows if end is None else min(end, rows)
+        return _columns(_rows_of(file, first, max(first, stop), columns))
 
 
 def _rows_of(file: Any, first: int, end: int, columns: list[str] | None) -> Any:
@@ -465,56 +425,20 @@ def rows_in(path: Path) -> int:
     """Give the number of rows of a Parquet table, which its metadata has."""
     import pyarrow.parquet
 
-    rows = 0
-    for block_file in parts_of(path):
-        with _as_table(block_file), _opened(block_file, "rb") as file:
-            rows += pyarrow.parquet.ParquetFile(file).metadata.num_rows
+    with _as_table(path), _opened(path, "rb") as file:
+        rows: int = pyarrow.parquet.ParquetFile(file).metadata.num_rows
     return rows
-
-
-def part_name(number: int) -> str:
-    """The name of a part in the folder of a table."""
-    return f"part-{number:05d}.parquet"
-
-
-def parts_of(path: Path) -> list[Path]:
-    """The Parquet files of a table in their order: the file itself, or those of a folder of parts.
-
-    Raises UsageError if the folder has none, lacks one before the last, or lacks one of the data
-    package beside it.
-    """
-    if not path.is_dir():
-        return [path]
-    found = {file.name for file in path.iterdir() if re.fullmatch(PART, file.name)}
-    package = path.with_suffix(".datapackage.json")
-    expected = packaged_parts(package) if package.exists() else len(found)
-    names = [part_name(number) for number in range(max(expected, len(found)))]
-    if not found or found != set(names):
-        raise UsageError(
-            f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(found)} or others"
-        )
-    return [path / name for name in names]
 
 
 def _read_parquet(path: Path) -> dict[str, np.ndarray]:
     import pyarrow.parquet
 
-    tables, cells = [], 0
-    for file_part in parts_of(path):
-        with (
-            _as_table(file_part),
-            _opened(file_part, "rb") as file,
-        ):  # `read_table` would import pandas
-            opened = pyarrow.parquet.ParquetFile(file)
-            rows = opened.metadata.num_rows
-            cells += rows * opened.metadata.num_columns
-            if 8 * cells > memory():
-                raise UsageError(
-                    f"{path}: expected a table that fits into memory, found {rows:,} rows in {file_part.name}"
-                )
-            tables.append(opened.read())
-    with _as_table(path):
-        return _columns(pyarrow.concat_tables(tables))
+    with _as_table(path), _opened(path, "rb") as file:  # `read_table` would import pandas
+        opened = pyarrow.parquet.ParquetFile(file)
+        rows = opened.metadata.num_rows
+        if 8 * rows * opened.metadata.num_columns > memory():
+            raise UsageError(f"{path}: expected a table that fits into memory, found {rows:,} rows")
+        return _columns(opened.read())
 
 
 def csv_blocks(path: Path) -> Iterator[dict[str, np.ndarray]]:

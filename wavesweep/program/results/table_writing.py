@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from itertools import chain
-from numbers import Integral
 from pathlib import Path
 from shutil import copyfileobj, rmtree
 from tempfile import SpooledTemporaryFile, TemporaryDirectory
@@ -46,7 +45,6 @@ from wavesweep.program.results.package import (
 from wavesweep.program.results.table_files import (
     GROUP_ROWS,
     ParquetFile,
-    ParquetParts,
     csv_header,
     csv_rows,
 )
@@ -64,7 +62,6 @@ def publish(
     overwrite: bool = False,
     formats: Iterable[str] = ("png",),
     locked: bool = False,
-    partition: int | None = None,
 ) -> list[Path]:
     """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
@@ -78,17 +75,11 @@ def publish(
     overwrite  replace results of another spec; those of the same file (`spec_place`) are replaced in any case
     formats    of the figure: png, svg, pdf, eps
     locked     the caller is `at_work` on this table; if not, the call waits until no other run is
-    partition  rows of each file of a folder `KIND.parquet`, which then takes the place of both files; None: both files
 
-    Raises UsageError if the directory holds results of another spec or `partition` is no number of
-    rows, WavesweepError if the columns do not fit the fields or a number is infinite, OSError if a
-    file cannot be written.
+    Raises UsageError if the directory holds results of another spec, WavesweepError if the columns
+    do not fit the fields or a number is infinite, OSError if a file cannot be written.
     """
     overwrite, locked = boolean("overwrite", overwrite), boolean("locked", locked)
-    if partition is not None and not (isinstance(partition, Integral) and partition >= 1):
-        raise UsageError(
-            f"partition: expected a whole number of rows >= 1, found {partition!r:.60}"
-        )
     directory, facts = Path(directory), dict(table.facts)
     rows = _Rows.of(table)
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):
@@ -100,7 +91,7 @@ def publish(
         folder.mkdir(0o700)
         try:
             stem = folder / table.kind
-            _write_all(stem, table, rows, formats, partition)
+            _write_all(stem, table, rows, formats)
             if table.extra_files is not None:
                 table.extra_files(folder)
             package = package_text(
@@ -166,7 +157,6 @@ def _write_all(
     table: Table,
     rows: _Rows,
     formats: Iterable[str],
-    partition: int | None,
     only: str = "",
 ) -> None:
     """Write the files of a table but its package; `stem` is their path without a suffix. only: the suffix of the one wanted."""
@@ -176,20 +166,17 @@ def _write_all(
     place = stem.with_suffix(".parquet")
     with ExitStack() as opened:
         writers: list[Callable[[Columns], Any]] = []
-        if partition is not None:
-            parts = ParquetParts(place, rows.fields, lasting, partition)
-            writers.append(opened.enter_context(closing(parts)).append)
-        elif only in ("", ".parquet"):
+        if only in ("", ".parquet"):
             parquet = ParquetFile(place, rows.fields, lasting)
             writers.append(opened.enter_context(closing(parquet)).append)
-        if partition is None and only in ("", ".csv"):
+        if only in ("", ".csv"):
             csv = opened.enter_context(stem.with_suffix(".csv").open("wb"))
             csv.write(csv_header(rows.fields))
             writers.append(lambda group: csv.write(csv_rows(group)))
         # Arrow lets them run at once, also while the next group of rows is read.
         threads = opened.enter_context(ThreadPoolExecutor(len(writers) or 1))
         writing: list[Future[None]] = []
-        for group in rows.groups(partition):
+        for group in rows.groups():
             for written in writing:
                 written.result()
             writing = [threads.submit(write, group) for write in writers]
@@ -234,7 +221,6 @@ def save(table: Table, path: Path) -> Path:
                 table,
                 rows,
                 [suffix[1:]] if suffix in FIGURES else (),
-                None,
                 suffix,
             )
             target = folder / f"{table.kind}{suffix}"
@@ -288,9 +274,8 @@ class _Rows:
         fields = table.fields or fields_of(table.kind, first, table.facts)
         return _Rows(fields, chain([checked(fields, first)], blocks))
 
-    def groups(self, partition: int | None = None) -> Iterator[Columns]:
-        """Yield checked columns in groups of a fixed number of rows, then the remaining rows; no
-        group spans two parts."""
+    def groups(self) -> Iterator[Columns]:
+        """Yield checked columns in groups of a fixed number of rows, then the remaining rows."""
         pending: list[Columns] = []
         waiting = 0
         rows = 0
@@ -299,24 +284,16 @@ class _Rows:
             length = len(pending[-1][self.fields[0].name])
             rows += length
             waiting += length
-            if waiting < _rows_after(rows - waiting, partition):
+            if waiting < GROUP_ROWS:
                 continue
             group = joined(pending)
-            start = 0
-            while waiting - start >= (size := _rows_after(rows - waiting + start, partition)):
-                yield {name: column[start : start + size] for name, column in group.items()}
-                start += size
-            pending = [{name: column[start:] for name, column in group.items()}]
-            waiting -= start
+            whole = waiting - waiting % GROUP_ROWS
+            for start in range(0, whole, GROUP_ROWS):
+                yield {name: column[start : start + GROUP_ROWS] for name, column in group.items()}
+            pending = [{name: column[whole:] for name, column in group.items()}]
+            waiting -= whole
         if waiting:
             yield joined(pending)
-
-
-def _rows_after(rows: int, partition: int | None) -> int:
-    """The number of rows of the group that begins after so many rows."""
-    if partition is None:
-        return GROUP_ROWS
-    return min(GROUP_ROWS, partition - rows % partition)
 
 
 def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:

@@ -138,8 +138,7 @@ def _of_package(
     damaged = list(_files(package)) or list(_described(package))
     csv = package.with_name(package.name.replace(PACKAGE, ".csv"))
     parquet = csv.with_suffix(".parquet")
-    if not parquet.is_dir():
-        damaged += _between(csv, parquet)
+    damaged += _between(csv, parquet)
     yield from ((text, True) for text in damaged)
     if not damaged:
         yield f"{package}: the files have the bytes and hashes of the package", False
@@ -171,15 +170,10 @@ def _files(package: Path) -> Iterator[str]:
     if len(expected_files) < len(entries):
         yield f"{package}: {len(entries) - len(expected_files)} of its files are listed again"
     stem = package.name.removesuffix(PACKAGE)
-    folder, present = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
-    if folder.is_dir():
-        present = {f"{folder.name}/{path.name}" for path in folder.iterdir()}
-    for name in sorted(present - set(expected_files)):
+    for name in sorted({f"{stem}.csv", f"{stem}.parquet"} - set(expected_files)):
         yield f"{package}: {name} is not in its list of files"
     for name, (size, digest) in expected_files.items():
-        relative = name.removeprefix(f"{folder.name}/").removeprefix(
-            f"{BEST}/" if stem in WITH_SPECS else ""
-        )
+        relative = name.removeprefix(f"{BEST}/" if stem in WITH_SPECS else "")
         if relative != Path(relative).name:
             yield f"{package}: {name} in its list of files is in another folder"
             continue
