@@ -76,28 +76,28 @@ def identified_axes(
 
 def _numbers(axes: Sequence[str], found: Sequence[Prediction]) -> dict[str, tuple[float, float]]:
     """The numbers and half the widths of their intervals; one that several axes tell is their mean
-    with the weights of these, and has the mean of the widths, as if all errors were the same."""
-    pairs = ["".join(pair) for pair in combinations_with_replacement(axes, 2)]
+    and has the mean of the widths, as if all errors were the same."""
+    pairs = [*map("".join, combinations_with_replacement(axes, 2))]
     told = {f"{matrix}_{pair}": [] for matrix in ("mass", "damping") for pair in pairs}
     for axis, each in zip(axes, found, strict=True):
-        pairs = ["".join(sorted((axis, other))) for other in axes if other != axis]
-        names = [f"mass_{axis}{axis}", f"damping_{axis}{axis}"]
-        names += [f"friction_{axis}"] * each.model.friction + ["delay"] * (each.model.delay is None)
-        names += chain(*((f"mass_{pair}", f"damping_{pair}") for pair in pairs))
+        pairs = ["".join(sorted(axis + other)) for other in axes if other != axis]
+        names = [
+            f"{matrix}_{pair}" for pair in (axis + axis, *pairs) for matrix in ("mass", "damping")
+        ]
+        names[2:2] = [f"friction_{axis}"] * each.model.friction + ["delay"] * (
+            each.model.delay is None
+        )
         mass = np.exp(each.theta[0])
-        theta = [mass, *each.theta[1:]]
-        half = [mass * each.half[0], *each.half[1:]]
+        told |= {name: told.get(name, []) for name in names}
+        half = each.half * [mass, *np.ones(len(each.half) - 1)]
         if each.place.log.one_way:
             half[2] = np.inf
-        for name, *number in zip(names, theta, half, strict=False):
-            told.setdefault(name, []).append(number)
+        for name, *number in zip(names, [mass, *each.theta[1:]], half, strict=False):
+            told[name].append(number)
     told["delay"] = told.pop("delay", [(found[0].searched["delay"], 0.0)])
-    numbers = {}
-    for name, each in told.items():
-        values, halves = np.transpose(each or [(0.0, 0.0)])
-        weights = 1 / halves**2 if len(each) > 1 else [1.0]
-        numbers[name] = tuple(np.average([values, halves], 1, weights).tolist())
-    return numbers
+    return {
+        name: tuple(np.mean(each or [(0.0, 0.0)], axis=0).tolist()) for name, each in told.items()
+    }
 
 
 def _coupled(axes, numbers, forces, found) -> list[list[np.ndarray]]:

@@ -29,10 +29,8 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
     measured = facts.get("measured", "position")
     times = columns["time_s"]
-    time = "time (s)"
-    if "axes" in facts:
+    if "axes" in facts:  # one after the other
         times = facts["period_s"] * np.arange(len(times))
-        time = f"time (s), {', '.join(facts['axes'])} one after the other"
     force = "torque (N·m)" if facts["turns"] else "force (N)"
     unit = READ[measured]
     unit = (turned(unit) if facts["turns"] else unit).replace("^2", "²")
@@ -64,7 +62,7 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
             panels[2].axhline(
                 side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":", label=said
             )
-        panels[2].set(ylabel=f"residual ({unit})", xlabel=time)
+        panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
         hertz, density, white = _spectrum(columns, facts)
         panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
         panels[3].loglog(

@@ -107,18 +107,16 @@ def _places_in(
 
 def columns_of(axes: Sequence[str], columns: Mapping[str, str]) -> list[dict[str, str]]:
     """The columns of each axis, as of `read_log`: x and fx of an axis x, or those that are given,
-    one for each axis with commas between them, as position=q1,q2. Errors: UsageError."""
-    forces = ",".join(f"f{axis}" for axis in axes)
-    of_axes: list[dict[str, str]] = [{} for _ in axes]
-    for name, text in {"position": ",".join(axes), "force": forces, **columns}.items():
-        each = [text] * len(axes) if name == "time" else text.split(",")
-        if len(each) != len(axes):
+    one for each axis with commas between them, as position=q1,q2, or one for all."""
+    usual = {"position": ",".join(axes), "force": ",".join(f"f{axis}" for axis in axes)}
+    named = {name: text.split(",") for name, text in {**usual, **columns}.items()}
+    for name, each in named.items():
+        if len(each) not in (1, len(axes)):
+            found = ",".join(each)
             raise UsageError(
-                f"--column {name}: expected {len(axes)} columns with commas, found {text}"
+                f"--column {name}: expected {len(axes)} columns with commas, found {found}"
             )
-        for of_axis, column in zip(of_axes, each, strict=True):
-            of_axis[name] = column
-    return of_axes
+    return [{name: each[at % len(each)] for name, each in named.items()} for at in range(len(axes))]
 
 
 def _turns(columns: Mapping[str, str], places: Collection[str]) -> bool:

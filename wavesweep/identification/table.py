@@ -661,7 +661,10 @@ def _missing_in_words(found: Numbers) -> str:
         words = MISSING | MISSING_OF_TWO
     else:
         words = MISSING
-    return words[found["missing"]].format(frequency_hz=hertz)
+    said = words[found["missing"]].format(frequency_hz=hertz)
+    if "axes" in found and found["missing"] in ("resonance", "spring"):
+        return said.partition(";")[0]  # which no option fits to several axes
+    return said
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:

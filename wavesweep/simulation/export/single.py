@@ -18,16 +18,6 @@ from wavesweep.simulation.export.text import filled
 _CONSTANT = re.compile(r"(0x[\da-f.]+p[+-]\d+|(?<![\w.])\d+\.0(?![\w.]))")
 
 
-def refuse_nonlinear(own: ExportedController) -> None:
-    """Raise UsageError for a controller whose ticks also decide something by the size of a number."""
-    wall = own.loop.wall
-    if own.late or (wall and (wall.position is not None or not wall.pulls)):
-        raise UsageError(
-            "export: expected a linear loop beside --float, found late results, frames that vary or a one-sided wall; --set leaves "
-            "them out of [simulate]"
-        )
-
-
 def operations_of(functions: Sequence[str]) -> int:
     """How many operations and constants a tick has at most, the rounding of what it begins with and
     of a wall among them. functions: its programs in C."""
@@ -37,26 +27,33 @@ def operations_of(functions: Sequence[str]) -> int:
 
 
 def single(
-    files: Mapping[str, str], flags: Mapping[str, bool], values: Mapping[str, Any]
+    own: ExportedController,
+    files: Mapping[str, str],
+    flags: Mapping[str, bool],
+    values: Mapping[str, Any],
 ) -> dict[str, str]:
     """The files of a controller in floats, beside the same in doubles and without signs. files:
-    those in doubles; flags, values: of their templates."""
+    those in doubles; flags, values: of their templates.
 
-    def renamed(text, letter):
-        return re.sub(r"\b(ws|WS)_", rf"\1{letter}_", text).replace(
-            '"controller', f'"controller_{letter}'
+    Errors: UsageError for a controller whose ticks decide something by the size of a number.
+    """
+    wall = own.loop.wall
+    if own.late or (wall and (wall.position is not None or not wall.pulls)):
+        raise UsageError(
+            "export: expected a linear loop beside --float, found late results, frames that vary or a one-sided wall; --set leaves "
+            "them out of [simulate]"
         )
 
+    def renamed(text, letter):
+        apart = text.replace('"controller', f'"controller_{letter}')
+        return re.sub(r"\b(ws|WS)_", rf"\1{letter}_", apart)
+
+    def program(flags, values):
+        return filled("guards.c", flags, values) + filled("controller.c", flags, values)
+
     flags = flags | {"single": True}
-    names = re.findall(r"in\.(\w+) =", values["read"])
     beside = {
         "read": renamed(values["read"], "D"),
-        "rounded": "\n".join(
-            f"        rounded.{each} = (float)in.{renamed(each, 'D')};" for each in names
-        ),
-        "sizes": "\n".join(
-            f"        size.{renamed(each, 'A')} = fabs(in.{renamed(each, 'D')});" for each in names
-        ),
         "compared": renamed(values["compared"], "D"),
         "told": re.sub(
             r" +out\.\w+ = z\[(\w+)\];",
@@ -65,16 +62,15 @@ def single(
         ),
         "names": re.sub(r"ws_z_(\w+)", r'"\1"', values["places"]),
     }
-    sizes = flags | {"sizes": True}, values | {"programs": _without_signs(values["programs"])}
-    guards = filled("guards.c", flags, values)
-    doubles = {name: files[name] for name in ("controller.h", "controller.c")}
+    unsigned = values | {"programs": _without_signs(values["programs"])}
+    header = files["controller.h"]
     return {
         "controller.h": _in_floats(filled("controller.h", flags, values)),
-        "controller.c": _in_floats(guards + filled("controller.c", flags, values)),
-        "controller_D.h": renamed(doubles["controller.h"], "D"),
-        "controller_D.c": renamed(doubles["controller.c"], "D"),
-        "controller_A.h": renamed(doubles["controller.h"], "A"),
-        "controller_A.c": renamed(filled("guards.c", *sizes) + filled("controller.c", *sizes), "A"),
+        "controller.c": _in_floats(program(flags, values)),
+        "controller_D.h": renamed(header, "D"),
+        "controller_D.c": renamed(files["controller.c"], "D"),
+        "controller_A.h": renamed(header, "A"),
+        "controller_A.c": renamed(program(flags | {"single": False, "sizes": True}, unsigned), "A"),
         "check.c": filled("check_floats.c", flags, values | beside),
         "example.c": _in_floats(files["example.c"]),
         "vectors.csv": files["vectors.csv"],

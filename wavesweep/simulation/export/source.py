@@ -31,7 +31,7 @@ from wavesweep.simulation.export.repeated_experiment import (
     steps_of,
     timing_of,
 )
-from wavesweep.simulation.export.single import operations_of, refuse_nonlinear, single
+from wavesweep.simulation.export.single import operations_of, single
 from wavesweep.simulation.export.text import comment, constants, filled, table_of
 from wavesweep.simulation.export.tick_functions import tick_function
 from wavesweep.simulation.from_spec import effects_of, hand_force
@@ -93,10 +93,7 @@ def exported(spec: Spec, *, floats: bool = False) -> dict[str, str]:
         "vectors.csv": table_of(columns),
         "Makefile": filled("Makefile", flags, values),
     }
-    if not floats:
-        return files
-    refuse_nonlinear(own)
-    return single(files, flags, values)
+    return single(own, files, flags, values) if floats else files
 
 
 def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:

@@ -49,8 +49,10 @@ int main(int argc, char **argv)
         ws_inputs rounded;
         strtol(at, &at, 10); /* the number of the tick */
 $read
-$rounded
-$sizes
+        for (i = 0; i < (int)(sizeof in / sizeof(double)); i++) { /* the members of each are numbers alone */
+            ((float *)&rounded)[i] = (float)((double *)&in)[i];
+            ((double *)&size)[i] = fabs(((double *)&in)[i]);
+        }
         for (i = 0; i < WS_PLACES; i++) {
             before[i] = d.z[i];
             a.z[i] = fabs(d.z[i]);
