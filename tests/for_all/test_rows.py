@@ -330,7 +330,7 @@ def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, v
         "refuted": row.fails_from,
         "beyond": 1.01 * row.fails_from,
     }
-    monkeypatch.setattr(for_all_module, "decided", lambda *_: ("unknown", ""))
+    monkeypatch.setattr(for_all_module, "decided_over", lambda *_: ("unknown", {}))
     spec = load(tables).with_values({"kp": value[place]})
     found = for_all_module.verdict(spec)
     expected = {"proved": "proved", "between": "unknown"}.get(place, "refuted")

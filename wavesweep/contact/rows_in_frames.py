@@ -365,9 +365,9 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
         if found and each.proved((found, (K, B))):
             return {"verdict": "proved", "counterexample": ""}
     switched = offered("switched")
-    said, pattern = switched.decided(rules.family(values, ""))
+    said, by = switched.decided_over(rules, values, ())
     if said == "refuted":
-        return {"verdict": "refuted", "counterexample": f"the linear wall, {pattern}"}
+        return {"verdict": "refuted", "counterexample": f"the linear wall, {', '.join(by)}"}
     for frame, constant in loop.constant():
         motion = motion_at(WallsAlong(constant, 0, B), K)
         if motion:

@@ -10,7 +10,7 @@ from wavesweep.for_all.patterns import is_refuted, refuted_beyond
 from wavesweep.for_all.ring_search import walked
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
 from wavesweep.for_all.unknown import Part
-from wavesweep.for_all.varying import Rules, bracketed, decided, text_of_pattern
+from wavesweep.for_all.varying import Rules, bracketed, decided_over, text_of_pattern
 from wavesweep.for_all.wall_frames import UnfitWallError, WallFrames, wall_frames
 
 __all__ = [
@@ -28,7 +28,7 @@ __all__ = [
     "advanced",
     "bracketed",
     "cases_of",
-    "decided",
+    "decided_over",
     "definite",
     "in_its_units",
     "is_refuted",

@@ -409,30 +409,20 @@ def decided_over(
     """
     if not ranges:
         family = rules.family(values, "")
-        said, pattern = decided(family, work or OPERATIONS_OF_SEARCH)
-        return said, {pattern: None}
+        if isinstance(family, Chances):
+            verdict = decays(family)
+            return verdict, {GROW if verdict == REFUTED else "": None}
+        if isinstance(family, RingFrames):
+            found = decide_ring(family)
+        else:
+            found = decide(family, work=work or OPERATIONS_OF_SEARCH)
+        return found.verdict, {found.by or text_of_pattern(family, found.word): None}
     loops = _over(rules, values, "", ranges)
     point, word, proved = decide_over(loops, work or WORK_OVER)
     if word:
         by = dict(zip((axis.path for axis in ranges), point, strict=False))
         return REFUTED, {**by, text_of_pattern(loops.family(point), word): None}
     return PROVED if proved else UNKNOWN, {}
-
-
-def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) -> tuple[str, str]:
-    """Whether a loop is stable for every order of frames, and the pattern with which it is not, or how
-    it is proved if not by norms of all that may happen.
-
-    family: along no number. work: operations after which no more norms are looked for.
-    """
-    if isinstance(family, Chances):
-        verdict = decays(family)
-        return verdict, GROW if verdict == REFUTED else ""
-    if isinstance(family, RingFrames):
-        found = decide_ring(family)
-    else:
-        found = decide(family, work=work)
-    return found.verdict, found.by or text_of_pattern(family, found.word)
 
 
 def decided_along(
