@@ -10,6 +10,7 @@ import pytest
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import _Rests, edges_of
+from wavesweep.contact.on_check import facts
 from wavesweep.contact.rows import records_in_frames, records_through_contact, refuse
 from wavesweep.contact.rows_in_frames import in_frames
 from wavesweep.contact.stored_check import Stored, _bernstein_coefficient, falls
@@ -17,6 +18,7 @@ from wavesweep.contact.stored_search import find_stored
 from wavesweep.contact.verdict import of_wall
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded
+from wavesweep.program.analyses.claims import PUSHES
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 
@@ -246,8 +248,12 @@ def test_the_verdict_on_a_wall_while_frames_vary(stiffness, said):
     tables = slow()
     tables["environment"]["K_VE"] = stiffness
     spec = load(tables)
-    found = of_wall(spec, rules_of(spec))
+    told = facts(spec)
+    found = told["contact"]
     assert (found["counterexample"] or found["verdict"]).startswith(said)
+    (claim,) = told["claims"]
+    assert claim.status.name.lower() == found["verdict"]
+    assert f"16, 20, 25, 33 ticks in any order with {PUSHES}" in claim.scope.in_words()
     if said == "the linear":
         linear = np.array([-1e9, 1e9]), np.array([-1e9, 1e9])
         pattern = [int(each) for each in found["counterexample"].rpartition("frames ")[2].split(", ")]

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from wavesweep.contact.on_check import refuse
+from wavesweep.contact.on_check import facts, refuse
 from wavesweep.contact.verdict import OPEN, WITHIN, of_saturation
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.claims import curve_of
 from wavesweep.program.spec import load
 
 pytestmark = pytest.mark.asks("for_all")
@@ -71,8 +72,9 @@ def test_a_loop_that_is_proved_comes_to_rest_from_beyond_its_limits(tables, outp
 )
 def test_what_refutes_a_saturation(tables, changes, counterexample):
     spec = load({**tables, "numbers": {**tables["numbers"], **changes}})
-    found = of_saturation(spec, "amp")
-    assert found == {"verdict": "refuted", "counterexample": counterexample}
+    found = facts(spec)
+    assert found["saturations"] == {"amp": {"verdict": "refuted", "counterexample": counterexample}}
+    assert [(claim.status.name, claim.scope.walls) for claim in found["claims"]] == [("REFUTED", curve_of("amp"))]
 
 
 @pytest.mark.parametrize(("kp", "verdict"), [(500.0, "proved"), (600.0, "refuted")])

@@ -181,16 +181,26 @@ def test_parts_are_divided_as_their_neighbours_had_to_be():
     assert frames.boxes == 15 + 7 * 8
 
 
-@pytest.mark.slow
-def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
-    """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""
-    box = np.array([[np.log(300.0), 0.0, 0.0, 0.0], [np.log(1200.0), 0.05, 1.0, 50.0]])
-    ends = []
-    found = cover(frames_of("pmw", box), box, np.ones((2, 2), bool), 2e10, report=lambda end, _: ends.append(end))
-    assert len(found.open)
-    assert ends == sorted(ends)
-    assert ends[-1] == found.end
-    assert found.end < np.log(800.0)
+class Growing(Counted):
+    """The matrices x and 0.5 in any order, x the number itself."""
+
+    def over(self, boxes):
+        enclosed = []
+        for low, high in boxes[:, :, 0]:
+            terms = np.zeros((len(monomials(1, 2)[0]), 2, 1, 1))
+            terms[0] = [[[(low + high) / 2]], [[0.5]]]
+            terms[1, 0] = (high - low) / 2
+            enclosed.append(
+                Enclosed(np.array([[low], [high]]), Polynomials(terms, np.full((2, 1, 1), 1e-15), 1, 2), np.ones(1))
+            )
+        return enclosed
+
+
+def test_nothing_is_proved_beyond_the_number_from_which_on_an_order_grows():
+    """The middle of the range decays."""
+    found = cover(Growing(), np.array([[0.0], [1.5]]), np.ones((2, 2), bool), 1e9)
+    assert found.end < 1
+    assert found.word == (0,)
 
 
 @pytest.mark.slow
