@@ -92,6 +92,8 @@ MOVED = MappingProxyType(
         **dict.fromkeys(("--width", "--style"), _SHAPES),
         "--force": "stood for two options: --overwrite replaces results of another spec, --restart begins a run anew",
         "--exit-code": "is --strict",
+        "--filters": "is a sweep: --set 'sweep.filters.lp1.order=[1, 2, 3, 4]' has the norm of the channel for each order",
+        "--partition": "is gone: --out FILE.parquet writes the Parquet file alone",
         "--root-locus": "is `wavesweep poles SPEC --over NUMBER`",
         "--gains": "is gone, since all numbers are constants in C: --set them, and export again",
     }
