@@ -95,7 +95,7 @@ def on_time(tables, tick=None):
     low, high = 0.0, SPAN[1]
     for _ in range(40):
         middle = (low + high) / 2
-        A = ticks.at_ends.at(middle)[len(ticks.lengths) - 1 :: len(ticks.lengths)]
+        A = ticks.at_lengths(middle)[:, -1]
         product = np.eye(A.shape[-1])
         for each in A:
             product = each @ product

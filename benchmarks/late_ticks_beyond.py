@@ -2,7 +2,7 @@
 
 python benchmarks/late_ticks_beyond.py measured   patterns that refute, of differences over the nominal and the measured tick
 python benchmarks/late_ticks_beyond.py mass       norms for two masses at once, as if the mass changed from tick to tick
-python benchmarks/late_ticks_beyond.py memory     nodes that remember two ticks, beside those that remember one
+python benchmarks/late_ticks_beyond.py memory     nodes that remember up to four ticks, beside those that remember one
 """
 
 import sys
@@ -12,7 +12,6 @@ import late_ticks
 import numpy as np
 from scipy.linalg import expm
 
-from wavesweep.for_all.ring_search import walked
 from wavesweep.late_ticks import bracket
 from wavesweep.late_ticks.tick_curves import DEGREE, LateTicks, _curves, _family, _point
 from wavesweep.program.spec import load
@@ -93,20 +92,15 @@ def measured():
 def of_masses(masses, interval):
     """Ticks whose control points are those of several masses."""
     points = []
-    ends = []
     for mass in masses:
         tables = late_ticks.LOOPS[SLOW]
         own = own_loop(load({**tables, "device": {**tables["device"], "mass": mass}}), late_ticks.WALL)
         curves = _curves(own, *interval)
         for j in range(DEGREE + 1):
             points.append({name: _point(both, j) for name, both in curves.items()})
-        for length in interval:
-            at_length = _curves(own, length, length)
-            ends.append({name: _point(both, 0) for name, both in at_length.items()})
     family, places = _family(own, late_ticks.WALL, points)
-    at_ends, _ = _family(own, late_ticks.WALL, ends)
     lengths = np.array([*interval] * len(masses))
-    return LateTicks(family, at_ends, lengths, places, len(masses))
+    return LateTicks(family, lengths, places, len(masses))
 
 
 def mass():
@@ -114,20 +108,19 @@ def mass():
     for share in (0.0, 0.02, 0.05, 0.1):
         began = time.process_time()
         masses = [MASS * (1 - share), MASS * (1 + share)]
-        search = bracket.Search(of_masses(masses, (TICK, 1.1 * TICK)), 0)
-        centre, _ = search.opened(search.alike(20.0), 20.0, 0.0)
-        _, reached = walked(search, centre, 20.0, 80.0, bracket.OPERATIONS_OF_BRACKET)
+        search = bracket.Search(of_masses(masses, (TICK, 1.1 * TICK)))
+        reached = search.alike(20.0).opened().walked(80.0).x
         print(f"mass within {share:.0%}: {reached:.2f} N/m, {time.process_time() - began:.1f} s", flush=True)
 
 
 def memory():
-    """Proved and refuted ends of waves a frame late, with nodes that remember one tick, or two."""
+    """Proved and refuted ends of waves a frame late, with nodes that remember one tick at most, or more."""
     for late in late_ticks.LATE:
         for name in list(late_ticks.LOOPS)[1:3]:
-            for graphs in (((1, 0), (2, 1), (4, 1)), ((1, 0), (2, 1), (2, 2))):
-                bracket.GRAPHS = graphs
+            for most in (1, 4):
+                bracket.MOST_REMEMBERED = most
                 proved, refuted, _, took = late_ticks.bracketed(late_ticks.LOOPS[name], late)
-                print(f"{name}, {late:g} s, {graphs[-1]}: {proved:.1f}, {refuted:.1f}, {took:.1f} s", flush=True)
+                print(f"{name}, {late:g} s, {most}: {proved:.1f}, {refuted:.1f}, {took:.1f} s", flush=True)
 
 
 if __name__ == "__main__":

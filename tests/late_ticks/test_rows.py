@@ -33,7 +33,7 @@ def test_a_row_lies_within_that_of_ticks_on_time_and_next_to_what_refutes_it():
     assert late["low"] < 0.1
     assert late["high"] < less["high"] < late["fails_from"] * 1.2
     assert 0.97 * late["fails_from"] < late["high"] < late["fails_from"]
-    assert late["counterexample"] == "ticks of 1.2, 1.2, 1 ms"
+    assert late["counterexample"].startswith("ticks of 1.2, 1.2, 1")
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from wavesweep.for_all.message_patterns import (
 from wavesweep.for_all.message_rings import RingFrames
 from wavesweep.for_all.norm_check import Norms, shrink_along
 from wavesweep.for_all.norms import (
+    LEAST_FORM,
     Centre,
     advanced,
     means_of_places,
@@ -74,16 +75,9 @@ class RingSearch:
             return None
         try:
             centre = recentred(Centre(P, self.graph, one, one), same, 60)
-            width = 0.0
-            while width < 1 and centre.work < work:
-                before = width
-                centre, width = advanced(centre, lambda w: same + w * (A - same), width, 1.0)
-                centre = centre.rounded()
-                # After the first steps, which are short, one that gains no more has stalled.
-                if width - before < min(2e-3 * width, 0.03 * (1 - width)):
-                    return None
         except np.linalg.LinAlgError:  # singular to rounding
             return None
+        centre, width = opened(centre, lambda w: same + w * (A - same), 0.0, work)
         return centre if width == 1 else None
 
     def proved(self, *ends: tuple[float, Centre]) -> bool:
@@ -98,6 +92,28 @@ class RingSearch:
             P = self.to.mT @ centre.norms.P @ self.to
             norms.append(Norms((P + P.mT) / 2, self.graph))
         return shrink_along(norms, *points, self.family.follows)
+
+
+def opened(
+    centre: Centre, matrices: Callable[[float], np.ndarray], width: float, work: float
+) -> tuple[Centre, float]:
+    """Return forms of matrices that are less and less alike, and the width at which the search ends:
+    1, or where it stalls.
+
+    matrices: of a width. centre: forms for a width, with which it begins.
+    """
+    while width < 1 and centre.work < work:
+        try:
+            ahead, at = advanced(centre, matrices, width, 1.0)
+            ahead = ahead.rounded()
+        except np.linalg.LinAlgError:  # singular to rounding
+            break
+        step = at - width
+        centre, width = ahead, at
+        # After the first steps, which are short, one that gains no more has stalled.
+        if step < min(2e-3 * width, 0.03 * (1 - width)) or not step:
+            break
+    return centre, width
 
 
 def walked(
@@ -198,3 +214,49 @@ def bracket_ring(
     end = fails if word else high
     settled = reached_low and abs(end - above) <= tolerance * abs(end)
     return Bracket(below, above, fails_below, fails, (first, word), settled, ())
+
+
+def units_of_ring(A: np.ndarray) -> np.ndarray | None:
+    """Return units at each place of a ring, `z = to x`, in which its matrices `(places, n, n)` shrink
+    every z by nearly the same share, that of the slowest mode; None if the loop is not stable."""
+    from scipy.linalg import matrix_balance
+
+    places, n, _ = A.shape
+    one = np.eye(n)
+    round_ring = np.zeros((places, n, places, n))
+    for place in range(places):
+        round_ring[(place + 1) % places, :, place] = A[place]
+    _, (sizes, _) = matrix_balance(round_ring.reshape(places * n, -1), permute=False, separate=True)
+    sizes = sizes.reshape(places, n)
+    forms = _periodic_forms(A * sizes[:, None] / np.roll(sizes, -1, axis=0)[..., None])
+    if forms is None:
+        return None
+    # Of a form: more than rounding may take off.
+    floor = 1e-12 * np.trace(forms, axis1=-2, axis2=-1)[:, None, None]
+    return np.linalg.cholesky(forms + floor * one).mT / sizes[:, None]
+
+
+def _periodic_forms(A):
+    """Forms that each of some matrices in a row lowers, `s^2 P_i = e + A_i' P_{i+1} A_i`, where s is
+    between the slowest mode and 1; None if the loop is not stable."""
+    one = np.eye(A.shape[-1])
+    whole = one
+    for each in A:
+        whole = each @ whole
+    radius = np.abs(np.linalg.eigvals(whole)).max() if np.isfinite(whole).all() else np.inf
+    if radius >= 1:
+        return None
+    slower = A / ((1 + radius) / 2) ** (1 / len(A))
+    whole = one
+    P = np.zeros_like(one)
+    for each in slower:
+        P = P + LEAST_FORM * whole.T @ whole
+        whole = each @ whole
+    for _ in range(64):  # doublings of the frames whose losses P is the sum of
+        P = P + whole.T @ P @ whole
+        whole = whole @ whole
+    forms = []
+    for each in slower[::-1]:
+        P = LEAST_FORM * one + each.T @ P @ each
+        forms.append((P + P.T) / 2)
+    return np.array(forms[::-1])

@@ -1,14 +1,15 @@
 """What is proved and what is refuted of a loop whose ticks take any time within an interval.
 
-Nodes of a graph are the places of ticks in a frame, perhaps with the cell of lengths that the last
-tick was in; each has a quadratic form. An edge is a control point of a cell, and all control points
-of a cell lead from a node to the same node: so the form decreases in every tick of the cell, see
-`tick_curves`. `norm_check` of [for_all] proves what is found here.
+Nodes of a graph are the places of ticks in a frame, perhaps with the cells of lengths that the last
+ticks were in; each has a form of degree two, or of four or eight as one of `squares`. An edge is a
+control point of a cell, and all control points of a cell lead from a node to the same node: so the
+form decreases in every tick of the cell, see `tick_curves`. `norm_check` of [for_all] proves what is
+found here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import offered
+from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.late_ticks.patterns import (
     Pattern,
     growing,
@@ -24,19 +26,21 @@ from wavesweep.late_ticks.patterns import (
     nearest_growing,
     word_of,
 )
+from wavesweep.late_ticks.squares import enclosed_square, square_of_curves, squared
 from wavesweep.late_ticks.tick_curves import DEGREE, LateTicks
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
-# Cells of lengths, and how many ticks back a node remembers them: of the graphs that are tried in
-# turn.
-GRAPHS = ((1, 0), (2, 1), (4, 1))
 # of a number, or of the way that is left: stretches that are shorter are not tried
 LEAST_STEP = 1e-3
-OPERATIONS_OF_BRACKET = 4e9  # operations of searches for norms, for each side: some seconds
-# of the way that is left: a step with which a search for norms ends, if the one before was longer
-STALLED = 0.03
-BEFORE_STALL = 0.9  # of a width that is reached: where the search on a finer graph begins
-STARTS = (0.3, 0.05, 0.6, 0.01, 0.15)  # shares of an interval, at which a proof begins
+OPERATIONS_OF_BRACKET = 2e10  # operations of searches for norms, for each side: some seconds
+OPERATIONS_OF_STEP = 6e8  # of Newton's: graphs and degrees that need more are not tried
+MOST_SQUARES = 2  # forms of degree 8: those of 16 are singular to rounding
+MOST_REMEMBERED = 4  # ticks: more gained nothing in loops at random
+# Shares of an interval, at which a proof begins.
+STARTS = (0.3, 0.05, 0.6, 0.01, 0.15, 0.9, 1e-3)
+# Of a number, or of the way that is left: with what less is gained, the next search is tried as well, and a tenth ends
+# them.
+WORTH = 0.2
 
 TicksWith = Callable[[int], LateTicks]
 """The ticks of a loop, with their lengths in at least so many cells."""
@@ -63,99 +67,104 @@ class Bracket:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The search for norms of some ticks, on a graph whose nodes remember the cells of the last
-    ticks."""
+    """The search for forms in which ticks decrease, on a graph whose nodes remember the cells of the
+    last ticks.
+
+    squares: how often ticks are squared; forms are of degree `2^(squares + 1)`. to: units at each
+    place, `z = to x`; None for those of x.
+    """
 
     ticks: LateTicks
-    remembered: int
+    remembered: int = 0
+    squares: int = 0
+    to: Any = None
 
     @cached_property
-    def ends(self) -> np.ndarray:
-        """The matrices at the ends of cells, which alone are looked at while norms are searched."""
-        points = np.arange(len(self.ticks.family.symbols)) % (DEGREE + 1)
-        return np.flatnonzero((points == 0) | (points == DEGREE))
+    def back(self) -> np.ndarray:
+        """The states x of those in the units, `x = back z`."""
+        return np.linalg.inv(self.to)
 
     @cached_property
-    def whole(self) -> Any:
-        """The graph of all control points."""
-        cells = self.ticks.cells
-        histories = list(product(range(cells), repeat=self.remembered))
-        number = {history: at for at, history in enumerate(histories)}
-        source = []
-        symbol = []
-        target = []
-        for each, (place, point) in enumerate(self.ticks.family.symbols):
-            next_place = (place + 1) % self.ticks.places
-            for history in histories:
-                longer = (*history, point // (DEGREE + 1))
-                source.append(place * len(histories) + number[history])
-                symbol.append(each)
-                target.append(next_place * len(histories) + number[longer[1:] if history else ()])
-        return offered("switched").Graph(*map(np.array, (source, symbol, target)))
+    def points(self) -> int:
+        """The number of control points of a cell."""
+        return DEGREE * 2**self.squares + 1
+
+    @cached_property
+    def histories(self) -> list[tuple[int, ...]]:
+        """The cells of the last ticks, of each node of a place."""
+        return list(product(range(self.ticks.cells), repeat=self.remembered))
 
     @cached_property
     def graph(self) -> Any:
-        """The graph of the ends of cells, whose matrices are numbered as in `ends`."""
-        whole = self.whole
-        kept = np.isin(whole.symbol, self.ends)
-        symbol = np.searchsorted(self.ends, whole.symbol[kept])
-        return offered("switched").Graph(whole.source[kept], symbol, whole.target[kept])
+        """The graph of all control points."""
+        places, cells = self.ticks.places, self.ticks.cells
+        number = {history: at for at, history in enumerate(self.histories)}
+        edges = []
+        for place, cell, history in product(range(places), range(cells), self.histories):
+            source = place * len(number) + number[history]
+            target = (place + 1) % places * len(number) + number[(*history, cell)[1:]]
+            first = (place * cells + cell) * self.points
+            edges += [(source, first + point, target) for point in range(self.points)]
+        return offered("switched").Graph(*np.array(edges).T)
+
+    @cached_property
+    def follows(self) -> np.ndarray:
+        """Which control points may come after which."""
+        place = np.repeat(np.arange(self.ticks.places), self.ticks.cells * self.points)
+        return (place[:, None] + 1) % self.ticks.places == place
 
     @cached_property
     def place(self) -> np.ndarray:
         """The place of each node."""
-        return np.arange(self.graph.nodes) * self.ticks.places // self.graph.nodes
+        return np.repeat(np.arange(self.ticks.places), len(self.histories))
+
+    @cached_property
+    def cost(self) -> float:
+        """Rough number of operations of a step of Newton's, as `norms` has it."""
+        n = self.ticks.slots.shape[1]
+        for _ in range(self.squares + 1):
+            n = n * (n + 1) // 2
+        _, apart = self.graph.along
+        return self.graph.nodes * n * (min(self.graph.nodes, apart + 1) * n) ** 2 / 3
+
+    def finer(self, ticks_with: TicksWith) -> list[Search]:
+        """What is tried next: forms of a higher degree, then one more tick remembered; without what
+        needs too many operations."""
+        finer = []
+        if not self.remembered and self.squares < MOST_SQUARES:
+            finer.append(replace(self, squares=self.squares + 1))
+        if self.remembered < MOST_REMEMBERED:
+            ticks = ticks_with(max(2, self.ticks.cells))
+            finer.append(replace(self, ticks=ticks, remembered=self.remembered + 1))
+        return [each for each in finer if each.cost < OPERATIONS_OF_STEP]
 
     def at(self, x: float, width: float = 1.0) -> np.ndarray:
-        """The matrices at the ends of cells, `A + width (A_k - A)` with the mean A of those at a
+        """The matrices of the control points, `A + width (A_k - A)` with the mean A of those at a
         place."""
-        A = self.ticks.by_place(self.ticks.family.at(x)[self.ends])
-        alike = A.mean(1, keepdims=True)
-        return (alike + width * (A - alike)).reshape(-1, *A.shape[-2:])
+        A = self.ticks.in_slots(self.ticks.family.at(x))
+        if self.to is not None:
+            A = np.roll(self.to, -1, axis=0)[:, None, None] @ A @ self.back[:, None, None]
+        alike = A.mean((1, 2), keepdims=True)
+        curves = (alike + width * (A - alike))[None]
+        for _ in range(self.squares):
+            curves = square_of_curves(curves)
+        return curves.reshape(-1, *curves.shape[-2:])
 
-    def alike(self, x: float) -> Any:
-        """Norms for ticks that are all alike, the mean of those at a place: their Lyapunov
-        functions, `P_i = e + A' P_j A`. None if these ticks are not stable."""
+    def alike(self, x: float) -> Forms | None:
+        """Forms for ticks that are all alike, the mean of those at a place, in units of their own;
+        None if these ticks are not stable."""
         switched = offered("switched")
-        A = self.at(x, 0.0)
-        units, inverse = switched.rough_basis(A)
-        forms = switched.periodic_forms(inverse @ A[:: 2 * self.ticks.cells] @ units)
-        if forms is None:
+        to = switched.units_of_ring(self.at(x, 0.0)[:: self.ticks.cells * self.points])
+        if to is None:
             return None
-        start = switched.Centre(forms[self.place], self.graph, units, inverse).rounded()
-        return switched.recentred(start, A, 8)
-
-    def opened(self, centre: Any, x: float, width: float) -> tuple[Any, float]:
-        """The norms of ticks that are less and less alike, from a width on, and the width at which
-        the search ends, 1 if it does not stall."""
-        step = 0.0
-        while width < 1 and centre.work < OPERATIONS_OF_BRACKET:
-            before = step, width
-            centre, width = offered("switched").advanced(
-                centre, lambda wider: self.at(x, wider), width, 1.0
-            )
-            centre = centre.rounded()
-            step = width - before[1]
-            if step < min(before[0] / 2, STALLED * (1 - width)) or not step:
-                break
-        return centre, width
-
-    def refined(self, before: Search, centre: Any, x: float, width: float = 1.0) -> Any:
-        """The norms of a coarser graph on this one, near its own centre."""
-        cells = before.ticks.cells
-        finer = self.ticks.cells // cells
-        P = []
-        for place in range(self.ticks.places):
-            for history in product(range(self.ticks.cells), repeat=self.remembered):
-                node = place
-                for cell in history[len(history) - before.remembered :]:
-                    node = node * cells + cell // finer
-                P.append(centre.P[node])
-        lifted = replace(centre, P=np.array(P), graph=self.graph)
-        return offered("switched").recentred(lifted, self.at(x, width), 8)
+        search = replace(self, to=to)
+        one = np.eye(to.shape[-1])
+        P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
+        start = switched.Centre(P, self.graph, one, one).rounded()
+        return Forms(search, x, switched.recentred(start, search.at(x, 0.0), 60))
 
     def proved(self, *ends: tuple[float, Any]) -> bool:
-        """Whether norms at one number, or those between the norms at two, are proved to be norms
+        """Whether forms at one number, or those between the forms at two, are proved to decrease
         for it, or for all numbers between."""
         switched = offered("switched")
         low, high = min(ends, key=_first), max(ends, key=_first)
@@ -163,35 +172,117 @@ class Search:
         if points is None:
             return False
         several = (low, high) if low[0] < high[0] else (low,)
-        norms = [replace(centre.norms, graph=self.whole) for _, centre in several]
-        return switched.shrink_along(norms, *points, self.ticks.family.follows)
+        E, dE = points
+        A = np.eye(E.shape[-1]) + E
+        dA = dE + UNIT_ROUNDING * np.abs(A)
+        # Units of the states alone, powers of 2.
+        units = np.exp2(np.round(np.log2(np.abs(self.back).max(-1))))
+        into = units[:, None, None, None] / np.roll(units, -1, axis=0)[:, None, None, :, None]
+        A, dA = (self.ticks.in_slots(each) * into for each in (A, dA))
+        to = self.to * units[:, None]
+        for _ in range(self.squares):
+            A, dA = enclosed_square(A, dA)
+            to = squared(to)
+        shape = (len(A), -1, *A.shape[-2:])
+        E = A - np.eye(A.shape[-1])
+        dE = dA + UNIT_ROUNDING * np.abs(E)
+        to = to[self.place]
+        norms = []
+        for _, centre in several:
+            P = to.mT @ centre.norms.P @ to
+            norms.append(switched.Norms((P + P.mT) / 2, self.graph))
+        return switched.shrink_along(norms, E.reshape(shape), dE.reshape(shape), self.follows)
 
 
-def started(ticks_with: TicksWith, x: float) -> tuple[Search, Any] | None:
-    """Return norms that are proved at x, with their search; None if none are found.
+@dataclass(frozen=True, eq=False)
+class Forms:
+    """Forms of a search in which ticks at a number decrease, in doubles, if they are no wider apart
+    than a share of what they are."""
+
+    search: Search
+    x: float
+    centre: Any
+    width: float = 0.0
+
+    @property
+    def proved(self) -> bool:
+        """Whether all ticks are proved to decrease."""
+        return self.width == 1 and self.search.proved((self.x, self.centre))
+
+    def opened(self) -> Forms:
+        """The forms of ticks that are less and less alike, until the search stalls."""
+        centre, width = offered("switched").opened(
+            self.centre,
+            lambda wider: self.search.at(self.x, wider),
+            self.width,
+            OPERATIONS_OF_BRACKET,
+        )
+        return replace(self, centre=centre, width=width)
+
+    def walked(self, goal: float) -> Forms:
+        """The last forms of a proof without a gap towards a goal."""
+        centre, x = offered("switched").walked(
+            self.search, self.centre, self.x, goal, OPERATIONS_OF_BRACKET, LEAST_STEP
+        )
+        return replace(self, centre=centre, x=x)
+
+    def finer(self, search: Search) -> Forms | None:
+        """These forms in a search on a finer graph, or of a higher degree, near their own centre;
+        None if these are singular to rounding.
+
+        They begin at less than the width that is reached, unless nodes remember cells: less wide
+        ticks of a cell are in no convex hull of the wider ones.
+        """
+        before = self.search
+        recentred = offered("switched").recentred
+        width = self.width if before.remembered else 0.9 * self.width
+        cells = before.ticks.cells
+        ratio = search.ticks.cells // cells
+        nodes = []
+        for place, history in product(range(search.ticks.places), search.histories):
+            node = place
+            for cell in history[len(history) - before.remembered :]:
+                node = node * cells + cell // ratio
+            nodes.append(node)
+        try:
+            centre = self.centre
+            if width < self.width:
+                centre = recentred(centre, before.at(self.x, width), 20)
+            maps = [centre.P[nodes], centre.basis, centre.inverse]
+            for _ in range(search.squares - before.squares):
+                maps = [squared(each) for each in maps]
+            P, basis, inverse = maps
+            centre = replace(centre, P=P, basis=basis, inverse=inverse, graph=search.graph)
+            centre = recentred(centre.rounded(), search.at(self.x, width), 8)
+        except np.linalg.LinAlgError:  # singular to rounding
+            return None
+        return Forms(search, self.x, centre, width)
+
+
+def started(ticks_with: TicksWith, numbers: Iterable[float]) -> Forms | None:
+    """Return forms that are proved at one of some numbers; None if none are found.
 
     The search begins with ticks that are all alike; the interval of lengths then opens, on finer
-    graphs where it stalls.
+    graphs where it stalls for all numbers.
     """
-    search = None
-    centre, width = None, 0.0
-    try:
-        for cells, remembered in GRAPHS:
-            finer = Search(ticks_with(cells), remembered)
-            if search is None:
-                centre = finer.alike(x)
-            else:
-                width = BEFORE_STALL * width
-                centre = finer.refined(search, centre, x, width)
-            if centre is None:
-                return None
-            search = finer
-            centre, width = search.opened(centre, x, width)
-            if width == 1 and search.proved((x, centre)):
-                return search, centre
-    except np.linalg.LinAlgError:  # singular to rounding
-        return None
-    return None
+    first = Search(ticks_with(1))
+    begun: Iterable[Forms | None] = map(first.alike, numbers)
+    while True:
+        stalled = []
+        for each in begun:
+            forms = each and each.opened()
+            if forms is None:
+                continue
+            if forms.proved:
+                return forms
+            stalled.append(forms)
+        if not stalled:
+            return None
+        stalled.sort(key=lambda forms: -forms.width)
+        most_open = stalled[:2]
+        begun = [
+            each.finer(search) for each in most_open for search in each.search.finer(ticks_with)
+        ]
 
 
 def _first(pair):
@@ -206,9 +297,9 @@ def decided(ticks_with: TicksWith) -> tuple[str, str]:
     """
     ticks = ticks_with(1)
     rate, pattern = growing(ticks, 0.0)
-    if rate >= 1 and offered("switched").is_refuted(ticks.at_ends, word_of(ticks, pattern), 0.0):
+    if rate >= 1 and offered("switched").is_refuted(ticks.family, word_of(ticks, pattern), 0.0):
         return REFUTED, in_words(ticks, pattern)
-    return (UNKNOWN if started(ticks_with, 0.0) is None else PROVED), ""
+    return (UNKNOWN if started(ticks_with, [0.0]) is None else PROVED), ""
 
 
 def bracket(
@@ -224,47 +315,52 @@ def bracket(
     ticks = ticks_with(1)
     low, high = about
     refuted = []
-    for share in STARTS:
-        start = low + share * (high - low)
-        rate, pattern = growing(ticks, start)
-        if rate >= 1:
-            if offered("switched").is_refuted(ticks.at_ends, word_of(ticks, pattern), start):
+
+    def possible():
+        for share in STARTS:
+            start = low + share * (high - low)
+            rate, pattern = growing(ticks, start)
+            if rate < 1:
+                yield start
+            elif offered("switched").is_refuted(ticks.family, word_of(ticks, pattern), start):
                 refuted.append(End(start, start, pattern, in_words(ticks, pattern)))
-            continue
-        found = started(ticks_with, start)
-        if found is not None:
-            search, centre = found
-            above = _side(ticks_with, search, centre, start, high, tolerance)
-            # Of the high end, from which on is proved what begins at 0.
-            near = 1e-4 * above.reached if low == 0 else 0.0
-            below = _side(ticks_with, search, centre, start, max(low, near), tolerance)
-            return Bracket(below, above)
+
+    forms = started(ticks_with, possible())
+    if forms is not None:
+        above = _side(ticks_with, forms, high, tolerance)
+        # Of the high end, from which on is proved what begins at 0.
+        near = 1e-4 * above.reached if low == 0 else 0.0
+        below = _side(ticks_with, forms, max(low, near), tolerance)
+        return Bracket(below, above)
     if not refuted:
         return None
     least = min(refuted, key=lambda end: end.reached)
     return Bracket(End(least.reached), least)
 
 
-def _side(ticks_with, search, centre, start, limit, tolerance) -> End:
+def _side(ticks_with, forms, limit, tolerance) -> End:
     """What is proved and refuted from a start towards a limit, with finer graphs as long as they
     are far apart."""
-    ticks = search.ticks
+    ticks = forms.search.ticks
+    start = forms.x
     fails, pattern = nearest_growing(ticks, start, limit)
     # How far before the refuted end a proof ends.
     goal = fails + 2e-3 * (start - fails) if pattern else limit
-    reached = start
-    centre = replace(centre, work=0.0)
-    for cells, remembered in GRAPHS:
-        if remembered < search.remembered:
-            continue
-        if remembered > search.remembered or cells > search.ticks.cells:
-            finer = Search(ticks_with(cells), remembered)
-            centre = finer.refined(search, centre, reached)
-            search = finer
-        centre, reached = offered("switched").walked(
-            search, centre, reached, goal, OPERATIONS_OF_BRACKET, LEAST_STEP
-        )
-        near = abs(goal - reached) <= tolerance * max(abs(goal), tolerance * abs(goal - start))
-        if near or centre.work > OPERATIONS_OF_BRACKET:
+    forms = replace(forms, centre=replace(forms.centre, work=0.0)).walked(goal)
+    while True:
+        left = abs(goal - forms.x)
+        if left <= tolerance * max(abs(goal), tolerance * abs(goal - start)):
             break
-    return End(reached, fails, pattern, in_words(ticks, pattern))
+        best = forms
+        worth = WORTH * min(left, max(abs(forms.x), 1e-3 * left))
+        for search in forms.search.finer(ticks_with):
+            ahead = forms.finer(search)
+            ahead = ahead and ahead.opened()
+            if ahead and ahead.proved:
+                best = min(best, ahead.walked(goal), key=lambda each: abs(goal - each.x))
+            if abs(best.x - forms.x) > worth:
+                break
+        if abs(best.x - forms.x) < worth / 10:
+            break
+        forms = best
+    return End(forms.x, fails, pattern, in_words(ticks, pattern))

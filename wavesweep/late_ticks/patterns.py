@@ -7,8 +7,9 @@ eigenvalue z and the vectors x and y of that,
     dz = y' Q dA P x.
 
 All ticks of a pattern are set to the lengths that this wants, again and again, until none changes.
-Patterns are as long as a few frames, or as half a turn of a slow mode: what changes twice in a turn
-feeds an oscillation most (parametric resonance).
+It begins with walks: of each slow mode of the ticks' mean, with the left eigenvector l of that, a
+walk takes in each tick the length with which `|l' x|` becomes largest, and soon repeats itself.
+What it repeats is a pattern, however long a turn of the mode is (parametric resonance).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from wavesweep.capabilities import offered
 from wavesweep.late_ticks.tick_curves import LateTicks
 from wavesweep.program.tables.refuters import repeated
 
-FRAMES = (1, 2, 3)  # in a pattern
-MOST_TICKS = 400  # in a pattern of several frames
+MOST_TICKS = 1200  # of a walk
+MODES = 4  # the slowest, of which there are walks
 # of these that change every tick that they would; later ones half as many each
 CLIMBS_OF_ALL_TICKS = 4
 SAME_EIGENVALUE = 1e-13  # of an eigenvalue: a change that is none
@@ -32,22 +33,24 @@ Pattern = tuple[int, ...]
 
 
 def growing(ticks: LateTicks, x: float, known: Sequence[Pattern] = ()) -> tuple[float, Pattern]:
-    """Return the fastest growth per frame at x of the patterns that a climb finds, and its pattern.
+    """Return the fastest growth per frame at x of the patterns that a climb finds, up to the shortest
+    that grows for ever, and its pattern.
 
-    known: patterns to begin with beside all short, all long, and waves of short and long ticks.
+    known: patterns to begin with beside all short, all long, and those of walks.
     """
-    A = ticks.by_place(ticks.at_ends.at(x))
+    A = ticks.at_lengths(x)
+    tried = [(each,) * ticks.places for each in range(len(ticks.lengths))]
+    tried += [*known, *_repeated_by_walks(A)]
+    by_length: dict[int, set[Pattern]] = {}
+    for pattern in tried:
+        by_length.setdefault(len(pattern), set()).add(pattern)
     best: tuple[float, Pattern] = (0.0, ())
-    for frames in sorted({*FRAMES, *_half_turns(A)}):
-        length = frames * ticks.places
-        if length > MOST_TICKS and frames > 1:
-            break
-        waves = 3 * frames if frames in FRAMES else 1
-        starts = [_waves(waves, length, len(ticks.lengths))]
-        starts += [np.array([pattern]) for pattern in known if len(pattern) == length]
-        rate, pattern = _climbed(A, np.concatenate(starts))
+    for length in sorted(by_length):
+        rate, pattern = _climbed(A, np.array(sorted(by_length[length])))
         if rate > best[0] * (1 + SAME_EIGENVALUE):
             best = rate, pattern
+        if best[0] >= 1:  # the shortest is what is read most easily
+            break
     return best
 
 
@@ -55,51 +58,59 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float
     """Return the number closest to the start at which a pattern is proved to grow, of those that
     a search finds, and that pattern; NaN and () if there is none."""
     stable = start
-    unstable, pattern = np.nan, ()
-    # 16 numbers between a start and a limit, the first after a thousandth of the way.
-    for x in start + (limit - start) * np.geomspace(1e-3, 1.0, 16):
-        rate, found = growing(ticks, x)
+    # 8 numbers between a start and a limit, the first after a thousandth of the way.
+    for x in start + (limit - start) * np.geomspace(1e-3, 1.0, 8):
+        rate, pattern = growing(ticks, x)
         if rate >= 1:
-            unstable, pattern = float(x), found
             break
         stable = float(x)
-    if not pattern:
+    else:
         return np.nan, ()
-    for _ in range(9):
-        middle = (stable + unstable) / 2
-        rate, found = growing(ticks, middle, [pattern])
-        if rate >= 1:
-            unstable, pattern = middle, found
+    unstable = float(x)
+    # Of the way from the start, how much nearer a better pattern is looked for in turn.
+    shares = [3e-3, 2e-2]
+    for _ in range(20):  # patterns, each of which grows nearer to the start than the one before
+        unstable = _threshold(ticks, word_of(ticks, pattern), stable, unstable)
+        for nearer in (unstable + share * (start - unstable) for share in shares):
+            rate, found = growing(ticks, nearer, [pattern])
+            if rate >= 1:
+                break
         else:
-            stable = middle
-    return grows_from(ticks, pattern, stable, unstable, limit)
+            break
+        unstable, pattern = nearer, found
+        stable = stable if abs(stable - start) < abs(nearer - start) else start
+    return proved_to_grow(ticks, pattern, unstable, limit)
 
 
-def grows_from(
-    ticks: LateTicks, pattern: Pattern, stable: float, unstable: float, limit: float
+def proved_to_grow(
+    ticks: LateTicks, pattern: Pattern, unstable: float, limit: float
 ) -> tuple[float, Pattern]:
-    """Return the number next to where a pattern begins to grow at which that is proved, and the
-    pattern; NaN and () if none is."""
+    """Return the number next to an unstable one at which a pattern is proved to grow, and the
+    pattern; NaN and () if there is none."""
     switched = offered("switched")
     word = word_of(ticks, pattern)
-    for _ in range(40):  # bisections with one pattern
+    at = switched.refuted_beyond(ticks.family, word, unstable, limit)
+    if at is None and switched.is_refuted(ticks.family, word, unstable):
+        at = unstable
+    return (np.nan, ()) if at is None else (float(at), pattern)
+
+
+def _threshold(ticks, word, stable, unstable):
+    """The number from which on a pattern grows, of those between one where it does not and one
+    where it does."""
+    for _ in range(30):  # bisections
         middle = (stable + unstable) / 2
         if _growth(ticks, middle, word) >= 1:
             unstable = middle
         else:
             stable = middle
-    at = switched.refuted_beyond(ticks.at_ends, word, unstable, limit)
-    if at is None and switched.is_refuted(ticks.at_ends, word, unstable):
-        at = unstable
-    if at is None:
-        return (np.nan, ())
-    return (float(at), pattern)
+    return unstable
 
 
 def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:
-    """Return the matrices of `at_ends` that a pattern consists of."""
+    """Return the symbols of `LateTicks.family` that a pattern consists of."""
     places = np.arange(len(pattern)) % ticks.places
-    return tuple((places * len(ticks.lengths) + pattern).tolist())
+    return tuple(ticks.symbol(places, np.array(pattern)).tolist())
 
 
 def in_words(ticks: LateTicks, pattern: Pattern) -> str:
@@ -121,21 +132,9 @@ def _shortest(pattern, places):
     return pattern
 
 
-def _half_turns(A):
-    """The frames of half a turn of the two slowest modes that oscillate, of ticks that are all
-    alike."""
-    frame = np.eye(A.shape[-1])
-    for tick in A.mean(1):
-        frame = tick @ frame
-    z = np.linalg.eigvals(frame)
-    turning = z[z.imag > 0]
-    slowest = turning[np.argsort(-np.abs(turning))[:2]]
-    return [max(1, round(np.pi / angle)) for angle in np.angle(slowest).tolist()]
-
-
 def _growth(ticks, x, word):
     """The spectral radius of a pattern."""
-    A = ticks.at_ends.at(x)
+    A = ticks.family.at(x)
     product = A[word[0]]
     for symbol in word[1:]:
         product = A[symbol] @ product
@@ -144,17 +143,53 @@ def _growth(ticks, x, word):
     return float(np.abs(np.linalg.eigvals(product)).max())
 
 
-def _waves(most, length, lengths):
-    """Patterns that a climb begins with, `(patterns, length)`; most: waves in a pattern."""
-    last = lengths - 1
-    patterns = [np.full(length, each) for each in range(lengths)]
-    ticks = np.arange(length)
-    patterns.append(last * (ticks % 2))
-    for waves in range(1, most + 1):
-        for phase in (0.0, 0.25, 0.5, 0.75):
-            high = np.cos(2 * np.pi * (waves * ticks / length + phase)) > 0
-            patterns.append(np.where(high, last, 0))
-    return np.array(patterns)
+def _repeated_by_walks(A):
+    """The patterns that walks of the slow modes of the ticks' mean repeat, from the middle of a walk
+    on, with those first after which its state is most nearly the same again."""
+    from scipy.linalg import eig
+
+    places, _lengths, n, _ = A.shape
+    frame = np.eye(n)
+    for tick in A.mean(1):
+        frame = tick @ frame
+    if not np.isfinite(frame).all():
+        return
+    z, left, right = eig(frame, left=True)
+    # Smaller eigenvalues are of states that are soon gone.
+    slow = [k for k in np.argsort(-np.abs(z)) if z[k].imag >= 0 and np.abs(z[k]) > 1e-3][:MODES]
+    x = np.concatenate([right[:, slow].real.T, right[:, slow].imag.T])
+    reads = np.tile(left[:, slow].conj().T, (2, 1))
+    moves = x.any(1)
+    if not moves.any():
+        return
+    # Four turns of the slowest, or 40 frames, if these are not too many ticks.
+    turns = 2 * np.pi / np.maximum(np.abs(np.angle(z[slow])), 1e-3)
+    frames = int(min(max(4 * turns.max(), 40), max(MOST_TICKS // places, 2)))
+    half = frames // 2
+    for pattern, states in zip(*_walked(A, reads[moves], x[moves], frames), strict=True):
+        alike = np.abs(states[half + 1 :] @ states[half])
+        for more in np.argsort(-alike, kind="stable")[:2]:
+            yield tuple(pattern[half * places : (half + 1 + more) * places].tolist())
+
+
+def _walked(A, reads, x, frames):
+    """The lengths that walks from states x choose, `(walks, ticks)`, and their states at the
+    beginnings of frames, of norm 1, `(walks, frames + 1, n)`. reads: l of each walk."""
+    walks = np.arange(len(x))
+    seen = [reads]
+    for tick in A.mean(1)[:0:-1]:
+        seen.append(seen[-1] @ tick)
+    lengths = []
+    states = [x / np.linalg.norm(x, axis=-1, keepdims=True)]
+    for _ in range(frames):
+        x = states[-1]
+        for tick, own in zip(A, reversed(seen), strict=True):
+            after = tick @ x.T  # (lengths, n, walks)
+            chosen = np.abs((after * own.T).sum(1)).argmax(0)
+            x = after[chosen, :, walks]
+            lengths.append(chosen)
+        states.append(x / np.linalg.norm(x, axis=-1, keepdims=True))
+    return np.array(lengths).T, np.array(states).swapaxes(0, 1)
 
 
 def _climbed(A, patterns):
@@ -193,7 +228,7 @@ def _climbed(A, patterns):
         moved = (changed != patterns).any(1)
         if not moved.any():
             break
-        patterns = np.unique(changed[moved], axis=0)
+        patterns = np.array(sorted(set(map(tuple, changed[moved].tolist()))))
     return best
 
 

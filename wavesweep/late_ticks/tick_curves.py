@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import comb
 from typing import Any
 
@@ -33,7 +34,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Polynomials, Side, UnresolvedError
 
 LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enclosed
-DEGREE = 2  # of the curves
+DEGREE = 4  # of the curves
 CURVE_ROUNDING = 1e-15  # of a length: more than the rounding of 1/rate and of a sum
 MOST_CELLS = 64  # of lengths; curves of more are not made
 WIDE = "[for_all] tick: the times of a tick differ by too much to be enclosed"
@@ -45,17 +46,16 @@ Curve = tuple[np.ndarray, np.ndarray]
 """Control points `(points, n, m)`, and how far the matrices may be from their curve, `(n, m)`."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LateTicks:
     """The ticks of a loop along a number, for lengths between two ends.
 
     family: the matrix of each place of a tick in its frame with each control point of each cell, in
-    this order, as `LoopFrames`. at_ends: the same with the lengths at which cells meet, in place of
-    control points. lengths: these (s). places: of ticks in a frame. cells: of lengths.
+    this order, as `LoopFrames`. lengths: those at which cells meet (s). places: of ticks in a frame.
+    cells: of lengths.
     """
 
     family: Any
-    at_ends: Any
     lengths: np.ndarray
     places: int
     cells: int
@@ -64,10 +64,49 @@ class LateTicks:
         """Return matrices of all symbols, `(..., symbols, n, n)`, as `(..., places, ticks, n, n)`."""
         return A.reshape(*A.shape[:-3], self.places, -1, *A.shape[-2:])
 
-    @property
-    def points(self) -> int:
-        """The number of control points at each place."""
-        return self.cells * (DEGREE + 1)
+    def symbol(self, place: np.ndarray, length: np.ndarray) -> np.ndarray:
+        """Return the symbols of ticks at places whose lengths are some of `lengths`, by their numbers:
+        the first control point of a cell, or the last of all."""
+        return place * self.cells * (DEGREE + 1) + length * (DEGREE + 1) - (length == self.cells)
+
+    def at_lengths(self, x: float) -> np.ndarray:
+        """Return the ticks at x that have one of `lengths`, `(places, lengths, n, n)`."""
+        place = np.arange(self.places)[:, None]
+        return self.family.at(x)[self.symbol(place, np.arange(self.cells + 1))]
+
+    @cached_property
+    def slots(self) -> np.ndarray:
+        """The state in each slot before each place, `(places, slots)`, or their number where there
+        is none: of those that are read before they are set again, and are not zero there."""
+        family = self.family
+        n = family.kept.size
+        live = np.ones((self.places, n), bool)
+        acts = np.array(family.patterns)[:, *np.ix_(family.kept, family.kept)]
+        acts = np.logical_or(self.by_place(acts).any(1), bool(family.drift))
+        before = ~live
+        while (before != live).any():
+            before = live
+            read = live & (acts & np.roll(live, -1, axis=0)[:, :, None]).any(1)
+            live = read & np.roll((acts & read[:, None]).any(2), 1, axis=0)
+        slots = []
+        slot = np.full(live.sum(1).max(), n)
+        for own in live:
+            slot = np.where(np.append(own, False)[slot], slot, n)
+            coming = np.setdiff1d(np.flatnonzero(own), slot)
+            slot[np.flatnonzero(slot == n)[: coming.size]] = coming
+            slots.append(slot)
+        return np.array(slots)
+
+    def in_slots(self, A: np.ndarray) -> np.ndarray:
+        """Return matrices of all symbols, `(..., symbols, n, n)`, as those of the slots, `(..., places,
+        cells, points, slots, slots)`; 0 where there is no state."""
+        rim = self.by_place(np.pad(A, [*[(0, 0)] * (A.ndim - 2), (0, 1), (0, 1)]))
+        after = np.roll(self.slots, -1, axis=0)
+        moved = []
+        for place, (row, column) in enumerate(zip(after, self.slots, strict=True)):
+            moved.append(rim[..., place, :, :, :][..., row[:, None], column])
+        found = np.stack(moved, axis=-4)
+        return found.reshape(*found.shape[:-3], self.cells, -1, *found.shape[-2:])
 
 
 def late_ticks(
@@ -94,13 +133,8 @@ def late_ticks(
     for cell in curves:
         for j in range(DEGREE + 1):
             points.append({name: _point(both, j) for name, both in cell.items()})
-    ends = []
-    for length in lengths:
-        at_length = _curves(loops, length, length)
-        ends.append({name: _point(both, 0) for name, both in at_length.items()})
     family, places = _family(loops, along, points)
-    at_ends, _ = _family(loops, along, ends)
-    return LateTicks(family, at_ends, lengths, places, cells)
+    return LateTicks(family, lengths, places, cells)
 
 
 def moving(drawing: Drawing) -> list[str]:
@@ -116,10 +150,10 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     own = tuple(block for block in drawing.blocks if block.plant)
     rate = ONE / Tree.name(LENGTH)
     alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
-    if low < high:  # both may be rounded: times and rates are given in decimals
-        low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)
+    # Both may be rounded: times and rates are given in decimals.
+    low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)
     # Order of the Taylor models of a cell.
-    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], 10)
+    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], 24)
     model = enclosed.over(np.array([[low], [high]]))
     names = moving(drawing)
     return {name: (_curve(model.blocks[name].E), _curve(model.blocks[name].B)) for name in names}
@@ -154,7 +188,7 @@ def _is_near(curves) -> bool:
             size = np.abs(control).max(0)
             rounding = ROUNDINGS * UNIT_ROUNDING * (1 + size.max(initial=0.0))
             # Of an entry: a cell that leaves more out of its curve is divided.
-            if (rest > 1e-4 * size + rounding).any():
+            if (rest > 1e-7 * size + rounding).any():
                 return False
     return True
 
