@@ -17,7 +17,7 @@ import numpy as np
 
 from wavesweep.for_all.channel_families import LOST
 from wavesweep.for_all.message_rings import RingFrames
-from wavesweep.for_all.patterns import Word, crossing, growth, is_refuted, refuted_beyond
+from wavesweep.for_all.patterns import Word, crossing, is_refuted, product_of, refuted_beyond
 
 PERIODS = (1, 2, 3, 5, 8, 13)  # in a pattern
 MOST_PLACES = 400  # of a pattern
@@ -43,14 +43,14 @@ def growing_pattern(
     best: tuple[float, Word] = (0.0, ())
     for start in filter(None, (*known, *_starts(family, periods))):
         word = start
-        rate = growth(A, word)
+        rate = _rate(A, word)
         for _ in range(10):  # changes on the way up
             if not 0 < rate < np.inf:  # of a product that is 0 nothing is the largest eigenvalue
                 break
             gains = _gains(A, family, word)
             for cost in COSTS:
                 ahead = realised(family, _changed(family, word, gains, cost))
-                farther = growth(A, ahead) if ahead else 0.0
+                farther = _rate(A, ahead)
                 if farther > rate * (1 + 1e-9):
                     break
             else:
@@ -68,7 +68,7 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[flo
     at = limit
     best: tuple[float, Word] = (np.nan, ())
     # Of the way to a refuted number, how far before it others are looked for.
-    for back in (0.0, 0.1, 0.03, 0.01):
+    for back in (0.0, 0.2, 0.1, 0.03):
         for _ in range(8):
             x = at + back * (start - at)
             rate, word = growing_pattern(family, x, (best[1],) if best[1] else ())
@@ -192,6 +192,21 @@ def _starts(family: RingFrames, numbers: Sequence[int]) -> Iterator[Word]:
             yield realised(family, tuple(word))
 
 
+def _sizes(z):
+    """The sizes of eigenvalues, 0 for the slowest mode that creeps back: it hides what a pattern does
+    to others, and is next to 1 with each."""
+    size = np.abs(z)
+    creeps = np.where((z.imag == 0) & (z.real < 1), z.real, -1.0)
+    size[creeps.argmax()] *= creeps.max() < 0
+    return size
+
+
+def _rate(A, word):
+    """The size that a climb raises, of the product of a pattern; 0 without one."""
+    product = product_of(A, word) if word else np.zeros((1, 1))
+    return float(_sizes(np.linalg.eigvals(product)).max()) if np.isfinite(product).all() else np.inf
+
+
 def _gains(A, family, word):
     """What each step of a pattern does to its largest eigenvalue with each matrix of its place,
     relative to that."""
@@ -199,7 +214,7 @@ def _gains(A, family, word):
     for symbol in word:
         before.append(A[symbol] @ before[-1])
     z, vectors = np.linalg.eig(before[-1])
-    at = int(np.abs(z).argmax())
+    at = int(_sizes(z).argmax())
     x = vectors[:, at]
     try:
         y = np.linalg.inv(vectors)[at]
