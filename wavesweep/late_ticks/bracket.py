@@ -34,8 +34,8 @@ PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 LEAST_STEP = 1e-3
 OPERATIONS_OF_BRACKET = 2e10  # operations of searches for norms, for each side: some seconds
 OPERATIONS_OF_STEP = 6e8  # of Newton's: graphs and degrees that need more are not tried
-MOST_SQUARES = 2  # forms of degree 8: those of 16 are singular to rounding
-MOST_REMEMBERED = 4  # ticks: more gained nothing in loops at random
+MOST_SQUARES = 2  # forms of degree 8: higher ones were not tried
+MOST_REMEMBERED = 4  # ticks, of which each doubles the nodes: more were not tried
 # Shares of an interval, at which a proof begins.
 STARTS = (0.3, 0.05, 0.6, 0.01, 0.15, 0.9, 1e-3)
 # Of a number, or of the way that is left: with what less is gained, the next search is tried as well, and a tenth ends
