@@ -10,13 +10,18 @@ from support.specs import INTEGRATIONS, values_of
 
 import wavesweep
 from tests.for_all.marches import growth_of, pmw
+from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._stability.stable import stable_intervals
+from wavesweep.engine.frames import open_loops
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.frame_families import FramesInAnyOrder
+from wavesweep.for_all.joint import bracket
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.patterns import growth, is_refuted, shortest_through
 from wavesweep.for_all.plan import FRAME, LOST
 from wavesweep.haptics.controller_page import loop_drawing
+from wavesweep.haptics.controllers import WALL
 from wavesweep.program.spec import load
 
 LENGTHS = 16, 20, 25, 33
@@ -222,3 +227,13 @@ def test_periods_of_blocks_that_run_after_the_sample_are_those_of_the_frame_befo
         next(i for i, each in enumerate(family.symbols) if (each.ticks, each.step) == pair) for pair in ((4, 7), (7, 4), (7, 7))
     )
     assert growth(family.at(K), word) == pytest.approx(np.exp(np.mean(sizes[150:])), rel=0.02)
+
+
+def test_one_length_alone_is_the_interval_of_today():
+    values = fig4(**{"environment.delay": 1})
+    cut = open_loops(Loops(loop_drawing(values), values).read, *WALL, per_loop=True).cut
+    today = stable_intervals(cut.as_batch(1), FIRST, (0.0, 5000.0), np.array([[1.0]]))
+    found = bracket(frames_of_controller(values, FramesInAnyOrder((20,))), 20.0, (0.0, 5000.0), 1e-6)
+    assert found.high == pytest.approx(today.high[0], rel=1e-6)
+    assert found.low == pytest.approx(today.low[0], abs=1e-6)
+    assert found.fails_from == pytest.approx(today.high[0], rel=1e-9)
