@@ -33,7 +33,9 @@ from wavesweep.for_all.open_channels import OpenLoop, taken_from
 LEAST_STEP = 0.02  # of a number, a stretch that ends a proof
 DOUBLINGS = 30  # of the number of periods, after which nothing of a state is left
 RANK = 1e-9  # of the largest change that a number makes in a tick, one that counts
-SHARE = 1e-6  # of a state squared, in units in which it loses 1e-3 a tick: what the balance keeps
+# Of a state squared, in units in which it loses 1e-3 a tick, what the balance keeps: less where
+# little is left, more where rounding of many states costs more.
+SHARES = (1e-4, 1e-6)
 NEAR = {
     "xatol": 0.1,
     "fatol": 1e-3,
@@ -127,15 +129,18 @@ class SmallGain:
             return False
         taken = np.sqrt(weight)
         given = (taken * np.sqrt(gains))[:, None]
-        X = _stored(A, B / taken, given * C, given * D / taken)
-        P = np.zeros((2, *M.shape))
-        P[:, :, *np.ix_(rest, rest)] = to.mT @ X @ to
-        P[1] = np.roll(P[1], -1, 0)
-        P[0][:, slots, slots] = weight[: slots.size]
-        P[1][:, slots, slots] = (weight * gains)[: slots.size]
-        P = np.concatenate((P + P.mT) / 2)
-        norms = Norms(P, Graph(ticks, ticks, ticks.size + ticks))
-        return shrink_along([norms], *points, self.whole.follows)
+        graph = Graph(ticks, ticks, ticks.size + ticks)
+        for share in SHARES:
+            X = _stored(A, B / taken, given * C, given * D / taken, share)
+            P = np.zeros((2, *M.shape))
+            P[:, :, *np.ix_(rest, rest)] = to.mT @ X @ to
+            P[1] = np.roll(P[1], -1, 0)
+            P[0][:, slots, slots] = weight[: slots.size]
+            P[1][:, slots, slots] = (weight * gains)[: slots.size]
+            norms = Norms(np.concatenate((P + P.mT) / 2), graph)
+            if shrink_along([norms], *points, self.whole.follows):
+                return True
+        return False
 
 
 def _parts(M, rest, free):
@@ -167,10 +172,10 @@ def _weights(A, B, C, D, gains, channel) -> np.ndarray | None:
     return np.exp(2 * (found.x - start)[channel]) if found.fun < 1 else None
 
 
-def _stored(A, B, C, D) -> np.ndarray:
+def _stored(A, B, C, D, share) -> np.ndarray:
     """Forms X before each tick with `x'X x + w'w - x+'X+ x+ - d'd` a share of all states or more,
     if there are any."""
-    own = SHARE * np.eye(A.shape[-1])
+    own = share * np.eye(A.shape[-1])
     of_inputs = np.eye(D.shape[-1]) - D.mT @ D
     elements = [*map(tick, A, B, -C.mT @ C - own, -C.mT @ D, of_inputs)]
     ahead = reduce(then, elements)
