@@ -15,7 +15,8 @@ and it is singular on the circle only where the pencil `N - z L` is (see `hinf`)
 So in a connected set of numbers in which no eigenvalue of the pencil is on the circle, the form is
 positive everywhere if it is at one angle of one number. The same holds on an arc of the circle, a
 band of frequencies. If the form is negative in the middle of a panel at some z, and the pencil is
-not singular at that one z for any number of it, the gain is too large in all of it, or infinite.
+not singular at that one z for any number of it, the gain is too large in all of it, or infinite;
+where inputs stand in the pencil, `_exceeds` shows it with the singular vectors of one input.
 See `pencil` for how it is shown, and `maps` for the map that shows the gain at the frequency itself.
 
 Where the gain at rest is the level itself, as in a string of vehicles, the form is 0 at z = 1 for a
@@ -48,17 +49,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.doubles import NEXT_TO_ZERO
-from wavesweep.engine.frames import Bounded, balance, in_a_row, on_circle, solve
+from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
+from wavesweep.engine.frames import Bounded, balance, in_a_row, inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 from wavesweep.require.maps import of_ticks, over_frame
 from wavesweep.require.pencil import angles_of, clear, off_arc
 from wavesweep.require.sines import Panel
 
 SURE_SIGN = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
-FEW_INPUTS = 8  # of a frame, up to which they stand in the pencil, which is sharper
+FEW_INPUTS = 16  # of a frame, up to which they stand in the pencil, which is sharper
 # times the level, or less by it: there something else is singular where its parts are eliminated
 BESIDE_LEVEL = 1.02
 
@@ -290,9 +291,14 @@ class BoundedGain(Between):
         at_one = np.flatnonzero(value.min(-1) < -frame.sure)
         if at_one.size:
             z = theta[at_one, value[at_one].argmin(-1)]
-            rims = [rim[at_one] for rim in rims]
-            arc = np.stack([z, z], -1)
-            alone, _ = clear(*of_panels(middle, at_one), rims, frame.inputs, arc)
+            if self.long or self.at_rest:
+                rims = [rim[at_one] for rim in rims]
+                arc = np.stack([z, z], -1)
+                alone, _ = clear(*of_panels(middle, at_one), rims, frame.inputs, arc)
+            else:
+                maps = by_panel(self.over_frame(port, np.prod(shape)), shape)
+                with np.errstate(all="ignore"):
+                    alone = _exceeds(of_panels(maps, at[at_one]), self.level, z)
             label[at[at_one[alone]]] = BAD
         return label, singular
 
@@ -430,3 +436,38 @@ def _units(G, Q):
 def _symmetric(matrix):
     """The symmetric part of a matrix, of one that is symmetric but for rounding."""
     return (matrix + matrix.mT) * 0.5
+
+
+def _exceeds(maps, level, theta):
+    """Whether the gain is beyond the level, or infinite, at an angle of each panel for all numbers
+    of it.
+
+    With h and v the singular vectors of H(z) in the middle, the gain is at least |f|, f = h* H(z) v,
+    and 1/f is the last entry of the inverse of
+
+        M = [z - A, -G v; h* O, h* T v],
+
+    analytic in the disc where this is regular, also if z is an eigenvalue of A. By Schwarz's lemma
+    it moves in the panel by at most half of what it moves to the rim, whose lower half is the upper
+    one for the conjugates of z, h and v.
+    """
+    E, G, O, T = (matrix[:, 0].real for matrix, _ in maps)
+    z = on_circle(theta)[:, None, None] * np.eye(E.shape[-1])  # less 1
+    H = T + O @ solve(z - E, G + 0j)
+    known = np.isfinite(H).all((-1, -2))
+    h, _, v = np.linalg.svd(np.where(known[:, None, None], H, 0.0))
+    E, G, O, T = maps
+    determinant = 1.0
+    moved = 0.0
+    left = h[:, None, :, :1]
+    right = v[:, None, :1].mT
+    for w, h, v in ((z, left.conj(), right.conj()), (z.conj(), left, right)):
+        of_states = Bounded(w, 2 * EPS * np.abs(w)).each(lambda entries: entries[:, None]) - E
+        M = Bounded.block([[of_states, -(G @ v)], [(O.mT @ h).mT, (T.mT @ h).mT @ v]])
+        least = inverse(M.value)[..., -1, -1]  # 1/f
+        moved = np.maximum(moved, np.abs(least[:, 1:] - least[:, :1]).max(-1))
+        determinant = determinant * determinants(M.value)
+    # Of the conjugates in the middle, whose size is the same.
+    most = M.part(slice(None), 0).inverse().size[:, -1, -1] + SAFE / 2 * moved
+    # The vectors are of length 1 up to rounding.
+    return known & (most * level < 1 - SURE_SIGN) & ~poles_inside(determinant[..., None])
