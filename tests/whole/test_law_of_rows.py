@@ -1,12 +1,13 @@
 """No row of any kind of table is certified without its values, and no bound is smaller than the error that it is of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import wavesweep
 from wavesweep.margins.broken_loops import broken_at, cuts_of
-from wavesweep.margins.lifted_margins import END_ERROR, lifted_margins, margins_of
-from wavesweep.margins.loop_margins import BrokenLoop
+from wavesweep.margins.lifted_margins import END_ERROR, margins_of
 from wavesweep.margins.table import margins
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kinds
@@ -82,20 +83,20 @@ def test_tables_of_hard_loops_keep_the_law(number):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "pmw"])
 def test_bounds_of_margins_hold_the_difference_of_two_ways(kind):
-    """Level sets and crossings of the scalar loop, and intervals of the lifted one, share no formula."""
+    """Crossings of the gain 1 of a signal that is made once, and intervals along its angle, share no formula."""
     spec, met = (
         load({"rates": {"ratio": 4}, "controller": {"kind": kind, "Kp": 5.0}, "environment": {"K_VE": 60.0, "delay": 4}}),
         0,
     )
     for cut in cuts_of(spec):
         loop = broken_at(spec, cut)
-        if not isinstance(loop, BrokenLoop):
+        if not loop.cut:
             continue
-        lifted = {margin.name: margin for margin in lifted_margins(loop.lifted)[0]}
-        for margin in margins_of(loop)[0]:
-            other = lifted.get(margin.name)
-            if other and margin.limited and not (margin.doubt or other.doubt):
-                bound = margin.bound + max(other.bound, END_ERROR)
-                assert abs(margin.value - other.value) <= 2 * bound * margin.value, (cut, margin.name)
-                met += 1
-    assert met >= 5
+        phase, other = (
+            next(each for each in margins_of(way)[0] if each.name == "phase") for way in (loop, replace(loop, cut=None))
+        )
+        if phase.limited and not (phase.doubt or other.doubt):
+            bound = phase.bound + max(other.bound, END_ERROR)
+            assert abs(phase.value - other.value) <= 2 * bound * phase.value, cut
+            met += 1
+    assert met >= 2

@@ -25,7 +25,6 @@ from wavesweep.engine.drawing import (
     path_of,
 )
 from wavesweep.engine.expressions import Tree, parse
-from wavesweep.engine.frames import Frames
 from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
@@ -33,7 +32,7 @@ from wavesweep.engine.sets import Side
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
-from wavesweep.margins.loop_margins import LARGEST_GAIN_FACTOR, BrokenLoop, Margin, disk_margins
+from wavesweep.margins.loop_margins import LARGEST_GAIN_FACTOR, Margin, disk_margins
 from wavesweep.program.analyses.claims import (
     SETTLED_WITHIN,
     STABLE,
@@ -251,10 +250,8 @@ class _Case:
             [[axis.start for axis in ranges], [axis.stop for axis in ranges]], float
         )
         self.loop = loop.read
-        broken = broken_at(self.spec, cut)
-        self.names = [
-            name for name in ENDS if name != "delay_frames" or isinstance(broken, BrokenLoop)
-        ]
+        once = broken_at(self.spec, cut).cut
+        self.names = [name for name in ENDS if name != "delay_frames" or once]
         if not ranges:
             return
         paths = [path_of(GAIN), *self.ranged]
@@ -360,7 +357,7 @@ class _Case:
         place = self.box[0] + (self.box[1] - self.box[0]) * (
             np.sqrt(np.arange(2, 2 + len(self.ranged))) % 1
         )
-        pivots = self.closed(OTHER_GAINS, np.array([place, place])).pivots
+        pivots = self.frames_at(np.column_stack([OTHER_GAINS, [place, place]])).pivots
         return bool((pivots[0] == pivots[1]).all())
 
     def _stable(self, name, size):
@@ -388,8 +385,3 @@ class _Case:
             if not found.whole:
                 return float(frames), [found.met]
         return min(size, float(MOST_FRAMES)), []
-
-    def closed(self, k, x) -> Frames:
-        """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal,
-        `(n,)`."""
-        return self.frames_at(np.column_stack([k, x]))

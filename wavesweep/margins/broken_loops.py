@@ -14,7 +14,7 @@ from wavesweep.engine.keys import nearest
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import lines_in_loops
 from wavesweep.margins.lifted_margins import LiftedLoop
-from wavesweep.margins.loop_margins import BESIDE_ZERO, LARGEST_GAIN_FACTOR, BrokenLoop, Margin
+from wavesweep.margins.loop_margins import BESIDE_ZERO, LARGEST_GAIN_FACTOR, Margin
 from wavesweep.program.analyses.cuts import signals_at_ticks
 from wavesweep.program.spec import Spec, load
 from wavesweep.program.sweep.grid import own_loop
@@ -22,7 +22,7 @@ from wavesweep.program.sweep.grid import own_loop
 MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
 
 
-def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
+def broken_at(spec: Spec, signal: str) -> LiftedLoop:
     """Break the spec's own loop at a signal, "block.port" or a name in [signals].
 
     Errors: UsageError for a signal at which that is not possible.
@@ -32,7 +32,7 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     return broken_in(own_loop(spec), signal, named)
 
 
-def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLoop | LiftedLoop:
+def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> LiftedLoop:
     """Break a loop at the output of a block; named: names of signals that may have been meant.
     Errors: see `broken_at`."""
     times = _times_per_frame(loop)
@@ -56,22 +56,16 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLo
     drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
     (gain,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
     places = np.flatnonzero(gain.runs(drawn.ticks)) / drawn.ticks
-    lifted = LiftedLoop(loop, ticks, drift, float(drawn.period) * drawn.ticks, places)
-    if not lifted.returns:
+    cut = open_loops(loop, GAIN).cut if times[signal] == 1 else None
+    broken = LiftedLoop(loop, ticks, drift, float(drawn.period) * drawn.ticks, places, cut)
+    if not broken.returns:
         raise UsageError(
             f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself"
         )
-    if times[signal] > 1:
-        return lifted
-    opened = open_loops(loop, GAIN)
-    if opened.cut is None:
-        return lifted
-    return BrokenLoop(loop, opened.cut, lifted)
+    return broken
 
 
-def lines_at(
-    spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: Sequence[Margin]
-) -> np.ndarray:
+def lines_at(spec: Spec, signal: str, broken: LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
     """The strongest line (Hz) of the oscillation at each margin, `(margins,)`, NaN if it has no
     frequency.
 
@@ -85,7 +79,7 @@ def lines_at(
     at = []
     factors = []
     for number, margin in enumerate(margins):
-        factor = _factor_at(margin, broken)
+        factor = factor_at(margin.name, margin.value, margin.omega, broken)
         if factor is not None:
             at.append(number)
             factors.append(factor)
@@ -99,21 +93,21 @@ def lines_at(
     return lines
 
 
-def _factor_at(margin: Margin, broken: BrokenLoop | LiftedLoop) -> complex | None:
+def factor_at(name: str, value: float, omega: float, broken: LiftedLoop) -> complex | None:
     """The factor of the signal that puts an eigenvalue on the circle at a margin, None if none
     does; see `lines_at`."""
-    if not np.isfinite(margin.omega):
+    if not np.isfinite(omega):
         return None
-    if margin.name.startswith("gain"):
-        return margin.value
-    L = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE_ZERO)))
+    if name.startswith("gain"):
+        return value
+    L = np.ravel(broken.response(max(omega * broken.period, BESIDE_ZERO)))
     L = L[abs(L) > 1 / LARGEST_GAIN_FACTOR]
     if not len(L):
         return None
     with np.errstate(divide="ignore"):
-        match margin.name:
+        match name:
             case "phase":
-                turn = np.exp(1j * np.radians(margin.value))
+                turn = np.exp(1j * np.radians(value))
                 distance = np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L))
             case "sensitivity":
                 distance = abs(1 + L)

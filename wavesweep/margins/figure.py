@@ -280,21 +280,14 @@ def response_of(
 def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, complex]:
     """The value of L, or the eigenvalue of a lifted one, that the factor of each margin brings
     to -1."""
+    from wavesweep.margins.broken_loops import factor_at
+
     marks = {}
     for name in _MARKS:
         value, omega = table.get(name, (np.nan, np.nan))[:2]
-        if (
-            omega >= 0
-        ):  # of what has no limit it is missing; 0 is also the image of the frame's rate
-            loci = np.ravel(loop.response(omega * loop.period))
-            if name.startswith("gain"):
-                factor = value
-            elif name == "phase":
-                factor = np.exp(1j * np.radians(value))
-            else:
-                factor = -1 / loci
-            missed = np.minimum(np.abs(1 + factor * loci), np.abs(1 + np.conj(factor) * loci))
-            marks[name] = complex(loci[np.argmin(missed)])
+        factor = factor_at(name, value, omega, loop)
+        if factor is not None:
+            marks[name] = -1 / complex(factor)
     return marks
 
 

@@ -1,5 +1,5 @@
-"""Margins of a loop broken at a signal that is made several times in a frame: those of the lifted
-loop.
+"""Margins of a loop broken at a signal that is made once or several times in a frame: those of the
+lifted loop.
 
 With the signal multiplied by the same number k in all of its m samples of a frame, the frame's
 eigenvalues z solve `det(1 - k H(z)) = 0`, H being the m x m transfer function from the samples back
@@ -7,8 +7,8 @@ to themselves without the number: -H is the return ratio of the lifted signal. A
 margins, `k = exp(j phi)` the phase margin, `k = (1 + d)/(1 - d)` with
 |d| < a/2 the disk margin a. With `S = 1/(1 - H)` the last one is `det(1 - 2 d (S - 1/2)) = 0`, so that 1/a is the largest
 spectral radius of `S - 1/2` on the unit circle: the structured singular value of a repeated complex
-scalar (A. Packard, J. Doyle, Automatica 29, 1993). For one sample in a frame all this is what
-`loop_margins` computes of a scalar.
+scalar (A. Packard, J. Doyle, Automatica 29, 1993). For one sample in a frame it is the peak of
+`|S - 1/2|`, and the phase margin follows from all crossings of |L| = 1.
 """
 
 from collections.abc import Iterator
@@ -17,8 +17,16 @@ from functools import cached_property
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.frames import Frames, MarginalModes, OpenTicks, on_circle, solve
+from wavesweep.engine.frames import (
+    Frames,
+    LinearFractional,
+    MarginalModes,
+    OpenTicks,
+    on_circle,
+    solve,
+)
 from wavesweep.engine.intervals import ParametricFrames, stable_along_any
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import (
@@ -27,18 +35,19 @@ from wavesweep.engine.norms import (
     START,
     LiftedMap,
     TickMaps,
+    angles,
     connected,
     squared_norm,
+    with_middles,
 )
 from wavesweep.margins.loop_margins import (
     BESIDE_ZERO,
-    BrokenLoop,
+    LARGEST_GAIN_FACTOR,
     Margin,
     disk_margins,
     limited_or_not,
+    margin_within,
     peak_margin,
-    scalar_margins,
-    seen_once_a_frame,
     stable_around_1,
 )
 
@@ -48,6 +57,9 @@ DISK_GAP = 1e-8  # relative, between a disk that is proved and one that is met a
 # refined
 GRID = 10_000
 NO_DRIFT_SEEN = 1e-8  # of the sizes of its terms, below which what is seen of a drift is rounding
+TOUCHES = 1e-7  # a peak or dip of the gain within this distance of 1 may touch it
+# distance of the direct term's size from 1 beyond which the pencil of the gain 1 is regular
+DIRECT = 1e-6
 MODE_MET = 1e-6  # of a mode, from the place on the circle where it should be
 
 
@@ -56,7 +68,8 @@ class LiftedLoop:
     """A single loop without a number that multiplies all samples of a signal in a frame.
 
     loop: with the number, a gain at the signal. ticks: those of the loop without it. drift: of the
-    loop with it. period: of the frame, s. places: when the signal is made, as shares of a frame.
+    loop with it. period: of the frame, s. places: when the signal is made, as shares of a frame. cut: of a signal
+    that is made once, the loop cut at the number, with bounds on errors of its entries.
     """
 
     loop: Loops
@@ -64,6 +77,7 @@ class LiftedLoop:
     drift: MarginalModes
     period: float
     places: np.ndarray
+    cut: LinearFractional | None = None
 
     @cached_property
     def returned(self) -> LiftedMap:
@@ -162,6 +176,85 @@ class LiftedLoop:
                 matrices = ((E - v @ w)[None], *matrices[1:])
         return TickMaps((matrices,), np.zeros(1, int))
 
+    def slope_and_error(self, theta: float) -> tuple[complex, float]:
+        """Return the derivative of L by the angle, and a bound on its error: of the frame's
+        entries, and of rounding; of a signal that is made once."""
+        E, B, C, _ = self.cut.with_integrator()
+        dE, dB, dC, _ = self.cut.errors_with_integrator()
+        w = complex(on_circle(theta))
+        identity = np.eye(len(E))
+        A = w * identity - E
+        state = solve(A, B + 0j)
+        read = solve(A.T, C.T + 0j).T
+        rounding = len(E) * EPS
+        rounded = rounding * (abs(w) * identity + np.abs(E))
+        error = np.abs(read) @ ((dE + rounded) @ np.abs(state) + dB) + dC @ np.abs(state)
+        error = error + rounding * (np.abs(C) @ np.abs(state) + np.abs(self.returned.T[0]))
+        slope = complex((read @ state)[0, 0]) * 1j * (1 + w)
+        return slope, float((error + self.cut.dD[-1:])[0, 0])
+
+    def unit_gains(self) -> tuple[np.ndarray, bool, float]:
+        """Return all angles in (0, pi) at which |L| crosses 1, whether it is known that there are
+        no others, and up to which angle rounding hides one beside 0.
+
+        |L| = 1 exactly where the real part of S is 1/2. The pencil of that level has all the angles as eigenvalues; between
+        these and their middles the size of L shows where it crosses, and halving finds the root to
+        rounding.
+        """
+
+        def size(theta):
+            return np.nan_to_num(
+                np.log(np.abs(self.at_line(theta))), nan=np.inf, posinf=1e3, neginf=-1e3
+            )
+
+        with np.errstate(all="ignore"):
+            met = angles(self.sensitivity.pencil(np.zeros(1, int), np.array([0.5])))
+            points = np.unique(np.concatenate([with_middles(met)[0], SOFT, START]))
+            points = points[np.isfinite(points)]
+            sizes = size(points)
+            above = sizes > 0
+            change = np.flatnonzero(above[:-1] != above[1:])
+            low = points[change]
+            high = points[change + 1]
+            while (high - low > NEXT_TO_ZERO + 4 * EPS * high).any():
+                unit_angles = (low + high) / 2
+                is_below_root = (size(unit_angles) > 0) == above[change]
+                low = np.where(is_below_root, unit_angles, low)
+                high = np.where(is_below_root, high, unit_angles)
+            unit_angles = (low + high) / 2
+        touches = np.abs(sizes) <= TOUCHES
+        if unit_angles.size:
+            # At the ends a rotation by 180 degrees is meant, which no other one exceeds.
+            touches &= (points > 0) & (points < np.pi)
+        near = np.flatnonzero(touches)
+        is_beside = np.zeros(near.size, bool)
+        for root in unit_angles:
+            slope, _ = self.slope_and_error(root)
+            slope_of_size = abs((slope * self.at_line(root).conj()).real)
+            is_beside |= (
+                slope_of_size * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
+            )
+        at_rest, hidden = self._largest_at_rest(points[near], sizes[near])
+        regular = abs(abs(self.returned.T[0, 0, 0]) - 1) > DIRECT
+        return unit_angles, bool((is_beside | at_rest).all()) and regular, hidden
+
+    def _largest_at_rest(self, points, sizes) -> tuple[np.ndarray, float]:
+        """Return at which of some angles log |L| is that of a largest L(0) = 1, `-c theta^2/2`, and
+        the angle up to which the error of L may hide a crossing of 1 next to it.
+
+        There L is near to 1, and a rotation by almost 180 degrees is meant.
+        """
+        nowhere = np.zeros(points.size, bool)
+        if not points.size or points[0] > 0 or not self.at_line(0.0).real > 0:
+            return nowhere, 0.0
+        c = -2 * sizes[-1] / points[-1] ** 2 if points[-1] else 0.0
+        if not c > 0:
+            return nowhere, 0.0
+        parabola = c / 2 * points**2
+        at_rest = np.abs(sizes + parabola) <= parabola / 2 + 1e-12
+        _, error = self.slope_and_error(BESIDE_ZERO)
+        return at_rest, float(np.sqrt(2 * error / c))
+
     def radius(self, theta) -> np.ndarray:
         """Return the spectral radius of `S - 1/2` at the angles theta.
 
@@ -219,8 +312,7 @@ class LiftedLoop:
             up, error_of_up = self.errors(factor(p) + 0j)
             down, error_of_down = self.errors(factor(-p) + 0j)
             error = np.maximum(error_of_up.real, error_of_down.real)
-            across = np.concatenate([error, error], -1)
-            return _real_form(up, down).real, np.concatenate([across, across], -2)
+            return _real_form(up, down).real, np.tile(error, (2, 2))
 
         return stable_along_any(
             ParametricFrames(frames, np.array([self.period]), errors=errors), (0.0, np.pi)
@@ -231,44 +323,83 @@ def _real_form(up, down):
     """[[Re, -Im], [Im, Re]] of matrices with the conjugates `down`."""
     real = (up + down) / 2
     imaginary = (up - down) / 2j
-    upper = np.concatenate([real, -imaginary], -1)
-    lower = np.concatenate([imaginary, real], -1)
-    return np.concatenate([upper, lower], -2)
+    return np.block([[real, -imaginary], [imaginary, real]])
 
 
-def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
-    """Return the margins of a broken loop, empty if it is not stable, and why its stability is
-    in doubt, a code."""
-    if isinstance(loop, LiftedLoop):
-        return lifted_margins(loop)
-    margins, doubt = scalar_margins(loop)
-    in_doubt = any(margin.doubt not in (Doubt.NONE, Doubt.FAST) for margin in margins)
-    if not doubt and not in_doubt:
-        return margins, doubt
-    others, doubt_of_others = lifted_margins(loop.lifted)
-    certain = {margin.name: margin for margin in others if not margin.doubt}
-    settled = [certain.get(margin.name, margin) if margin.doubt else margin for margin in margins]
-    return settled or others, doubt_of_others
-
-
-def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
-    """Return the margins of a lifted loop, empty if it is not stable, and why its stability is in
+def margins_of(loop: LiftedLoop) -> tuple[list[Margin], int]:
+    """Return the margins of a broken loop, empty if it is not stable, and why its stability is in
     doubt, a code.
 
-    As `margins_of`, with the same factor on all samples of a frame; sensitivity and complementary
-    are the largest singular values of S and of S - 1. There is no delay margin: a delay of samples
-    is no factor of a frame. Accuracy: gains and phase END_ERROR, as ends of certified intervals
-    along k; a disk that is smaller by DISK_GAP is proved: along its rim the frame is stable, and so
-    it is within, since the spectral radius of a frame that is analytic in k has no peak there.
+    gain_up, gain_down: factors of the signal, of all its samples in a frame, at the ends of the
+    stable interval around 1; LARGEST_GAIN_FACTOR and 0 if they are beyond LARGEST_GAIN_FACTOR and
+    1/LARGEST_GAIN_FACTOR. phase (degrees): up to which every rotation of the signal leaves the loop
+    stable. delay_frames: a delay of fewer whole frames leaves it stable; only of a signal that is
+    made once, as a delay of samples is no factor of a frame. disk: the largest a for which every
+    factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those from 1/disk_gain to disk_gain, and
+    rotations up to disk_phase. sensitivity, complementary: the largest singular values of S and of
+    S - 1, which are |1/(1 + L)| and |L/(1 + L)| of one sample.
+
+    Accuracy: see `Margin.bound`; gains and the phase of several samples END_ERROR, as ends of
+    certified intervals along k; peaks by level sets (see `hinf_norm`). A disk of several samples
+    that is smaller by DISK_GAP is proved: along its rim the frame is stable, and so it is within,
+    since the spectral radius of a frame that is analytic in k has no peak there. Source: P. Seiler,
+    A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
     """
-    around_1, doubt = stable_around_1(loop.loop)
+    around_1, doubt = stable_around_1(loop.loop, 0.0 if loop.cut else None)
+    if doubt and loop.cut:
+        around_1, doubt = stable_around_1(loop.loop)
     if around_1 is None:
         return [], doubt
     gains = []
+    rate = 2 * np.pi / loop.period
     for name, end in (("gain_up", "high"), ("gain_down", "low")):
-        omega = seen_once_a_frame(float(around_1[f"{end}_omega"]), loop.period)
+        omega = float(around_1[f"{end}_omega"])
+        # A part of the loop that runs by itself sees it in a shorter frame of its own.
+        omega = float(abs(omega - rate * np.round(omega / rate)))
         gains.append(limited_or_not(name, float(around_1[end]), omega, END_ERROR, doubt))
-    return [*gains, _phase(loop), *_peaks(loop)], doubt
+    turns = list(_at_unit_gain(loop)) if loop.cut else []
+    if not turns or turns[0].doubt:
+        turns[:1] = [_phase(loop)]
+    return [*gains, *turns, *_peaks(loop)], doubt
+
+
+def _at_unit_gain(loop) -> Iterator[Margin]:
+    """The margins of phase and delay of a signal that is made once, from all crossings of the gain
+    1."""
+    theta, certain, hidden = loop.unit_gains()
+    doubt = Doubt.NONE if certain else Doubt.CROWDED
+    slow = abs(complex(loop.at_line(np.pi))) < 1 - TOUCHES
+    if not theta.size:
+        if hidden:
+            turned = abs(loop.slope_and_error(BESIDE_ZERO)[0]) * hidden
+            yield margin_within("phase", 180.0, 0.0, turned / np.pi, doubt)
+            doubt = doubt if hidden * LARGEST_GAIN_FACTOR <= np.pi else Doubt.ROUNDING
+        else:
+            yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
+        yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt if slow else Doubt.FAST)
+        return
+    response = loop.at_line(theta)
+    lag = np.angle(-response)
+    frames = (lag % (2 * np.pi)) / theta
+    for name, turns, unit in (
+        ("phase", np.abs(lag), np.pi / 180),
+        ("delay_frames", frames * theta, theta),
+    ):
+        values = turns / unit
+        at = int(np.argmin(values))
+        if name == "delay_frames" and not slow:
+            yield Margin.unlimited(name, np.nan, Doubt.FAST)
+            return
+        L = complex(response[at])
+        slope, error = loop.slope_and_error(float(theta[at]))
+        error += abs(abs(L) - 1)
+        # as the angle moves with the size of L
+        with np.errstate(all="ignore"):
+            error += abs(slope) * float(
+                np.float64(error) / abs((slope * L.conjugate()).real / abs(L))
+            )
+        omega = float(theta[at]) / loop.period
+        yield margin_within(name, float(values[at]), omega, error / turns[at], doubt)
 
 
 def _phase(loop):
@@ -283,13 +414,28 @@ def _phase(loop):
 
 
 def _peaks(loop) -> Iterator[Margin]:
-    disk, theta, doubt = _disk(loop)
-    yield from disk_margins(disk, theta / loop.period, DISK_GAP, doubt)
     E, B, C, D = loop.sensitivity.maps[0]
-    for name, less in (("sensitivity", 0.0), ("complementary", 1.0)):
+    for name, less in (("disk", 0.5), ("sensitivity", 0.0), ("complementary", 1.0)):
+        if name == "disk" and loop.times > 1:
+            disk, theta, doubt = _disk(loop)
+            yield from disk_margins(disk, theta / loop.period, DISK_GAP, doubt)
+            continue
         matrices = (E, B, C, D - less * np.eye(loop.times))
         peak = squared_norm(TickMaps((matrices,), np.zeros(1, int)))
-        yield peak_margin(name, peak, loop.period, NORM_TOLERANCE)
+        theta = float(peak.theta[0])
+        bound = NORM_TOLERANCE
+        if loop.cut:
+            angle = max(theta, BESIDE_ZERO)  # an integrator has no response at 0
+            size = float(np.sqrt(peak.value[0]))
+            S = 1 / (1 + complex(loop.at_line(angle)))
+            _, error = loop.slope_and_error(angle)
+            bound += (abs(S) ** 2 * error + abs(abs(S - less) - size)) / size
+        if name == "disk":
+            disk = 1 / np.sqrt(peak.value[0])
+            doubt = Doubt.NONE if peak.certified[0] else Doubt.SEARCH
+            yield from disk_margins(float(disk), theta / loop.period, bound, doubt)
+        else:
+            yield peak_margin(name, peak, loop.period, bound)
 
 
 def _disk(loop):
@@ -323,7 +469,9 @@ def _disk(loop):
                 highest = int(near_size.argmax())
         disk = min(1 / best, 2.0)
         reach = disk / 2 * (1 - DISK_GAP)
-        intervals = loop.along_turn(lambda angle, reach=reach: _on_rim(reach * np.exp(1j * angle)))
+        intervals = loop.along_turn(
+            lambda angle, reach=reach: 2 / (1 - reach * np.exp(1j * angle)) - 1
+        )
         doubt = int(intervals.doubt[0])
         if not doubt and (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any():
             doubt = Doubt.SEARCH
@@ -332,8 +480,3 @@ def _disk(loop):
         angles = np.concatenate([intervals.low_omega, intervals.high_omega]) * loop.period
         points = np.unique(np.concatenate([points, angles[np.isfinite(angles)]]))
     return disk, at, Doubt.SEARCH
-
-
-def _on_rim(d):
-    """The factor `(1 + d)/(1 - d)` of a place in the disk."""
-    return (1 + d) / (1 - d)

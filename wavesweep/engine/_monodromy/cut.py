@@ -114,11 +114,6 @@ class LinearFractional:
         single = self.at(np.newaxis)
         return single if size == 1 else single.at(np.zeros(size, int))
 
-    def open_alone(self) -> StateSpace:
-        """Return the loop without the second number and with the first one open, as that of a gain
-        that it is cut at."""
-        return self.open_in(FIRST, np.zeros(()))
-
     def open_in(self, along: str, fixed: np.ndarray) -> StateSpace:
         """Return the loop with one number closed and the other open, from the open number's product
         to its factor.
