@@ -65,7 +65,7 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> LiftedLo
     return broken
 
 
-def lines_at(spec: Spec, signal: str, broken: LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
+def lines_at(broken: LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
     """The strongest line (Hz) of the oscillation at each margin, `(margins,)`, NaN if it has no
     frequency.
 
@@ -85,8 +85,7 @@ def lines_at(spec: Spec, signal: str, broken: LiftedLoop, margins: Sequence[Marg
             factors.append(factor)
     if not at:
         return lines
-    spec, signal = with_block(spec, signal)
-    loops = own_loop(spec).with_gain_at(signal).changed({path_of(GAIN): np.array(factors)})
+    loops = broken.loop.changed({path_of(GAIN): np.array(factors)})
     omega = np.array([margins[number].omega for number in at])
     logarithms = 1j * omega * broken.period
     lines[at] = lines_in_loops(loops, logarithms[:, None])[:, 0]

@@ -31,12 +31,11 @@ TICKS_BETWEEN_TRIALS = 4  # ticks from one dead time that is tried beforehand to
 def in_seconds(spec: Spec, signal: str, found: Sequence[Margin]) -> list[Margin]:
     """Return the margins of the spec's own loop with a delay in seconds in place of one in whole
     frames, if it is known: `delay` in place of `delay_frames`."""
-    if not any(margin.name == "delay_frames" for margin in found):
-        return list(found)
-    delay = delay_margin(spec, signal)
-    if delay is None:
-        return list(found)
-    return [delay if margin.name == "delay_frames" else margin for margin in found]
+    in_frames = [margin.name == "delay_frames" for margin in found]
+    delay = delay_margin(spec, signal) if any(in_frames) else None
+    return [
+        delay if late and delay else margin for margin, late in zip(found, in_frames, strict=True)
+    ]
 
 
 def delay_margin(spec: Spec, signal: str) -> Margin | None:

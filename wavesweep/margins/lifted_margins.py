@@ -245,11 +245,10 @@ class LiftedLoop:
         There L is near to 1, and a rotation by almost 180 degrees is meant.
         """
         nowhere = np.zeros(points.size, bool)
-        if not points.size or points[0] > 0 or not self.at_line(0.0).real > 0:
+        is_at_rest = points.size and points[0] == 0 < points[-1] and sizes[-1] < 0
+        if not is_at_rest or not self.at_line(0.0).real > 0:
             return nowhere, 0.0
-        c = -2 * sizes[-1] / points[-1] ** 2 if points[-1] else 0.0
-        if not c > 0:
-            return nowhere, 0.0
+        c = -2 * sizes[-1] / points[-1] ** 2
         parabola = c / 2 * points**2
         at_rest = np.abs(sizes + parabola) <= parabola / 2 + 1e-12
         _, error = self.slope_and_error(BESIDE_ZERO)
@@ -376,30 +375,22 @@ def _at_unit_gain(loop) -> Iterator[Margin]:
             doubt = doubt if hidden * LARGEST_GAIN_FACTOR <= np.pi else Doubt.ROUNDING
         else:
             yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
-        yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt if slow else Doubt.FAST)
-        return
     response = loop.at_line(theta)
     lag = np.angle(-response)
-    frames = (lag % (2 * np.pi)) / theta
-    for name, turns, unit in (
-        ("phase", np.abs(lag), np.pi / 180),
-        ("delay_frames", frames * theta, theta),
-    ):
+    limits = (("phase", np.abs(lag), np.pi / 180), ("delay_frames", lag % (2 * np.pi), theta))
+    for name, turns, unit in limits[: 1 + slow if theta.size else 0]:
         values = turns / unit
         at = int(np.argmin(values))
-        if name == "delay_frames" and not slow:
-            yield Margin.unlimited(name, np.nan, Doubt.FAST)
-            return
-        L = complex(response[at])
+        L = response[at]
         slope, error = loop.slope_and_error(float(theta[at]))
         error += abs(abs(L) - 1)
         # as the angle moves with the size of L
         with np.errstate(all="ignore"):
-            error += abs(slope) * float(
-                np.float64(error) / abs((slope * L.conjugate()).real / abs(L))
-            )
+            error *= 1 + abs(slope * L) / abs((slope * L.conj()).real)
         omega = float(theta[at]) / loop.period
         yield margin_within(name, float(values[at]), omega, error / turns[at], doubt)
+    if not (theta.size and slow):
+        yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt if slow else Doubt.FAST)
 
 
 def _phase(loop):
@@ -416,7 +407,7 @@ def _phase(loop):
 def _peaks(loop) -> Iterator[Margin]:
     E, B, C, D = loop.sensitivity.maps[0]
     for name, less in (("disk", 0.5), ("sensitivity", 0.0), ("complementary", 1.0)):
-        if name == "disk" and loop.times > 1:
+        if name == "disk" and not loop.cut:
             disk, theta, doubt = _disk(loop)
             yield from disk_margins(disk, theta / loop.period, DISK_GAP, doubt)
             continue

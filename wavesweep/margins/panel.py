@@ -118,7 +118,7 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     margins = in_seconds(spec, cut, margins)
     marks = marks_of(loop, {margin.name: (margin.value, margin.omega) for margin in margins})
     doubts = words([margin.doubt for margin in margins])
-    lines = lines_at(spec, cut, loop, margins)
+    lines = lines_at(loop, margins)
     rows = []
     for margin, word, line in zip(margins, doubts, lines, strict=True):
         at = marks.get(margin.name)

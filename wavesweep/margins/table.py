@@ -80,7 +80,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
             f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it"
         )
     bound = np.array([margin.bound for margin in margins_found])
-    hz = lines_at(spec, cut, loop, margins_found)
+    hz = lines_at(loop, margins_found)
     columns = _columns(cut, margins_found, bound, hz)
     methods = {"margins": METHOD}
     own = Status.CERTIFIED if columns["certified"].all() else Status.UNKNOWN
