@@ -288,10 +288,12 @@ class BoundedGain(Between):
         theta = _angles(d, arc)
         value = frame.least(at, theta)
         label[at[inside & (value.max(-1) > frame.sure)]] = GOOD
-        at_one = np.flatnonzero(value.min(-1) < -frame.sure)
+        by_signs = self.long or self.at_rest
+        sure = frame.sure if by_signs else 0.0  # `_exceeds` needs no sign to begin with
+        at_one = np.flatnonzero(value.min(-1) < -sure)
         if at_one.size:
             z = theta[at_one, value[at_one].argmin(-1)]
-            if self.long or self.at_rest:
+            if by_signs:
                 rims = [rim[at_one] for rim in rims]
                 arc = np.stack([z, z], -1)
                 alone, _ = clear(*of_panels(middle, at_one), rims, frame.inputs, arc)
