@@ -88,7 +88,7 @@ class Study:
     box: Mapping[str, tuple[float, float]] | None = None
 
 
-def record_of(wishes: Sequence[Wish], *, box: bool) -> np.dtype:
+def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
     """A value, a scenario and flags for each wish; with a box of hands its stiffest wall, and if
     it is settled."""
     fields = [("slice", "<i4")]

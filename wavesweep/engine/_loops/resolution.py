@@ -198,7 +198,7 @@ class Expression:
 
 @lru_cache(maxsize=256)
 def expressions(
-    drawing: Drawing, names: tuple[str, ...], logarithmic: bool
+    drawing: Drawing, names: tuple[str, ...], logarithmic: bool = False
 ) -> tuple[Expression, ...]:
     """Return the expressions of a drawing that are no polynomials of a small degree in these
     numbers: its numbers and 1 over its divisors. logarithmic: whether sides are logarithms of

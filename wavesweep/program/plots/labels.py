@@ -70,7 +70,7 @@ def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
     return with_unit(symbol(name), printed(unlike_units(facts).get(name, ())) or unit(name, facts))
 
 
-def valued(name: str, value: float, facts: Mapping[str, Any] | None) -> str:
+def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:
     """The name of an axis with a value and its unit; facts: see `label`."""
     digits, _, power = f"{value:.6g}".partition("e")
     said = f"{digits}·10$^{{{int(power)}}}$" if power else digits

@@ -44,7 +44,9 @@ def view_of(x: str, logarithmic: bool, width: float, height: float, factors: boo
     return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height, factors)
 
 
-def handles_of(names: Sequence[str], looks: Sequence[Look], bars: Sequence[bool]) -> list[Any]:
+def handles_of(
+    names: Sequence[str], looks: Sequence[Look] = (), bars: Sequence[bool] = ()
+) -> list[Any]:
     """Entries of a legend for the members of a family; bars: those that are bars at values of x."""
     from matplotlib.lines import Line2D
 
@@ -60,7 +62,7 @@ def handles_of(names: Sequence[str], looks: Sequence[Look], bars: Sequence[bool]
     return handles
 
 
-def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: int) -> None:
+def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: int = 1) -> None:
     """Draw the known part of a stable region: its area, or strokes from its boundary to the
     unstable side if not `filled`.
 
@@ -128,7 +130,7 @@ class Bars:
         return {"colors": [seen], "linewidths": self.width}
 
 
-def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | None) -> None:
+def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | None = None) -> None:
     """Draw the intervals that are known at values of x alone, as bars there, whose ends have
     strokes.
 
@@ -255,7 +257,7 @@ def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.n
     yield np.where(stable, columns["high"], bottom), np.where(stable, refuted_above, top)
 
 
-def mark_range(axes: Any, columns: Columns, bars: bool) -> None:
+def mark_range(axes: Any, columns: Columns, bars: bool = False) -> None:
     """Dot the space beyond the swept range if a stable interval reaches its end.
 
     An end of the range that is the end of the parameter itself (K_VE = 0) is a limit and not
