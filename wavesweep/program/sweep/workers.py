@@ -35,9 +35,9 @@ PROCESSES = 2  # by default
 LOGGER = logging.getLogger(
     "wavesweep"
 )  # Python writes its warnings to stderr, unless somebody listens
-# s of work; two new processes take some 0.5 s each of processor time until their first chunk is done, joblib here
-# and the process that keeps their semaphores 0.4 s: two processors save nothing below this
-WORTH = 1.5
+# s of work; two new processes, joblib here and the process that keeps their semaphores take some 2.5 s of processor
+# time until their first chunks are done: two processors save nothing below this
+WORTH = 2.5
 
 
 @dataclass(frozen=True, slots=True)
