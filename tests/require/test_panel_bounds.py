@@ -14,6 +14,7 @@ from wavesweep.require.bound import Bound
 from wavesweep.require.by_discs import _LoopsInDiscs
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.discs import Spiral
+from wavesweep.require.frame_gain import _exceeds
 from wavesweep.require.gain_bound import GainBound
 
 
@@ -118,3 +119,13 @@ def test_a_gain_margin_along_a_dead_time_takes_few_pieces_of_the_factors(monkeyp
     wanted = {"margins": {"cut": "d.y", "gain": 3.0}}
     (row,) = wavesweep.compile(tables).stable_intervals("tau", (0.004, 0.005), require=wanted).itertuples()
     assert (row.low, row.high, row.certified) == (0.004, 0.005, True)
+
+
+@pytest.mark.parametrize(("half_width", "beyond"), [(0.05, True), (0.2, False)])
+def test_a_gain_is_too_large_only_where_it_is_on_all_of_the_panel(half_width, beyond):
+    """The gain is the number itself, times that of a lag; at 0.8 of the middle it is below 0.9 of it."""
+    numbers = 1 + 2 * half_width * np.append(0.0, HALF_RIM)[None, :, None, None]
+    one = Bounded.exact(np.ones(numbers.shape))
+    maps = (one * -0.5, one, Bounded.exact(numbers), one * 0.0)
+    at_middle = 1 / abs(np.exp(1j) - 0.5)
+    assert _exceeds(maps, 0.9 * at_middle, np.array([1.0])).tolist() == [beyond]
