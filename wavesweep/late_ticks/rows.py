@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from textwrap import shorten
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from wavesweep.program.analyses.claims import (
     own_scope,
 )
 from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
+from wavesweep.program.number_words import in_all_digits, span_around
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
@@ -90,18 +92,27 @@ def records_for_ticks(
     nominal = records_of_loop(loop, along, span)
     certified = bool(nominal["certified"].all())
     rows = []
+    refuted = []  # the least number of an interval of which nothing is proved
+    unproved = []  # such intervals in words
     for own in nominal[nominal["intervals"] > 0]:
         about = float(own["low"]), float(own["high"])
         found = bracket(ticks_with, about)
-        if found is not None:
+        if found and found.below.reached < found.above.reached:
             on_time = f"ticks of {1e3 / float(loop.rate):.6g} ms"
             rows.append(_row(found, about, span, on_time if own["certified"] else ""))
-    proved = [row for row in rows if row.low < row.high]
+            continue
+        within = f"within {name_of(along)} {span_around(*about, 4)}"
+        if found and found.above.text:
+            refuted.append(found.above)
+            within += f", refuted at {in_all_digits(found.above.fails)} by {found.above.text}"
+        unproved.append(within)
     nowhere = not nominal["intervals"].any()
-    records = switched.recorded(proved, certified, agreed=True, none=nowhere)
-    if rows and not proved:  # the least number that is refuted
-        records["fails_from"] = rows[0].part.high
-        records["counterexample"] = rows[0].text
+    records = switched.recorded(rows, certified, agreed=True, none=nowhere)
+    if refuted and not rows:
+        records["fails_from"] = refuted[0].fails
+        records["counterexample"] = shorten(refuted[0].text, TEXT, placeholder=" ...")
+    # 160 characters of the column.
+    records["left_open"] = shorten("; ".join(unproved), 160, placeholder=" ...")
     return records
 
 
