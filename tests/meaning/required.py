@@ -18,7 +18,7 @@ from meaning.specs import toml
 
 KEYS = {  # of `[sweep] require`, which this reads
     "radius", "settling", "time_constant", "damping_ratio", "modes", "slower_than", "bounded",
-    *(f"gain.{key}" for key in ("from", "to", "at_most", "band_hz", "measure")),
+    *(f"gain.{key}" for key in ("from", "to", "at_most", "band_hz")),
     *(f"margins.{key}" for key in ("cut", "Ms", "disk", "gain", "phase_deg")),
     *(f"{kind}.{key}" for kind in ("overshoot", "step_settling", "rms") for key in ("from", "to", "at_most")),
 }  # fmt: skip
@@ -208,7 +208,7 @@ def _kinds(wanted: dict):
         if kind == "margins":
             yield from (f"{kind}.{margin}" for margin in table if margin != "cut")
         elif kind not in {"modes", "slower_than"}:
-            yield kind + (" " + table["measure"] if isinstance(table, dict) and "measure" in table else "")
+            yield kind
 
 
 def judge_bounded(tables: dict, loop) -> list[Found]:
@@ -253,8 +253,9 @@ def of_response(random, case: Case, stable, ticks: int) -> dict:
         sources.append("command")
         names.append("seen")
     table: dict = {"from": sources[int(random.integers(len(sources)))], "to": names[int(random.integers(len(names)))]}
-    if kind == "gain":
-        table |= _band(random, ticks, float(machines[0].schedule.period))
+    if kind == "gain" and random.uniform() < 0.5:
+        low, high = sorted(random.uniform(0, 0.5 / float(machines[0].schedule.period), 2))
+        table["band_hz"] = [float(f"{low:.3g}"), float(f"{high:.3g}")]
     if case.drift and any(responses.drifts(lifted_of(machine, table)) for machine in machines):
         return {}
     seen = [value_of(machine, kind, table) for machine in machines]
@@ -270,18 +271,6 @@ def of_response(random, case: Case, stable, ticks: int) -> dict:
     else:
         table["at_most"] = float(f"{level:.4g}")
     return {kind: table}
-
-
-def _band(random, ticks: int, period: float) -> dict:
-    found: dict = {}
-    highest = 0.5 / period
-    if ticks <= SHORT_FRAME and random.uniform() < 0.4:
-        found["measure"] = "base-band"
-        highest *= ticks
-    if random.uniform() < 0.5:
-        low, high = sorted(random.uniform(0, highest, 2))
-        found["band_hz"] = [float(f"{low:.3g}"), float(f"{high:.3g}")]
-    return found
 
 
 def of_cut(random, case: Case, stable, ticks: int) -> dict:

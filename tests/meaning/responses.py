@@ -109,10 +109,7 @@ def peak(lifted, low: float, high: float, size_at) -> float | None:
     """
     if size_at(STILL / 4) > 2 * size_at(STILL):
         return None
-    count = len(lifted[3])
     turns = abs(np.angle(np.linalg.eigvals(lifted[0])))
-    if high > math.pi:  # of a sine, whose angle in a frame may be that of a mode by whole turns
-        turns = np.concatenate([sign * turns + 2 * math.pi * at for at in range(count) for sign in (1, -1)])
     angles = np.concatenate([np.linspace(low, high, FREQUENCIES), turns[(low < turns) & (turns < high)]])
     angles.sort()
     sizes = [size_at(angle) for angle in angles]
@@ -125,20 +122,10 @@ def peak(lifted, low: float, high: float, size_at) -> float | None:
 
 
 def gain(lifted, period: float, wanted: dict) -> float | None:
-    """The largest singular value of all ticks of a frame, or how much of a sine comes out as the same sine."""
-    count = len(lifted[3])
-    whole = wanted.get("measure", "lifted") == "lifted"
-    low, high = wanted.get("band_hz", (0.0, (1 if whole else count) / (2 * period)))
-
-    def singular(angle):
-        return np.linalg.norm(at_angle(lifted, angle), 2)
-
-    def of_sine(angle):
-        sine = np.exp(1j * angle * np.arange(count) / count)
-        return abs(sine.conj() @ at_angle(lifted, angle) @ sine) / count
-
+    """The largest singular value of all ticks of a frame."""
+    low, high = wanted.get("band_hz", (0.0, 0.5 / period))
     ends = max(2 * math.pi * low * period, STILL), 2 * math.pi * high * period
-    return peak(lifted, *ends, singular if whole else of_sine)
+    return peak(lifted, *ends, lambda angle: np.linalg.norm(at_angle(lifted, angle), 2))
 
 
 def sensitivity(lifted, less: float = 0.0) -> float | None:

@@ -23,7 +23,7 @@ EACH = 10  # specs of one test
 EXPLICIT = {"integration": "explicit", "delay": "frame"}
 
 REQUIRED = [  # a spec of each kind that takes little time
-    (1, "radius"), (6, "settling"), (22, "time_constant"), (307, "damping_ratio"), (13, "gain base-band"), (91, "gain"),
+    (1, "radius"), (6, "settling"), (22, "time_constant"), (307, "damping_ratio"), (91, "gain"),
     (15, "overshoot"), (57, "step_settling"), (351, "rms"), (55, "Ms"), (89, "disk"),
     (435, "margins.gain"), (93, "phase_deg"),
 ]  # fmt: skip

@@ -271,11 +271,6 @@ def _at_cut(margins):
 
 
 def _band(gain):
-    """The band of a gain in words, and what it is if it is not the lifted one."""
-    if "band_hz" in gain:
-        band = " between {:g} and {:g} Hz".format(*gain["band_hz"])
-    else:
-        band = ""
-    return band + (
-        " at the frequency itself" if "measure" in gain else " in the energy of all ticks"
-    )
+    """The band of a gain in words, and of what it is."""
+    band = " between {:g} and {:g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
+    return f"{band} in the energy of all ticks"

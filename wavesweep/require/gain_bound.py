@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-LIFTED, BASE_BAND = "lifted", "base-band"
 OVERSHOOT, STEP_SETTLING, RMS = "overshoot", "step_settling", "rms"
 FACTOR_GAIN, FACTOR_PHASE = "gain", "phase_deg"
 
@@ -60,14 +59,13 @@ MEASURES = {
 
 
 class GainBound(NamedTuple):
-    """What a gain has to be below: the names of an input and an output, the level, a band, and
-    what the gain is."""
+    """What a gain has to be below: the names of an input and an output, the level, and a
+    band."""
 
     source: str
     signal: str
     at_most: float
     band_hz: tuple[float, float] | None = None
-    measure: str = LIFTED
 
 
 class CutBound(NamedTuple):

@@ -1,8 +1,7 @@
 """Where the gain from an input to an output stays below a level at all frequencies, along any
 number of a loop.
 
-`frame_gain` says what the gain is and how a panel of the number is judged, and `maps` has the map
-that shows the gain at the frequency itself.
+`frame_gain` says what the gain is and how a panel of the number is judged.
 """
 
 from dataclasses import replace
@@ -14,8 +13,8 @@ from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.require.between import needed, typical_between
 from wavesweep.require.disc_panels import Accuracy, Domain, along_panels
-from wavesweep.require.frame_gain import BoundedGain, Sine
-from wavesweep.require.gain_bound import BASE_BAND, GainBound
+from wavesweep.require.frame_gain import BoundedGain
+from wavesweep.require.gain_bound import GainBound
 
 # Of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by
 # its root.
@@ -47,12 +46,9 @@ def along_gain(
     size = period.size
     drift, port, number, p = typical_between(loops, along, span, size, route, "gain")
     ticks = port.kind.size
-    of_sine = wanted.measure == BASE_BAND and ticks > 1
-    step = period / ticks if of_sine else period
-    kind = Sine if of_sine else BoundedGain
     about = loops, along, route, wanted.at_most, drift, needed(port.maps), ticks
-    arc = _arc(wanted, ticks, step)
-    gain = kind(*about, np.arange(size), stable, arc, at_rest=False)
+    arc = _arc(wanted, ticks, period)
+    gain = BoundedGain(*about, np.arange(size), stable, arc, at_rest=False)
 
     few = max(1, 1_000_000 // ticks**2)  # frames at a time
     off = np.concatenate(
@@ -68,12 +64,12 @@ def along_gain(
         judges.append(replace(gain, columns=np.flatnonzero(~at_rest)))
     if at_rest.any():
         columns = np.flatnonzero(at_rest)
-        judges.append(kind(*about, columns, stable, gain.arc, at_rest=True))
+        judges.append(BoundedGain(*about, columns, stable, gain.arc, at_rest=True))
 
     begun = begun_at_low_end(gain, span[::-1] if domain.from_above else span)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)
     known = np.ones(size, bool)
-    found = along_panels(judges, known, domain._replace(period=step), ends)
+    found = along_panels(judges, known, domain, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
     return attached(found, stable, SHARE_OF_SPAN * domain.width)
 
@@ -89,25 +85,18 @@ def begun_at_low_end(gain, span):
     return np.maximum(begun, END_EXACTNESS)
 
 
-def _arc(wanted, ticks, step):
-    """The angles of the ends of the band, `(columns, 2)`; ticks: of a frame; step: of the map,
-    s."""
+def _arc(wanted, ticks, period):
+    """The angles of the ends of the band, `(columns, 2)`; ticks: of a frame; period: of it, s."""
     if wanted.band_hz is None:
-        return np.tile([0.0, np.pi], (step.size, 1))
-    arc = 2 * np.pi * np.outer(step, wanted.band_hz)
+        return np.tile([0.0, np.pi], (period.size, 1))
+    arc = 2 * np.pi * np.outer(period, wanted.band_hz)
     beyond = arc[:, 1] > np.pi * (1 + 1e-9)
     if beyond.any():
-        half_rate = 0.5 / step[beyond].max()
-        rate_of = "ticks"
-        folding = ""
-        if ticks > 1 and wanted.measure != BASE_BAND:
-            rate_of = "frames"
-            folding = (
-                f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)'
-            )
+        half_rate = 0.5 / period[beyond].max()
+        rate_of = "frames, beyond which they fold" if ticks > 1 else "ticks"
         raise UsageError(
             f"sweep.require.gain.band_hz: expected frequencies up to {half_rate:g} Hz, half the "
-            f"rate of the {rate_of}{folding}, found {wanted.band_hz[1]:g}"
+            f"rate of the {rate_of}, found {wanted.band_hz[1]:g}"
         )
     return np.minimum(arc, np.pi)
 

@@ -10,10 +10,8 @@ from wavesweep.program.reading.keys import ALL_MODES, MODES, TIMES_OF_MODES
 from wavesweep.program.reading.tables import KeyValues, SpecTable, nested
 from wavesweep.require.damped import Damped
 from wavesweep.require.gain_bound import (
-    BASE_BAND,
     FACTOR_GAIN,
     FACTOR_PHASE,
-    LIFTED,
     MEASURES,
     CutBound,
     FactorBound,
@@ -83,7 +81,8 @@ KEYS = Key.by_path(
             None,
             "of to over from",
             "find the stable intervals in which the gain from an input to an output is below this at all frequencies: the "
-            "H-infinity norm, of all ticks of a frame",
+            "H-infinity norm, root of energy over root of energy of all ticks of a frame. Of an input that is read once in "
+            "n ticks, and held in what follows, it is the root of n at rest, since the other n - 1 count as 0",
             high=1e12,
         ),
         Key.several(
@@ -91,16 +90,6 @@ KEYS = Key.by_path(
             2,
             rising=True,
             description="lowest and highest frequency at which it has to be so",
-        ),
-        Key.word(
-            "sweep.require.gain.measure",
-            LIFTED,
-            "what the gain is of a loop of several rates",
-            {
-                LIFTED: "of inputs of any form, root of energy over root of energy of all ticks of a frame: of an input that is read "
-                "once in n ticks, and held in what follows, it is the root of n at rest, since the other n - 1 count as 0",
-                BASE_BAND: "of a sine: the component at its own frequency over it, as bode has it",
-            },
         ),
         Key.word(
             "sweep.require.margins.cut",
@@ -202,9 +191,8 @@ class Require(KeyValues):
         # Each is looked for where those before it hold: what takes longest comes last.
         gains: tuple[GainBound | CutBound | FactorBound | TimeBound, ...] = ()
         if "gain.at_most" in self:
-            band, measure = self.get("gain.band_hz"), self.get("gain.measure", LIFTED)
-            level = self["gain.at_most"]
-            gains = (GainBound(self["gain.from"], self["gain.to"], level, band, measure),)
+            ends_and_level = (self[f"gain.{name}"] for name in NEEDED)
+            gains = (GainBound(*ends_and_level, self.get("gain.band_hz")),)
         if "margins.Ms" in self:
             gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
         if "margins.disk" in self:
