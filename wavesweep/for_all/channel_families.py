@@ -219,8 +219,8 @@ def frames_with_messages(
     if number and not drawing.scalar_place(name_of(number)):
         raise UsageError(
             f"intervals along {number}: where messages may be late or lost, expected a number that one wire or gain reads "
-            "linearly, found another; look along another one, or have a range of it proved: "
-            f"[for_all] {number.removeprefix('numbers.')} = {{ start, stop }}, and `wavesweep check`"
+            "linearly, found another; look along another one, and list values of this one in [sweep]: "
+            f"{number.removeprefix('numbers.')} = [...]"
         )
     drawing, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): TWO_VALUES} if number else {}

@@ -83,6 +83,8 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[flo
             at, best = float(refuted), (float(refuted), word)
             if not back:
                 break
+        if not best[1]:  # nothing grows at the limit
+            break
     return best
 
 

@@ -189,9 +189,11 @@ def bracket_ring(
     """Return what is proved and refuted within an interval of a number, as `joint.bracket`; None if
     no start of a proof is found."""
     low, high = about
-    fails, word = nearest_pattern(family, low + START * (high - low), high)
-    goal = fails - tolerance / 2 * (fails - low) if word else high
+    fails, word = np.nan, ()
     gain = family.gain
+    if not gain.proved(high, high):
+        fails, word = nearest_pattern(family, low + START * (high - low), high)
+    goal = fails - tolerance / 2 * (fails - low) if word else high
     starts = [low + share * (goal - low) for share in STARTS]
     begun = next((x for x in starts if gain.proved(x, x)), None)
     if begun is None:
