@@ -7,14 +7,11 @@ import tomllib
 import numpy as np
 import pytest
 from support.chunks import finished
-from support.missing import needed
 
 import wavesweep
 from wavesweep.designs import study
 from wavesweep.designs.best import miss
-from wavesweep.designs.family import scenarios_of
-from wavesweep.designs.search import designs_of
-from wavesweep.designs.study import Evaluation, box_of, job_of
+from wavesweep.designs.study import job_of
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.cli import main
 from wavesweep.program.results import read
@@ -163,82 +160,6 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     value, place = re.search(r"has z_width (\S+) N/m \(at least 80\) with operator.mass=(\S+),", str(error.value)).groups()
     assert float(value) < 80
     assert 0 < float(place) < 0.08
-
-
-@pytest.mark.parametrize(
-    ("change", "box"),
-    [
-        (
-            {"for_all": {"operator.mass": {"start": 0, "stop": 0.6}, "operator.stiffness": [800.0, 810.0]}},
-            ((0, 0.6), (2, 2), (800, 810)),
-        ),
-        ({"vary": {"operator.damping": {"start": 1, "stop": 3}}}, ((0, 0), (2.5, 2.5), (100, 600))),
-    ],
-)
-def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monkeypatch):
-    """Also of what is said of the operator itself; a design that varies the hand has its own."""
-    needed("for_all")
-    from wavesweep.for_all import hand_box as hands
-
-    seen = []
-
-    def kept(self, _values, _along, span):
-        seen.append(self.box)
-        found = np.zeros(1, hands.BOX_RECORD)
-        found["intervals"], found["high"], found["settled"] = 1, span[1], True
-        return found
-
-    monkeypatch.setattr(hands.BoxGuarantee, "records", kept)
-    tables = tomllib.loads(SPEC) | {"operator": {"damping": 2.0}}
-    tables["for_all"] = change.get("for_all", {"operator.stiffness": [100.0, 600.0]})
-    tables["design"] |= {"wish": {"z_width": {"B_VE": [1]}}, "vary": change.get("vary", tables["design"]["vary"])}
-    spec = load(tables)
-    genes = np.full((1, len(spec.design.vary)), 0.75)
-    designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
-    Evaluation(spec, scenarios_of(spec), 2e4, kind, box_of(spec)).records(designs, 1)
-    assert set(seen) == {hands.HandBox(*box)}
-
-
-@pytest.mark.slow
-def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeypatch):
-    needed("for_all")
-    from wavesweep.for_all import hand_box as hands
-
-    def sooner(_self, loop, _along, span):
-        found = np.zeros(1, hands.BOX_RECORD)
-        found["intervals"], found["high"], found["settled"] = (
-            1,
-            span[1] * (0.5 if loop.values["environment.B_VE"] == 5 else 0.8),
-            True,
-        )
-        return found
-
-    monkeypatch.setattr(hands.BoxGuarantee, "records", sooner)
-    text = SPEC.replace('"device.mass" = [0.08, 0.125]', '"operator.damping" = [0, 5]')
-    (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
-    code, text, results = run("--no-plot", "--for-hands", "box", "--set", "design.generations=1", "--jobs", "1")
-    rows = read(results / "design.csv")
-    assert code == 0
-    assert (
-        f"every hand of the box: 0 of {rows['b'].size} designs keep all walls, 0 of them proved; the worst keeps 50 %" in text
-    )
-    np.testing.assert_allclose(rows["z_width_box"], 0.5 * rows["z_width"])
-    assert rows["box_settled"].all()
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        (("x", "x"), "found none"),
-        (('"device.mass" = [0.08, 0.125]', '"operator.stiffness" = [0, 300]\nlost = 1'), "what varies from frame to frame"),
-        (("z_width = { B_VE = [1, 5] }\n", ""), "expected the wish z_width"),
-    ],
-)
-def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
-    hand = SPEC.replace('"device.mass"', '"operator.stiffness" = [0, 300]\n"device.mass"') if "z_width" in change[0] else SPEC
-    (tmp_path / "mine.toml").write_text(hand.replace(*change), encoding="utf-8")
-    code, said, _ = run("--for-hands", "box")
-    assert (code, text in said) == (2, True), said
 
 
 @pytest.mark.asks("passive")

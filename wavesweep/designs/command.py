@@ -8,18 +8,8 @@ from wavesweep.program.cli.study_commands import one_spec
 
 @click.command("design")
 @one_spec
-@click.option(
-    "--for-hands",
-    "checked",
-    type=click.Choice(["vertices", "box"]),
-    default="vertices",
-    show_default=True,
-    help="The hands that the designs of the result are tried with. vertices: the values of [for_all] and values between "
-    "them. box: every hand between the values of the operator there, which takes seconds for each design and device; the columns "
-    "z_width_box and box_settled say what is left and whether it is proved.",
-)
 @run_options("workers")
-def design(spec: str, checked: str, options: Options) -> None:
+def design(spec: str, options: Options) -> None:
     """Search for designs that meet a wish, for all devices and hands that they have to hold for.
 
     SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their
@@ -43,7 +33,7 @@ def design(spec: str, checked: str, options: Options) -> None:
         from wavesweep.designs import study
         from wavesweep.designs.best import with_best
 
-        table = study.design(*specs, for_hands=checked, **work)
+        table = study.design(*specs, **work)
         return [with_best(table, specs[0]) if options.to_folder else table]
 
     less = "a smaller population and fewer generations in [design] take less"

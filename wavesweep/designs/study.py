@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -24,12 +23,10 @@ from wavesweep.designs.search import (
     spread,
     undominated,
 )
-from wavesweep.designs.table import BOX, SETTLED, fields_of_design, wish_units
+from wavesweep.designs.table import fields_of_design, wish_units
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.designs.wishes import evaluate
 from wavesweep.engine.errors import SpecError, UsageError, WavesweepError
-from wavesweep.haptics.held_loop import HAND as OPERATOR
-from wavesweep.haptics.held_loop import held_loop
 from wavesweep.program.analyses.claims import (
     STABLE,
     Claim,
@@ -41,7 +38,7 @@ from wavesweep.program.analyses.claims import (
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN
-from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
+from wavesweep.program.sweep.grid import keys_of, make_grid, own_loop
 from wavesweep.program.sweep.job import Chunks, Job, JobKind
 from wavesweep.program.sweep.running import (
     RunCounts,
@@ -53,7 +50,6 @@ from wavesweep.program.sweep.running import (
     resumable,
 )
 from wavesweep.program.sweep.workers import choose
-from wavesweep.program.tables.hand_rows import hands_of
 from wavesweep.program.tables.kind import count
 from wavesweep.program.tables.table import Table, facts_of
 
@@ -76,8 +72,7 @@ class Study:
     genes: number of a generation -> `(designs, axes)`, known once the one before it is judged.
     scenarios: combinations that designs have to hold for in the search; more are added during it.
     finer, finest: those that the front is checked over during the search, and at its end. stop: the
-    largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the front is
-    checked; None for no such check.
+    largest stiffness of a wall that is searched, N/m.
     """
 
     genes: dict[int, np.ndarray]
@@ -85,20 +80,16 @@ class Study:
     finer: Sequence[Scenario]
     finest: Sequence[Scenario]
     stop: float
-    box: Mapping[str, tuple[float, float]] | None = None
 
 
-def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
-    """A value, a scenario and flags for each wish; with a box of hands its stiffest wall, and if
-    it is settled."""
+def record_of(wishes: Sequence[Wish]) -> np.dtype:
+    """A value, a scenario and flags for each wish."""
     fields = [("slice", "<i4")]
     for wish in wishes:
         fields.append((wish.name, "<f8"))
         fields.append((f"{wish.name}_scenario", "<i4"))
         fields.append((f"{wish.name}_certified", "?"))
         fields.append((f"{wish.name}_at_end", "?"))
-    if box:
-        fields += [(BOX, "<f8"), (SETTLED, "?")]
     return np.dtype(fields)
 
 
@@ -123,27 +114,24 @@ def _task(job, chunk):
 class Evaluation:
     """What is measured of designs: the wishes of a spec, at their worst over the scenarios.
 
-    stop: see `Study`. dtype: of the records, see `record_of`. box: of hands to check designs for.
-    proof: of [for_all].
+    stop: see `Study`. dtype: of the records, see `record_of`. proof: of [for_all].
     """
 
     spec: Spec
     scenarios: Sequence[Scenario]
     stop: float
     dtype: np.dtype
-    box: Mapping[str, tuple[float, float]] | None = None
     proof: Any = None
 
     @staticmethod
     def of(job: Job, scenarios: Sequence[Scenario], *, last: bool) -> Evaluation:
         """That of a job; last: whether designs are of the front, for which more is checked."""
         spec = job.grid.spec
-        study = job.asked
         if last:
             proof = _proof_of(spec)
-            return Evaluation(spec, scenarios, study.stop, job.dtype, study.box, proof)
-        ranking = spec.for_all and spec.for_all.ranking(spec)
-        return Evaluation(spec, scenarios, study.stop, job.dtype, proof=ranking)
+        else:
+            proof = spec.for_all and spec.for_all.ranking(spec)
+        return Evaluation(spec, scenarios, job.asked.stop, job.dtype, proof)
 
     def records(self, designs: Mapping[str, np.ndarray], count: int) -> np.ndarray:
         """A record for each of `count` designs, which may be none."""
@@ -158,67 +146,25 @@ class Evaluation:
             records[f"{name}_scenario"] = worst.scenario
             records[f"{name}_certified"] = worst.certified
             records[f"{name}_at_end"] = worst.at_end
-        if self.box:
-            _hold(self.spec, self.scenarios, designs, self.box, records)
         return records
-
-
-def _hold(spec, scenarios, designs, box, records):
-    """Fill in the stiffest wall that is stable with every hand of the box, and whether that is
-    settled.
-
-    Walls are checked up to `z_width`, the stiffest one of the scenarios.
-    """
-    (wish,) = (wish for wish in spec.design.wishes if wish.name == "z_width")
-    dampings = wish.options.get("B_VE", (spec.values["environment.B_VE"],))
-    devices = []
-    for scenario in scenarios:
-        device = {path: value for path, value in scenario.items() if path not in OPERATOR}
-        if device not in devices:
-            devices.append(device)
-    wall = "environment.K_VE"
-    for number, record in enumerate(records):
-        numbers = {path: column[number].item() for path, column in designs.items()}
-        record[BOX] = record["z_width"]
-        record[SETTLED] = record["z_width"] > 0
-        if not record[SETTLED]:  # no wall to touch
-            continue
-        for device, damping in product(devices, dampings):
-            values = dict(
-                spec.with_values({**numbers, **device, "environment.B_VE": damping}).values
-            )
-            hands = dict(box)
-            for path in OPERATOR:
-                if path in numbers:
-                    hands[path.partition(".")[2]] = (float(values[path]), float(values[path]))
-            loop = held_loop(loops_of(spec, values, wall))
-            rows = _guarantee(hands).records(loop, wall, (0.0, float(record["z_width"])))
-            first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
-            record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
-            record[SETTLED] &= bool(first.size and first["settled"][0])
 
 
 # Certificates of a search are those of its result.
 DESIGNS = JobKind(_task, noun="designs", certifies=False, has_rows=False)
 
 
-def design(
-    spec: Spec,
-    for_hands: str = "vertices",
-    **given: Any,
-) -> Table:
+def design(spec: Spec, **given: Any) -> Table:
     """Search for the designs that meet the wishes of a spec's [design].
 
     Returns the front if some wishes have no bound, otherwise the best design, as a table.
-    for_hands: "box" to check the front for every hand between the ends of the ranges as well,
-    "vertices" for finer values alone. given: jobs, backend, scheduler, progress, checkpoint and
+    given: jobs, backend, scheduler, progress, checkpoint and
     force, see `Work`. The result depends on the seed and not on the workers. Errors: UsageError for
     a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of
     a run.
     """
     started = time.perf_counter()
     work = Work.of(given)
-    job = job_of(spec, for_hands)
+    job = job_of(spec)
     warnings: list[str] = []
     store = checkpoint_of(job, work.checkpoint, work.force, warnings)
     run = _Run(job, store, work.progress)
@@ -331,7 +277,7 @@ METHODS = {
 }
 
 
-def _refuse_for_all(spec, wanted, for_hands):
+def _refuse_for_all(spec, wanted):
     """Raise UsageError if designs cannot be found for all of [for_all]."""
     table = spec.for_all
     if not table:
@@ -347,10 +293,6 @@ def _refuse_for_all(spec, wanted, for_hands):
         else:
             continue
         raise UsageError(f"[for_all]: expected {expected}, found {axis.name}")
-    channels = spec.drawing and spec.drawing.channels
-    if for_hands == "box" and (table.changing or table.lost or table.loss or channels):
-        expected = "constant numbers in [for_all] beside --for-hands box"
-        raise UsageError(f"design: expected {expected}, found what varies from frame to frame")
     of_walls = any(wish.word in ("z_width", "felt") for wish in wanted.wishes)
     _proof_of(spec).refuse_unsuitable(spec, spec.wall[0] if of_walls else "")
 
@@ -379,14 +321,11 @@ def _stiffest_searched(spec, wishes):
     return stop
 
 
-def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
-    """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it
-    cannot be done."""
-    if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
-        raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
+def job_of(spec: Spec) -> Job:
+    """Return the job of a spec's [design]. Errors: UsageError if it cannot be done."""
     wanted = spec.asking("design").design
     spec.refuse_require("[design]")
-    _refuse_for_all(spec, wanted, for_hands)
+    _refuse_for_all(spec, wanted)
     grid = make_grid(spec.asking("design"), ())
     stop = _stiffest_searched(spec, wanted.wishes)
     _refuse_unreachable(spec, wanted.wishes)
@@ -405,11 +344,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     between = _between(grid.spec, 256)
     if between:
         finest = scenarios_of(grid.spec, between)
-    box = box_of(spec) if for_hands == "box" else None
-    identity: dict[str, Any] = {"records": "designs", "stop": stop}
-    if box:
-        identity["box"] = box
-    study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
+    study = Study({}, scenarios_of(grid.spec), finer, finest, stop)
     rounds = wanted.settings["generations"]
     population = wanted.settings["population"]
     # Designs of a task, at most: those of one structure are the faster, the more they are.
@@ -420,8 +355,8 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
         grid,
         chunks,
         {},
-        record_of(wanted.wishes, box=box is not None),
-        identity,
+        record_of(wanted.wishes),
+        {"records": "designs", "stop": stop},
         study,
         total,
     )
@@ -448,35 +383,6 @@ def _refuse_unreachable(spec, wishes):
             mistakes.append(place.mistake(key, f"<= {most[wish.word]:g}", f"{wish.bound:g}"))
     if mistakes:
         raise SpecError(mistakes)
-
-
-def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
-    """Return the ranges of mass, damping and stiffness of all hands between the values of the
-    operator in [for_all].
-
-    Errors: UsageError if these or the wishes do not define a box.
-    """
-    axes = {axis.path: axis for axis in spec.for_all.unknown} if spec.for_all else {}
-    if not axes.keys() & {*OPERATOR}:
-        expected = '[for_all] "operator.stiffness" = [...], or others of the operator'
-        raise UsageError(f"hand box: expected {expected}, found none")
-    if not any(wish.name == "z_width" for wish in spec.asking("design").design.wishes):
-        raise UsageError("hand box: expected the wish z_width, whose walls are proved, found none")
-    box = {}
-    for path in OPERATOR:
-        values = (spec.values[path],)
-        if path in axes:
-            values = axes[path].values or (axes[path].start, axes[path].stop)
-        box[path.partition(".")[2]] = (float(min(values)), float(max(values)))
-    _guarantee(box)
-    return box
-
-
-def _guarantee(box):
-    """What holds for all hands of a box, as --for-hands has it."""
-    ranges = ",".join(f"{part}={low!r}..{high!r}" for part, (low, high) in box.items())
-    (guarantee,) = hands_of(f"box:{ranges}").guarantees
-    return guarantee
 
 
 class _Run:
@@ -641,10 +547,9 @@ def seconds_of(job: Job) -> float:
 
 
 def own_records(spec: Spec, job: Job) -> np.ndarray:
-    """The record of the spec's own design, checked as those of the front, but not for every hand."""
+    """The record of the spec's own design, checked as those of the front."""
     nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    checked = replace(Evaluation.of(job, job.asked.finest, last=True), box=None)
-    return checked.records(nominal, 1)
+    return Evaluation.of(job, job.asked.finest, last=True).records(nominal, 1)
 
 
 def own_design(spec: Spec, job: Job, records: np.ndarray) -> dict[str, float | None]:
@@ -688,9 +593,6 @@ def _columns(spec, job, genes, records):
     objectives, violation = judged(spec.design, records)
     columns["certified"] = certified
     columns["holds"] = (violation == 0) & _checked(job)
-    if job.asked.box:
-        columns[BOX] = records[BOX]
-        columns[SETTLED] = records[SETTLED]
     order = np.lexsort(objectives.T[::-1])
     return {name: column[order] for name, column in columns.items()}, columns
 

@@ -15,9 +15,6 @@ from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, count, plain, whole_kind
 
 THIN = 0.01  # of a bound or a range, within which a design is near it, or near an end
-# Columns for the hands of a box.
-BOX = "z_width_box"
-SETTLED = "box_settled"
 
 
 def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
@@ -68,7 +65,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     runners_up = []
     for runner_up in facts.get("runners_up", ()):
         runners_up.append({**runner_up, "margins": margins_of(runner_up["wishes"], facts)})
-    tally = {
+    return {
         "designs": len(columns["certified"]),
         "certified": int(columns["certified"].sum()),
         "bounds_hold_between": int(columns["holds"].sum()),
@@ -90,19 +87,6 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "free": free,
         "runners_up": runners_up,
     }
-    if (
-        BOX in columns
-    ):  # how many designs keep all their walls with every hand of a box, how many of these are proved
-        wall = columns["z_width"]
-        kept = columns[BOX] >= wall
-        share = np.divide(columns[BOX], wall, out=np.ones(len(wall)), where=wall > 0)
-        settled = kept & columns[SETTLED]
-        tally["box"] = {
-            "kept": int(kept.sum()),
-            "settled": int(settled.sum()),
-            "least": float(share.min()),
-        }
-    return tally
 
 
 def _best(
@@ -213,13 +197,6 @@ def _notes(found: Numbers) -> Iterator[Line]:
         number = f"{len(files)} of them " if 1 < len(files) < found["designs"] else ""
         named = files[0] if len(files) == 1 else f"{files[0]} ... {files[-1]}"
         yield f"{number}as specs: {named}", False
-    if "box" in found:
-        box = found["box"]
-        said = f"every hand of the box: {box['kept']} of {count(found['designs'], 'design')} keep all walls"
-        said += f", {box['settled']} of them proved"
-        if box["kept"] < found["designs"]:
-            said += f"; the worst keeps {rounded_down(100 * box['least'], 3)} %"
-        yield said, False
     if found["certified"] < found["designs"]:
         yield (
             f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified",
