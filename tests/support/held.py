@@ -101,4 +101,4 @@ def box_intervals(values, span, box):
     """The rows for a box of hands, as records."""
     from wavesweep.for_all.hand_box import BoxGuarantee
 
-    return BoxGuarantee(box).records(held(values), WALL, span)
+    return BoxGuarantee(box).records_of(held(values), WALL, span)

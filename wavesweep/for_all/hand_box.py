@@ -14,7 +14,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.for_all.unknown import Case, Part, Proved, proofs
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.felt import RECORD
-from wavesweep.haptics.held_loop import HeldLoop, held_loop
+from wavesweep.haptics.held_loop import held_loop
 from wavesweep.program.analyses.claims import Scope, Status, own_scope
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
@@ -115,18 +115,12 @@ class BoxGuarantee(Guarantee):
         return replace(own_scope(spec), hands=f"every hand of {self.word}")
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
-        """The intervals of one loop; it takes from tenths of a second to some seconds."""
-        return self.records(held_loop(loop), along, span, of_proof=True)
-
-    def records(
-        self, loop: HeldLoop, along: str, span: tuple[float, float], *, of_proof: bool = False
-    ) -> np.ndarray:
         """Intervals of the key `along` within `span` for one loop, as records of slice 0.
 
-        of_proof: whether those that are proved end where the proof does, and are certified; without
-        it all end where the hands do that set their ends.
+        Those that are proved end where the proof does, and are certified; others end where the
+        hands do that set their ends. It takes from tenths of a second to some seconds.
         """
-        loop = loop.with_hand()
+        loop = held_loop(loop).with_hand()
         ends = self.box.ranges()
         ranges = [
             Axis(path, path, (), low, high, structural=False)
@@ -137,7 +131,7 @@ class BoxGuarantee(Guarantee):
         case = Case(
             Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants
         )
-        proved_parts = list(proofs([case], span, LEFT_OF_END, narrow=not of_proof))
+        proved_parts = list(proofs([case], span, LEFT_OF_END))
         low = np.array([interval.low for interval, _ in proved_parts])
         high = np.array([interval.high for interval, _ in proved_parts])
         records = blank_records(low, high, BOX_RECORD)
@@ -146,7 +140,7 @@ class BoxGuarantee(Guarantee):
         records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
         for record, (interval, proved) in zip(records, proved_parts, strict=False):
             record["settled"] &= _all_but_margin(interval, proved)
-            if of_proof and record["settled"]:
+            if record["settled"]:
                 record["low"] = proved.low
                 record["high"] = proved.high
                 record["certified"] = True

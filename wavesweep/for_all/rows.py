@@ -335,7 +335,7 @@ class _Loop:
         if self.rules.at_random:
             return self._on_average()
         rows = []
-        for interval in searched(self.cases, self.span, narrow=False):
+        for interval in searched(self.cases, self.span):
             bracketed_cases = [
                 self._bracketed(case, (interval.low, interval.high)) for case in self.cases
             ]
@@ -603,7 +603,7 @@ def _decided(spec, rules, number, case):
     span = min(value, low), max(value, high)
     loop = _Loop(rules, path, span, loops_of(spec, dict(spec.values), path))
     along = loop.cases[number]
-    for interval in searched(loop.cases, span, narrow=False):
+    for interval in searched(loop.cases, span):
         try:
             found = loop.bracketed(along, (interval.low, interval.high))
         except UsageError:  # its frames cannot be cut there

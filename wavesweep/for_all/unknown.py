@@ -87,12 +87,11 @@ def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
     return overlaps
 
 
-def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = True) -> list[Part]:
-    """The intervals that nothing which is looked at in any of the cases refutes; narrow: see
-    `Case.parts`."""
+def searched(cases: Sequence["Case"], span: tuple[float, float]) -> list[Part]:
+    """The intervals that nothing which is looked at in any of the cases refutes."""
     intervals = [Part(*span)]
     for case in cases:
-        intervals = shared(intervals, case.parts(narrow))
+        intervals = shared(intervals, case.parts())
     return intervals
 
 
@@ -119,18 +118,17 @@ class Proved:
 
 
 def proofs(
-    cases: Sequence["Case"], span: tuple[float, float], near: float, *, narrow: bool = False
+    cases: Sequence["Case"], span: tuple[float, float], near: float
 ) -> Iterator[tuple[Part, Proved | None]]:
     """Yield the intervals that no loop met so far refutes, in order, and what is proved of each,
     None without.
 
     The proof comes first: worse numbers are searched where it leaves something open, and it goes on
     from there. near: share of an end that is refuted, by which what is tried to be proved stays
-    away from it. narrow: search in any case, if the parts next to the ends, which are not proved,
-    are to have no worse numbers that a search finds.
+    away from it.
     """
     # Four rounds of a search after a proof that has not ended.
-    left = [(interval, 4, {}) for interval in searched(cases, span, narrow)]
+    left = [(interval, 4, {}) for interval in searched(cases, span)]
     while left:
         part, rounds, known = left.pop(0)
         if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
@@ -188,13 +186,9 @@ class Case:
         self.certified = True
         self.left = OPERATIONS_OF_CASE
 
-    def parts(self, narrow: bool = True) -> list[Part]:
-        """What none of the numbers that are looked at refutes; narrow: whether a search goes to
-        the worst ones for each end."""
-        intervals = self.met([Part(*self.span)], self._starts)
-        if narrow:
-            return self.narrowed(intervals)
-        return intervals
+    def parts(self) -> list[Part]:
+        """What none of the numbers that are tried in any case refutes."""
+        return self.met([Part(*self.span)], self._starts)
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
         """What is left of the parts after climbs, over all numbers and along the parts, to
