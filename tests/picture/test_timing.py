@@ -3,7 +3,6 @@
 import itertools
 
 import pytest
-from matplotlib import style as styles
 from matplotlib.colors import to_rgb
 
 from wavesweep.picture.moments import moments
@@ -54,18 +53,18 @@ def test_the_bars_are_the_life_of_the_oldest_number_and_its_age_is_below():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "width", "dark"),
+    ("name", "width"),
     [
-        ("60", None, True),
-        ("60", ONE_COLUMN, False),
-        ("log", ONE_COLUMN, True),
-        ("drive", None, False),
-        ("quadrotor", ONE_COLUMN, False),
-        ("no plant", ONE_COLUMN, False),
+        ("60", None),
+        ("60", ONE_COLUMN),
+        ("log", ONE_COLUMN),
+        ("drive", None),
+        ("quadrotor", ONE_COLUMN),
+        ("no plant", ONE_COLUMN),
     ],
 )
-def test_texts_can_be_read(name, width, dark):
-    with as_asked(width, dict(styles.library["dark_background"]) if dark else None):
+def test_texts_can_be_read(name, width):
+    with as_asked(width):
         canvas = plots.timing(load(SPECS[name]))
     extents = []
     for axes in canvas.axes:

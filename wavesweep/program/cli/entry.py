@@ -89,7 +89,7 @@ _SHAPES = "shapes a figure, and is an option of `wavesweep plot TABLE`, which dr
 MOVED = MappingProxyType(
     {
         "--format": f"{_SHAPES}; --out NAME.svg (.pdf, .eps) writes a figure in another format at once",
-        **dict.fromkeys(("--width", "--style"), _SHAPES),
+        "--width": _SHAPES,
         "--force": "stood for two options: --overwrite replaces results of another spec, --restart begins a run anew",
         "--exit-code": "is --strict",
         "--filters": "is a sweep: --set 'sweep.filters.lp1.order=[1, 2, 3, 4]' has the norm of the channel for each order",

@@ -119,7 +119,7 @@ class Options:
             "--plot/--no-plot",
             default=True,
             show_default=True,
-            help="Draw the figure, or leave it out. `wavesweep plot` draws it again in another format, width or style.",
+            help="Draw the figure, or leave it out. `wavesweep plot` draws it again in another format or width.",
         ),
         True,
     )

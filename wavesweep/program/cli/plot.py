@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -12,18 +13,20 @@ from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import FORMATS, PATH, folder, is_given
 
+_INCHES = {"": 1.0, "in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
 
-def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
-    """Have the figure drawn in this width or style, until the command ends."""
+
+def _as_asked(context: click.Context, _: click.Parameter, text: str | None) -> str | None:
+    """Have the figure drawn in this width, until the command ends."""
     if text is not None and not context.resilient_parsing:
-        from wavesweep.program.plots.figure_options import style_of, width_of
         from wavesweep.program.plots.style import as_asked
 
-        if option.name == "width":
-            drawn_so = as_asked(width=width_of(text))
-        else:
-            drawn_so = as_asked(settings=style_of(text))
-        context.with_resource(drawn_so)
+        match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(in|mm|cm|)\s*", text)
+        width = float(match[1]) * _INCHES[match[2]] if match else 0.0
+        if not 2.0 <= width <= 20.0:  # inches
+            expected = "a width from 2 to 20 inches, such as 3.5in, 89mm or 8.9cm"
+            raise UsageError(f"--width: expected {expected}, found {text}")
+        context.with_resource(as_asked(width))
     return text
 
 
@@ -44,14 +47,6 @@ def _as_asked(context: click.Context, option: click.Parameter, text: str | None)
     expose_value=False,
     callback=_as_asked,
     help="Width of the figure, e.g. 3.5in or 89mm for a journal's column; a number alone is in inches.",
-)
-@click.option(
-    "--style",
-    metavar="STYLE",
-    expose_value=False,
-    callback=_as_asked,
-    help="A style of matplotlib over that of the program: a name such as ggplot, or a file with settings, e.g. "
-    "'font.family: serif'. Colours that tell curves apart stay.",
 )
 @folder(
     "Folder for the figure, or a file that ends in .png, .svg, .pdf or .eps [default: the folder of the table].",

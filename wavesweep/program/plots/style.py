@@ -65,7 +65,7 @@ _STYLE = {
     "svg.hashsalt": "wavesweep",
 }
 _ALONE = RLock()  # held while the settings are those of a figure
-_ASKED: ContextVar[tuple[float | None, Mapping[str, Any]]] = ContextVar("asked", default=(None, {}))
+_WIDTH: ContextVar[float | None] = ContextVar("width", default=None)  # inches, if one is asked for
 _INTO: ContextVar[Any] = ContextVar(
     "into", default=None
 )  # axes or a part of a figure, in whose place the next one is drawn
@@ -74,21 +74,18 @@ _CAPTION: ContextVar[bool] = ContextVar("caption", default=True)
 
 
 @contextmanager
-def as_asked(
-    width: float | None = None, settings: Mapping[str, Any] | None = None
-) -> Iterator[None]:
-    """Draw figures this wide (inches), and with these settings of matplotlib over those of the
-    common style."""
-    before = _ASKED.set((width or _ASKED.get()[0], settings or _ASKED.get()[1]))
+def as_asked(width: float | None) -> Iterator[None]:
+    """Draw figures this wide (inches)."""
+    before = _WIDTH.set(width)
     try:
         yield
     finally:
-        _ASKED.reset(before)
+        _WIDTH.reset(before)
 
 
 def wide(width: float) -> float:
     """The width of a figure, inches: the one that was asked for, or else `width`."""
-    return _ASKED.get()[0] or width
+    return _WIDTH.get() or width
 
 
 def is_narrow() -> bool:
@@ -174,14 +171,12 @@ def figure(width: float, height: float) -> Iterator[Any]:
         yield canvas
         _without_legend(canvas)
         _settle(canvas)
-        _lighten(canvas)
     canvas._repr_png_ = partial(png, canvas, {})  # the name that notebooks ask a value for
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The settings of every figure, with those that were asked for. No matplotlibrc is read, so
-    that it looks alike everywhere.
+    """The settings of every figure. No matplotlibrc is read, so that it looks alike everywhere.
 
     The settings are those of the process, so one thread after the other draws, and the user's are
     there again afterwards.
@@ -196,9 +191,7 @@ def style() -> Iterator[None]:
             fontManager.addfont(path)
     with (
         _ALONE,
-        matplotlib.rc_context(
-            {**matplotlib.rcParamsDefault, **_STYLE, **_ASKED.get()[1], "backend": "agg"}
-        ),
+        matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"}),
     ):
         yield
 
@@ -278,39 +271,6 @@ def _without_legend(canvas: Any) -> None:
     if not _LEGEND.get():
         for legend in canvas.findobj(Legend):
             legend.remove()
-
-
-def _lighten(canvas: Any) -> None:
-    """On a dark ground, as of matplotlib's style dark_background, draw dark lines and marks in
-    lighter colours."""
-    from matplotlib.collections import LineCollection
-    from matplotlib.colors import to_rgb
-    from matplotlib.lines import Line2D
-
-    if _lightness(to_rgb(canvas.get_facecolor())) > 0.5:
-        return
-    for line in canvas.findobj(Line2D):
-        line.set_color(_lighter(line.get_color()))
-    for lines in canvas.findobj(LineCollection):
-        lines.set_color([_lighter(colour) for colour in lines.get_color()])
-
-
-def _lightness(colour: tuple[float, float, float]) -> float:
-    """The relative luminance, from 0 for black to 1 for white."""
-    red, green, blue = colour
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
-
-
-def _lighter(colour: Any) -> Any:
-    """A colour that can be seen on black: a dark one with as much white as it takes."""
-    from matplotlib.colors import to_rgb
-
-    rgb = to_rgb(colour)
-    lacking = 0.5 - _lightness(rgb)  # luminance that is seen on black
-    if lacking <= 0:
-        return colour
-    share_of_white = lacking / (1 - _lightness(rgb))
-    return paler(rgb, 1 - share_of_white)
 
 
 def _closest(panels: Sequence[Any]) -> float:
