@@ -68,7 +68,7 @@ CAPABILITIES = (
         tables=("simulate",),
         kinds=("simulate", "simulate-response"),
         library=("simulate", "Loop.simulate", "Loop.plot_simulate", "DrawnLoop.simulate"),
-        offers=("keys", "section"),
+        offers=("keys", "on_check", "section"),
     ),
     Capability(
         "passive",

@@ -61,7 +61,7 @@ def export(
     )
     from wavesweep.program.cli.messages import say, show_json
     from wavesweep.simulation.experiment import linear_loop
-    from wavesweep.simulation.export import dead_times_of, exported, terms_of
+    from wavesweep.simulation.export import dead_times_of, exported, floats_in_words, terms_of
     from wavesweep.simulation.from_spec import claim_of, hand_force
     from wavesweep.simulation.table import unstable
 
@@ -90,6 +90,7 @@ def export(
         "assumes": model_in_words(loaded, told=claim.scope.paths()),
         "claims": {"spec": claim.fact()},
         "notices": [
+            *([floats_in_words(loaded)] if floats else []),
             *over_preset(loaded),
             *(
                 f"dead time of {said}: the device's, so the C does not compute it"

@@ -26,6 +26,16 @@ def operations_of(functions: Sequence[str]) -> int:
     )
 
 
+def refuse_decisions(own: ExportedController) -> None:
+    """Raise UsageError for a controller whose ticks decide something by the size of a number."""
+    wall = own.loop.wall
+    if own.late or (wall and (wall.position is not None or not wall.pulls)):
+        raise UsageError(
+            "export: expected a linear loop beside --float, found late results, frames that vary or a one-sided wall; --set leaves "
+            "them out of [simulate]"
+        )
+
+
 def single(
     own: ExportedController,
     files: Mapping[str, str],
@@ -35,14 +45,9 @@ def single(
     """The files of a controller in floats, beside the same in doubles and without signs. files:
     those in doubles; flags, values: of their templates.
 
-    Errors: UsageError for a controller whose ticks decide something by the size of a number.
+    Errors: see `refuse_decisions`.
     """
-    wall = own.loop.wall
-    if own.late or (wall and (wall.position is not None or not wall.pulls)):
-        raise UsageError(
-            "export: expected a linear loop beside --float, found late results, frames that vary or a one-sided wall; --set leaves "
-            "them out of [simulate]"
-        )
+    refuse_decisions(own)
 
     def renamed(text, letter):
         apart = text.replace('"controller', f'"controller_{letter}')

@@ -1,0 +1,232 @@
+"""What rounding to floats does in a loop that is closed over a controller in single precision.
+
+A sum of n products in floats is off by at most (1 + u)^(n + 2) - 1 times the sum of the sizes of
+its terms, u = 2^-24, with the rounding of signals and factors, and (1 + u)^n - 1 if all factors
+are 1 (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.1). What is off
+enters the loop as a signal from outside that is added to the sum. So it moves what the controller gives by at most the sum over all
+ticks since, and over all sums of a tick, of the size of the response times that of the error, as
+long as no term is larger than in a given run. An integral keeps its value in floats while it is to
+change by less than half a unit in its last place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.program.number_words import rounded_up
+from wavesweep.program.spec import Spec
+from wavesweep.simulation.experiment import refuse_what_makes_no_loop
+from wavesweep.simulation.export.controller import as_drawn, controller_of, with_late_device
+from wavesweep.simulation.export.repeated_experiment import drawing_of, loop_with, steps_of
+from wavesweep.simulation.export.single import refuse_decisions
+from wavesweep.simulation.from_spec import effects_of, hand_force
+from wavesweep.simulation.keys import entry_of
+from wavesweep.simulation.running_blocks import DEPTH, FORCE, SPEED
+from wavesweep.simulation.tick_sums import Program, TickSums
+
+UNIT = 2.0**-24  # relative, what rounding to a float moves a number by at most
+ROOM = 1.01  # of the terms of a run, for those of the same run in floats
+MOST_WORK = 2e9  # multiplications
+LEFT = 1e-3  # of the sum over all ticks, what its later half may be for the sum to end
+
+
+class FloatRounding(NamedTuple):
+    """moves: by its port, by how much rounding moves what the controller gives there at most, and
+    its largest value in the run. stalls: by its block, the input below which an integral keeps its
+    largest value of the run."""
+
+    moves: dict[str, tuple[float, float]]
+    stalls: dict[str, float]
+
+
+class _TickMap(NamedTuple):
+    """A kind of tick, of the numbers z in their places: `z' = A z + E e`, the outputs are
+    `C z + D e`, e being what the sums are off by. terms: rows of z, of each term of each sum;
+    share: of the term, what its sum is off by through it."""
+
+    A: np.ndarray
+    E: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    terms: np.ndarray
+    share: np.ndarray
+
+
+@np.errstate(all="ignore")  # of a loop that is not stable, which settles too slowly
+def float_rounding(spec: Spec) -> FloatRounding:
+    """Return what floats do to the controller of a spec in the run of its [simulate] table.
+
+    Accuracy: LEFT of the sum is estimated, twice as large as it is if the response at least halves
+    in twice the time. Errors: UsageError as for `exported`, for a run in which limits are reached,
+    or a loop that settles too slowly for MOST_WORK.
+    """
+    spec = spec.asking("simulate")
+    refuse_what_makes_no_loop(spec)
+    steps = steps_of(spec)
+    effects = effects_of(spec)
+    loop = loop_with(spec, drawing_of(spec, amplifier=True), spec.values, None)
+    own = controller_of(
+        with_late_device(loop_with(spec, drawing_of(spec), spec.values, None)),
+        bool(effects.late or effects.dropped or loop.channels or steps),
+    )
+    refuse_decisions(own)
+    blocks = [replace(each, plant=each.plant or each.type == "dead time") for each in loop.blocks]
+    exact = {block.name for block in blocks if block.plant}
+    ticks = TickSums(replace(loop, blocks=tuple(blocks)))
+    programs = [ticks.program(k, frozenset(), touching=True) for k in range(loop.frame)]
+    entry = ticks.place(entry_of(spec) or loop.hand)
+    outputs = [ticks.place(name) for name in own.outputs]
+    names = [*ticks.places]
+    rounded = [name in own.outputs or name.rpartition(".")[0] not in exact for name in names]
+    places = [ticks.place(name) for name in (DEPTH, SPEED, FORCE)]
+    kinds = {id(program): program for program in programs}
+    maps = {key: _map_of(each, rounded, outputs, places) for key, each in kinds.items()}
+    in_turn = [maps[id(program)] for program in programs]
+    z = _run(in_turn, len(rounded), entry, hand_force(spec).force)
+    largest = np.abs(z).max(0, initial=0.0)
+    _refuse_limits(kinds.values(), z, names)
+    errors = {}
+    for key, tick in maps.items():
+        of_kind = z[[key == id(programs[k % len(programs)]) for k in range(len(z))]]
+        errors[key] = ROOM * tick.share @ np.abs(of_kind @ tick.terms.T).max(0, initial=0.0)
+    moved = _moved(in_turn, [errors[id(program)] for program in programs])
+    moves = {}
+    for place, by in zip(outputs, moved, strict=True):
+        moves[names[place].removesuffix(" besides")] = float(by), float(largest[place])
+    return FloatRounding(moves, _stalls(kinds.values(), names, largest))
+
+
+def floats_in_words(spec: Spec) -> str:
+    """What floats do to the controller of a spec, in a line."""
+    try:
+        found = float_rounding(spec)
+    except WavesweepError as error:
+        return f"floats: no bound on what they move: {str(error).removeprefix('export: ')}"
+    said = []
+    for port, (by, largest) in found.moves.items():
+        said.append(
+            f"{as_drawn(port)} by at most {rounded_up(by, 3)} (its largest is {largest:.4g})"
+        )
+    stalled = []
+    for block, error in found.stalls.items():
+        stalled.append(f"; the integral of {block} stalls below {error:.2g} of {block}.u")
+    return f"floats: in the run of [simulate] rounding moves {', '.join(said)}{''.join(stalled)}"
+
+
+def _map_of(program: Program, rounded: Sequence[bool], outputs, places) -> _TickMap:
+    """The map of a program; rounded: whether the sum in each place is. places: of the wall's
+    depth, speed and force."""
+    sums = [(line, 1.0) for line in program.first]
+    if program.wall:
+        K, B, yields, slows, *_ = program.wall
+        depth, speed, force = places
+        rest = 1.0 - K * yields - B * slows
+        # Of the divisor, whose terms may cancel.
+        worse = 1.0 + 4.0 * (1.0 + abs(K * yields) + abs(B * slows)) / abs(rest)
+        sums.append(((force, ((K / rest, depth), (B / rest, speed))), worse))
+    sums += [(line, 1.0) for line in program.second]
+    count = len(sums) + len(program.keeps)
+    now = np.eye(len(rounded), len(rounded) + count)
+    share = []
+    terms = []
+
+    def summed(line, worse):
+        """What a sum is, with its error."""
+        target, products = line
+        total = np.zeros(now.shape[1])
+        for factor, source in products:
+            total += factor * now[source]
+            terms.append(now[source, : len(rounded)].copy())
+        share.append([])
+        for factor, _ in products:
+            often = len(products) + 2 * (abs(factor) != 1)
+            off = (1 + UNIT) ** often - 1
+            share[-1].append(rounded[target] * worse * off * abs(factor))
+        total[len(rounded) + len(share) - 1] += 1.0
+        return total
+
+    for line, worse in sums:
+        now[line[0]] = summed(line, worse)
+    shown = now[outputs]
+    kept = [(line[0], summed(line, 1.0)) for line in program.keeps]
+    for target, total in kept:
+        now[target] = total
+    for source, first, last in program.moves:
+        now[first + 1 : last] = now[first : last - 1].copy()
+        now[first] = now[source]
+    n = len(rounded)
+    of_terms = np.zeros((count, len(terms)))
+    column = 0
+    for row, each in enumerate(share):
+        of_terms[row, column : column + len(each)] = each
+        column += len(each)
+    terms = np.array(terms).reshape(-1, n)
+    return _TickMap(now[:, :n], now[:, n:], shown[:, :n], shown[:, n:], terms, of_terms)
+
+
+def _run(in_turn: Sequence[_TickMap], places: int, entry: int, record: np.ndarray) -> np.ndarray:
+    """The numbers at the beginning of each tick of a run from rest."""
+    z = np.zeros((len(record) + 1, places))
+    for k, value in enumerate(record):
+        z[k, entry] = value
+        z[k + 1] = in_turn[k % len(in_turn)].A @ z[k]
+    return z
+
+
+def _moved(in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray]) -> np.ndarray:
+    """By how much errors of these sizes move the outputs at most, in the worst tick of a frame."""
+    count = len(in_turn[0].C)
+    frame = len(in_turn)
+    n = len(in_turn[0].A)
+    rows = np.zeros((frame, count, n))
+    moved = np.zeros((frame, count))
+    work = frame * sum(count * n * (n + tick.E.shape[1]) for tick in in_turn)
+    frames = 1
+    begun = False
+    while frames * work <= MOST_WORK:
+        before = moved.copy()
+        for _ in range(frames):
+            for k in reversed(range(frame)):
+                tick, error = in_turn[k], errors[k]
+                moved += np.abs(rows @ tick.E) @ error
+                rows = rows @ tick.A
+                if not begun:
+                    rows[k] = tick.C
+                    moved[k] += np.abs(tick.D) @ error
+            begun = True
+        added = moved - before
+        if (added <= LEFT * moved).all():
+            return (moved + added).max(0)
+        frames *= 2
+    raise UsageError("export: expected a loop that settles in fewer ticks for bounds on floats")
+
+
+def _refuse_limits(programs: Iterable[Program], z: np.ndarray, names: Sequence[str]) -> None:
+    """Refuse a run in which the linear loop reaches a limit."""
+    for program in programs:
+        for place, (low, high) in program.limits.items():
+            if not ((low < z[:, place]) & (z[:, place] < high)).all():
+                raise UsageError(
+                    f"export: expected a run within the limits of {names[place]} for bounds on floats, found one that reaches them"
+                )
+
+
+def _stalls(
+    programs: Iterable[Program], names: Sequence[str], largest: np.ndarray
+) -> dict[str, float]:
+    """The inputs below which integrals keep their largest values."""
+    found = {}
+    for program in programs:
+        for target, products in program.keeps:
+            block, _, state = names[target].rpartition(".")
+            factors = [factor for factor, source in products if names[source] == f"{block}.u"]
+            if state == "sum" and factors and largest[target]:
+                half = UNIT * 2.0 ** math.floor(math.log2(largest[target]))
+                found[block] = half / abs(sum(factors))
+    return found
