@@ -9,7 +9,7 @@ from support.messages import marched, random_loop, spec_of
 import wavesweep
 from wavesweep.engine._sets.taylor_models import Polynomials
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.mean_square import brackets_on_average, chances, decays
+from wavesweep.for_all.mean_square import brackets_on_average, chances, decays, nearest_growing
 from wavesweep.for_all.norm_check import Norms, shrink_on_average, shrink_over
 from wavesweep.program.spec import load
 
@@ -69,6 +69,8 @@ def test_a_deadbeat_loop_may_lose_one_message_in_a_squared(a):
     assert found.settled
     assert found.high == pytest.approx(1 / a**2, rel=2e-5)
     assert found.high < 1 / a**2 < found.fails_from
+    fails, word = nearest_growing(chain(recursion(a), "p"), 0.1 / a**2, 1.0)
+    assert (1 / a**2 <= fails <= (1 + 2e-10) / a**2, word) == (True, (0,))
 
 
 def test_a_loop_with_bursts_has_the_radius_of_two_moments():

@@ -1,0 +1,121 @@
+"""What proofs of [for_all] are made of, each by a law of its own."""
+
+import numpy as np
+import pytest
+
+from wavesweep.engine.frames import MarginalModes
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.sets import Polynomials, Side
+from wavesweep.for_all.average import forms_on_average
+from wavesweep.for_all.boxes import drift_over, frames_over, proved_stable
+from wavesweep.for_all.folded import counted_from_rest, shift_of
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.hand_box import box_in_words
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
+
+
+def ticks_that_keep(rest, E):
+    """Changes of ticks, of which the first column lets each keep a shift of the first state with others that follow it."""
+    return np.concatenate([-E @ rest[:, None], E], -1)
+
+
+def test_states_counted_from_a_rest_follow_maps_of_their_own_and_bounds_hold_for_ticks_beside():
+    r = np.random.default_rng(3)
+    drift = MarginalModes(("a", "b", "c", "d"), (), (0,), ())
+    rest, other = r.normal(size=(2, 4, 3)), 1e-9 * r.normal(size=(2, 4, 3))
+    V = r.normal(size=3)
+    E, moved = ticks_that_keep(V, rest), ticks_that_keep(V + 1e-9 * r.normal(size=3), rest + other)
+    dE = np.abs(moved - E)
+    found, dV = shift_of(E, dE, drift)
+    counted, error = counted_from_rest(E[0], dE[0], found, dV, drift)
+    x = r.normal(size=4)
+    before, after = (each[1:] - V * each[0] for each in (x, x + E[0] @ x))
+    np.testing.assert_allclose(after, before + counted @ before, rtol=1e-12)
+    V_moved, _ = shift_of(moved, 0 * dE, drift)
+    counted_moved, _ = counted_from_rest(moved[0], 0 * dE[0], V_moved, 0 * dV, drift)
+    for one, two, bound in ((found, V_moved, dV), (counted, counted_moved, error)):
+        assert (np.abs(one - two) <= bound).all()
+        assert bound.max() < 1e-6
+
+
+def test_forms_on_average_leave_the_same_diagonal_after_each_step_for_all_numbers():
+    """`P_i - sum w A' P_j A = D`, whose derivatives along a number are 0."""
+    r = np.random.default_rng(1)
+    graph = Graph(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), np.array([0, 1, 1, 0]))
+    weight = np.array([0.7, 0.3, 0.4, 0.6])
+    A = 0.4 * r.normal(size=(2, 2, 3, 3))  # in the middle and its slope, by symbols
+    (centre, (slope,)), _ = forms_on_average(Polynomials(A, np.zeros((2, 3, 3)), 1, 1), graph, weight)
+    P, dP = (centre.inverse.T @ each @ centre.inverse for each in (centre.P, slope))
+    here, along = A[:, graph.symbol]
+    left, moved = P.copy(), dP.copy()
+    for edge, (i, j) in enumerate(zip(graph.source, graph.target, strict=True)):
+        left[i] -= weight[edge] * here[edge].T @ P[j] @ here[edge]
+        half = along[edge].T @ P[j] @ here[edge]
+        moved[i] -= weight[edge] * (half + half.T + here[edge].T @ dP[j] @ here[edge])
+    np.testing.assert_allclose(left, np.array([np.diag(np.diag(left[0]))] * 2), atol=1e-12)
+    assert np.diag(left[0]).min() > 0
+    np.testing.assert_allclose(moved, 0, atol=1e-11)
+
+
+INTEGRATOR = {
+    "rates": {"tick_hz": 1.0},
+    "numbers": {"k": 1.0, "c": 1.0},
+    "block": {"sum": {"type": "integrator"}},
+    "wire": {"sum.u": "-k*c*sum.y"},
+}
+
+
+@pytest.mark.parametrize(("stop", "whole"), [(1.8, True), (3.0, False)])
+def test_all_loops_of_a_box_are_proved_up_to_the_first_that_is_not_stable(stop, whole):
+    """`0 < k c < 2` for c of 0.9 to 1.1."""
+    ends, box = np.array([[0.5], [stop]]), np.array([[0.9], [1.1]])
+    found = proved_stable(own_loop(load(INTEGRATOR)), [Side("numbers.k")], ends, ["numbers.c"], box, up=True)
+    assert (found.whole, found.end if whole else np.prod(found.met) >= 2) == (whole, stop if whole else True)
+    assert 1.5 < found.end < 2 / 1.1
+
+
+def test_the_drift_of_a_box_is_counted_from_a_state_that_leaves_the_same_modes_and_small_entries():
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"m": 0.2, "g": 3.0},
+        "block": {
+            "mass": {"type": "mass", "mass": "m", "damping": 4.0},
+            "smooth": {"type": "lowpass", "cutoff_hz": 5.0},
+            "slope": {"type": "difference"},
+        },
+        "wire": {"smooth.u": "g*mass.x", "slope.u": "smooth.y", "mass.f": "-slope.y"},
+    }
+    loop, paths, box = own_loop(load(tables)), ["numbers.m", "numbers.g"], np.array([[0.1, 50.0], [0.4, 90.0]])
+    usual = loop.changed({"numbers.g": box[:, 1]}).drift_of_frames()
+    E, of_usual = (frames_over(loop, paths, drift, box).E for drift in (drift_over(loop, paths, box), usual))
+    assert np.abs(E).max() < np.abs(of_usual).max() / 5
+    np.testing.assert_allclose(*(np.sort_complex(np.linalg.eigvals(each)) for each in (E, of_usual)), rtol=1e-9)
+
+
+def test_a_box_of_one_hand_has_the_intervals_of_that_hand():
+    box = box_in_words("stiffness=300..300,mass=0.1..0.1,damping=3..3")
+    assert box_in_words("mass=0.1..0.4,stiffness=0..3").word == "box:mass=0.1..0.4,damping=2..10,stiffness=0..3"
+    tables = {"controller": {"kind": "dc-slow"}, "rates": {"ratio": 5}}
+    hand = {"mass": 0.1, "damping": 3.0, "stiffness": 300.0}
+    free, held = (own_loop(load(tables | {"operator": each})) for each in ({}, hand))
+    (row,) = box.records_of(free, "environment.K_VE", (0.0, 2e4))
+    assert (row["low"], row["settled"], row["certified"]) == (0, True, True)
+    radii = [Loops(*held.changed({"environment.K_VE": row["high"] * (1 + side * 1e-8)}).read).radii()[0] for side in (-1, 1)]
+    assert radii[0] < 1 < radii[1]
+    assert {name: row[f"high_hand_{name}"] for name in hand} == hand
+
+
+def test_walls_of_designs_are_ranked_by_the_frames_of_each_of_them():
+    """Together they have the walls that each has alone, beyond which a short pattern of frames grows."""
+    tables = {"controller": {"kind": "dc-slow"}, "for_all": {"rates.ratio": {"values": [4, 6], "varying": True}}}
+    dampings = ((1.0, 0.0), (3.0, 1.0), (2.0, 0.0))  # of the device, and of the wall
+    specs = [load(tables | {"device": {"damping": own}, "environment": {"B_VE": B}}) for own, B in dampings]
+    ranking = specs[0].for_all.ranking(specs[0])
+    limits = np.full(3, 1e4)
+    together = ranking.stiffest(specs, "environment.K_VE", 1e4, limits)
+    alone = [ranking.stiffest([spec], "environment.K_VE", 1e4, limits[:1])[0] for spec in specs]
+    np.testing.assert_allclose(together, alone, rtol=1e-3)
+    assert np.argsort(together).tolist() == [0, 2, 1]
+    verdicts = [ranking.verdict(specs[1].with_values({"environment.K_VE": share * together[1]})) for share in (0.9, 1.1)]
+    assert verdicts == ["proved", "refuted"]
