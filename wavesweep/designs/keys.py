@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.designs.wish_keys import WISHES, Wish, word_of
 from wavesweep.engine.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, leaves_of, show
+from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, show
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.analyses.cuts import fault_of_cut
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, MOST_SEED
 from wavesweep.program.reading.sorting import Sorted
-from wavesweep.program.reading.tables import Section, SpecTable, TableValue
+from wavesweep.program.reading.tables import Section, SpecTable, TableValue, several
 from wavesweep.program.spec.studies import apart
 
 if TYPE_CHECKING:
@@ -230,17 +230,8 @@ class _Reader:
     def separate_wishes(self) -> Iterator[tuple[str, Mapping[str, Leaf]]]:
         """Yield the name and the leaves of each wish; those of a list are NAME, NAME_2 and so on."""
         for name, leaves in self.parts[WISHED].items():
-            itself = leaves.get("")
-            several = itself.value if itself and isinstance(itself.value, list) else []
-            if not (several and all(isinstance(each, dict) for each in several)):
-                yield name, leaves
-                continue
-            for number, each in enumerate(several, 1):
-                own = {
-                    ".".join(path): Leaf(leaf.value, itself.place)
-                    for path, leaf in leaves_of(each, itself.place)
-                }
-                yield (name if number == 1 else f"{name}_{number}"), own or {"": itself}
+            for number, own in enumerate(several(leaves), 1):
+                yield (name if number == 1 else f"{name}_{number}"), own
 
     def lacks_signals(
         self, name: str, needed: Collection[str], given: Mapping[str, object]
@@ -283,9 +274,7 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     for name, kind in WISHES.items():
         if kind.ports is not None or not shapes.drawn:
             wish = shapes.keys(kind.keys, description=shapes.described(kind))
-            wishes[name] = {
-                "anyOf": [wish, {"type": "array", "items": wish, "minItems": 1, "maxItems": 9}]
-            }
+            wishes[name] = shapes.several(wish)
             numbered[f"^{name}_[2-9]$"] = wish
     table = shapes.keys(TABLE.keys_in_it)
     table["properties"] |= {

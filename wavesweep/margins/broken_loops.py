@@ -159,7 +159,7 @@ def default_cut(spec: Spec) -> str:
     the first of `cuts_of`. Empty without one."""
     asked = []
     if required := spec.asked.get("require"):
-        asked += [required["margins.cut"]] if "margins.cut" in required else []
+        asked += [margins["cut"] for margins in required.cuts]
     if design := spec.asked.get("design"):
         asked += [wish.options["cut"] for wish in design.wishes if "cut" in wish.options]
     return next(iter(asked or cuts_of(spec)), "")

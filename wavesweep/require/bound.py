@@ -240,13 +240,13 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
         )
         damped = asked.words()
     gain = written.get("gain")
-    margins = written.get("margins")
+    margins = written.get("margins", [])
     said = [
         f"every mode {modes}" if modes else "",
         damped or ("" if modes else "stability"),
         gain
         and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
-        margins and _at_cut(margins),
+        *map(_at_cut, [margins] if isinstance(margins, Mapping) else margins),
         *(
             measure.words.format(**{**written[name], "from_": written[name]["from"]})
             for name, measure in MEASURES.items()

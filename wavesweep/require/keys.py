@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import ALL_MODES, MODES, TIMES_OF_MODES
-from wavesweep.program.reading.tables import KeyValues, SpecTable, nested
+from wavesweep.program.reading.tables import KeyValues, SpecTable, nested, several
 from wavesweep.require.damped import Damped
 from wavesweep.require.gain_bound import (
     FACTOR_GAIN,
@@ -20,6 +22,7 @@ from wavesweep.require.gain_bound import (
 )
 
 if TYPE_CHECKING:
+    from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
     from wavesweep.require.bound import Bound
 
@@ -151,7 +154,6 @@ KEYS = Key.by_path(
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
 BETWEEN = ("gain", *MEASURES)  # tables of what lies between an input and a signal
 NEEDED = ("from", "to", "at_most")  # keys that each of these has
-OF_MARGINS = tuple(name for name in KEYS_BY_NAME if name.startswith("margins."))
 
 
 class Require(KeyValues):
@@ -169,7 +171,14 @@ class Require(KeyValues):
         for name, key in KEYS_BY_NAME.items():
             if self.get(name) and self[name] != key.default:
                 values[name] = self[name]
+        if self.cuts:
+            values["margins"] = [*self.cuts] if len(self.cuts) > 1 else self.cuts[0]
         return nested(values)
+
+    @property
+    def cuts(self) -> Sequence[Mapping[str, Any]]:
+        """The margins at each cut, by the names of their keys."""
+        return self.get("margins", ())
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
         """Raise UsageError, since more is required; see `TableValue`."""
@@ -193,16 +202,17 @@ class Require(KeyValues):
         if "gain.at_most" in self:
             ends_and_level = (self[f"gain.{name}"] for name in NEEDED)
             gains = (GainBound(*ends_and_level, self.get("gain.band_hz")),)
-        if "margins.Ms" in self:
-            gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
-        if "margins.disk" in self:
-            gains += (CutBound(self["margins.cut"], 1 / self["margins.disk"], 0.5),)
+        for cut in self.cuts:
+            if "Ms" in cut:
+                gains += (CutBound(cut["cut"], cut["Ms"], 0.0),)
+            if "disk" in cut:
+                gains += (CutBound(cut["cut"], 1 / cut["disk"], 0.5),)
         for measure in reversed(MEASURES):
             if f"{measure}.at_most" in self:
                 gains += (TimeBound(measure, *(self[f"{measure}.{name}"] for name in NEEDED)),)
-        for margin in (FACTOR_GAIN, FACTOR_PHASE):
-            if f"margins.{margin}" in self:
-                gains += (FactorBound(self["margins.cut"], margin, self[f"margins.{margin}"]),)
+        for cut, margin in product(self.cuts, (FACTOR_GAIN, FACTOR_PHASE)):
+            if margin in cut:
+                gains += (FactorBound(cut["cut"], margin, cut[margin]),)
         return Bound(
             self.get("radius", 1.0),
             tuple((name, self[name]) for name in TIMES_OF_MODES if name in self),
@@ -216,7 +226,12 @@ def build(request: Request) -> Require | None:
     """Return the requirement and add its mistakes; None if nothing is required."""
     mistakes = request.mistakes
     leaves = request.belongs.below(PATH)
-    values = TABLE.read(leaves, mistakes)
+    of_margins = {name: leaf for name, leaf in leaves.items() if name.startswith("margins")}
+    others = {name: leaf for name, leaf in leaves.items() if name not in of_margins}
+    values = TABLE.read(others, mistakes)
+    if of_margins:
+        inside = {name[len("margins.") :]: leaf for name, leaf in of_margins.items()}
+        values["margins"] = tuple(_at_cut(request, each) for each in several(inside))
     if values.get("bounded") and len(values) > 1:
         expected, found = "true alone", "other requirements as well"
         mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", expected, found, of_key=False)
@@ -225,7 +240,6 @@ def build(request: Request) -> Require | None:
             mistakes.refuse(
                 leaves[name], f"{PATH}.{name}", "damping_ratio beside it", "none", of_key=False
             )
-    _refuse_wrong_cut(request, leaves)
     _refuse_missing(mistakes, leaves)
     _refuse_unknown_ports(request, leaves)
     if any(values.values()):
@@ -233,28 +247,25 @@ def build(request: Request) -> Require | None:
     return None
 
 
-def _refuse_wrong_cut(request, leaves):
-    """Add the mistakes of margins without a cut, or with one at which the loop cannot be cut,
-    and of a cut alone."""
-    given = [name for name in OF_MARGINS if name in leaves]
-    if not given:
-        return
+def _at_cut(request, leaves):
+    """The margins at a cut, and their mistakes: those of none, of a cut at which the loop cannot
+    be cut, and of a cut alone."""
     mistakes = request.mistakes
-    leaf = leaves.get("margins.cut")
-    if leaf is None or len(given) == 1:
+    values = MARGINS.read(leaves, mistakes)
+    leaf = leaves.get("cut")
+    if "" in leaves:
+        return values
+    if leaf is None or len(leaves) == 1:
         missing = "cut" if leaf is None else "Ms, disk, gain and phase_deg"
-        first = leaves[given[0]]
-        mistakes.refuse(
-            first,
-            f"{PATH}.margins",
-            "cut, and one of Ms, disk, gain, phase_deg",
-            f"none of {missing}",
-        )
+        first = next(iter(leaves.values()))
+        expected = "cut, and one of Ms, disk, gain, phase_deg"
+        mistakes.refuse(first, MARGINS.path, expected, f"none of {missing}")
     elif request.drawing:
         from wavesweep.program.analyses.cuts import fault_of_cut
 
         if fault := fault_of_cut(request.drawing, leaf.value):
-            mistakes.refuse(leaf, f"{PATH}.margins.cut", *fault, of_key=False)
+            mistakes.refuse(leaf, f"{MARGINS.path}.cut", *fault, of_key=False)
+    return values
 
 
 def _refuse_missing(mistakes, leaves):
@@ -284,10 +295,22 @@ def _refuse_unknown_ports(request, leaves):
             )
 
 
+def schema(shapes: Shapes) -> dict[str, Any]:
+    """Return the JSON Schema of the table."""
+    table = shapes.keys(TABLE.keys_in_it)
+    table["properties"]["margins"] = shapes.several(table["properties"]["margins"])
+    return table
+
+
+MARGINS = SpecTable(
+    path=f"{PATH}.margins",
+    keys={path: key for path, key in KEYS.items() if path.startswith(f"{PATH}.margins.")},
+)
 TABLE = SpecTable(
     path=PATH,
     build=build,
     keys=KEYS,
-    signals=(*(f"{PATH}.{table}.to" for table in BETWEEN), f"{PATH}.margins.cut"),
+    signals=tuple(f"{PATH}.{table}.to" for table in BETWEEN),
     always=True,
+    schema=schema,
 )

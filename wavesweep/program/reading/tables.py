@@ -3,7 +3,7 @@ what the core has to know."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from types import MappingProxyType
@@ -11,7 +11,7 @@ from typing import Any
 
 from wavesweep.capabilities import TABLES, modules
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys import Key, Leaf, Mistakes, show
+from wavesweep.engine.keys import Key, Leaf, Mistakes, leaves_of, show
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, HapticDevice
 
 
@@ -65,6 +65,21 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
             table = table.setdefault(parent, {})
         table[last] = list(value) if isinstance(value, tuple) else value
     return found
+
+
+def several(leaves: Mapping[str, Leaf]) -> Iterator[Mapping[str, Leaf]]:
+    """Yield the leaves of a table by their names in it, or of each table of a list of them."""
+    itself = leaves.get("")
+    listed = itself.value if itself and isinstance(itself.value, list) else []
+    if not (listed and all(isinstance(each, dict) for each in listed)):
+        yield leaves
+        return
+    for each in listed:
+        own = {
+            ".".join(path): Leaf(leaf.value, itself.place)
+            for path, leaf in leaves_of(each, itself.place)
+        }
+        yield own or {"": itself}
 
 
 @dataclass(frozen=True, slots=True)

@@ -246,6 +246,10 @@ class Shapes:
         """A table of keys by their names in it. more: as of `table`."""
         return self.table(self.nested({name: _value(key) for name, key in keys.items()}), **more)
 
+    def several(self, shape: Schema) -> Schema:
+        """A table, or a list of such tables."""
+        return {"anyOf": [shape, {"type": "array", "items": shape, "minItems": 1, "maxItems": 9}]}
+
     def define(self, name: str, shape: Schema) -> Schema:
         """Keep a definition, and return the reference to it."""
         self.definitions[name] = shape
