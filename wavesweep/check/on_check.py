@@ -303,12 +303,6 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
         said = [f"{rounded_up(value, 4)} {name}" for value, name in bounds if value]
         if said:
             yield DETAIL, f"  and rounding moves the device by at most {' and '.join(said)}"
-    if "cycle_hz" in found:
-        cycle = f"{found['cycle_hz']:.3g} Hz and {found['cycle_amplitude']:.2g} {length}"
-        yield (
-            3,
-            f"encoder: between two of its steps a cycle of about {cycle} is expected (a prediction, no bound)",
-        )
     if "holds_to" in found:
         held = (
             f"holds against the encoder's steps up to {rounded_down(found['holds_to'])} {unit} felt"

@@ -10,7 +10,6 @@ from wavesweep.engine.errors import WavesweepError
 from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.analyses.hardware_limits import (
     ROUNDING,
-    cycle_of_encoder,
     hardware_of,
     limits_of_walls,
     peak_of_encoder,
@@ -101,40 +100,6 @@ def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
                 simulate(spec.values, force, Effects(resolution=step)).signals["f_m"] for step in (STEP, 0.0)
             )
             assert np.abs(with_encoder - without).max() <= peak.gain * STEP / 2 * (1 + 1e-9) + 1e-12
-
-
-def cycles(rng, rubs):
-    """A wall that direct coupling renders, with an encoder and what its device does between two steps; rubs: with friction."""
-    mass, damping, stiffness = 10 ** rng.uniform(-1.3, 0), rng.uniform(0.2, 4), 10 ** rng.uniform(1.5, 3)
-    step = 10 ** rng.uniform(-5.3, -4)
-    friction = rubs * stiffness * step / 2 * rng.uniform(0, 1.3)
-    tables = nested(values_of("dc", K_VE=stiffness, B_VE=0.0, mass=mass, damping=damping))
-    spec = wavesweep.load(tables | {"simulate": {"resolution": step, "friction": friction}})
-    edge = 100.5 * step
-    effects = Effects(resolution=step, friction=friction)
-    x = simulate(spec.values, np.full(16_000, stiffness * edge), effects, x=edge + 0.02 * step).signals["x"][8_000:]
-    rises = np.flatnonzero(np.diff((x > (x.max() + x.min()) / 2).astype(int)) > 0)
-    hz = 1e3 * (rises.size - 1) / np.ptp(rises) if rises.size > 2 else np.nan
-    return spec, friction / (stiffness * step / 2), np.ptp(x) / 2, hz
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_a_cycle_that_is_predicted_is_seen_and_none_where_friction_holds_the_device(seed):
-    """Without friction the frequency is right to a quarter and the amplitude to a factor of 2, else both to a factor of 3."""
-    rng = np.random.default_rng(seed)
-    for rubs in (False, True, False, True):
-        spec, held, amplitude, hz = cycles(rng, rubs)
-        found = cycle_of_encoder(spec)
-        if not held:
-            assert hz == pytest.approx(found["cycle_hz"], rel=0.25)
-            assert 0.5 < amplitude / found["cycle_amplitude"] < 2
-        elif held > 1:
-            assert found == {}
-            assert amplitude < 1e-6
-        elif found:
-            assert 1 / 3 < hz / found["cycle_hz"] < 3
-            assert 1 / 3 < amplitude / found["cycle_amplitude"] < 3
 
 
 def test_a_wall_is_passive_below_both_limits_of_abbott_and_okamura():

@@ -6,8 +6,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from wavesweep.engine.blocks import POSITION, REACTION, MultirateLoop
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.response import Port
@@ -19,8 +17,6 @@ if TYPE_CHECKING:
     from wavesweep.engine.response import PeakGain
 
 GIVEN = ("resolution", "friction", "max_force")  # of `Spec.hardware`
-# of a limit cycle, below which its force is no square wave that is late by half a tick
-LEAST_CYCLE_TICKS = 10
 ROUNDING = "encoder's rounding"  # the input from outside that is added to each reading
 
 
@@ -64,9 +60,8 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     loop, whatever the hand does; see `l1_norm`. moves (m), speed (m/s): the same of the device's
     position and velocity. All of these are of stable loops alone. holds_to, passive_to: see
     `limits_of_walls`; passive: whether the wall is below both, where both are known and it has no
-    damping and no delay. cycle_hz, cycle_amplitude (m): see `cycle_of_encoder`. depth (m), by
-    `verdict`: to which the wall can be pressed, slowly, before the motors end, max_force over the
-    stiffness felt at rest.
+    damping and no delay. depth (m), by `verdict`: to which the wall can be pressed, slowly, before
+    the motors end, max_force over the stiffness felt at rest.
     """
     limits: dict[str, float | None] = {
         name: spec.hardware[name] for name in GIVEN if spec.hardware[name]
@@ -91,7 +86,7 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     walls = limits_of_walls(spec)
     if len(walls) == 2 and _is_plain_wall(spec):
         limits["passive"] = float(spec.values["environment.K_VE"]) <= min(walls.values())
-    return limits | walls | cycle_of_encoder(spec)
+    return limits | walls
 
 
 def _is_plain_wall(spec: Spec) -> bool:
@@ -104,49 +99,6 @@ def _is_plain_wall(spec: Spec) -> bool:
     )
     direct = spec.kind in ("dc", "dc-slow") and spec.values["environment.B_VE"] == 0
     return direct and not any(spec.values[path] for path in delays)
-
-
-def cycle_of_encoder(spec: Spec) -> dict[str, float]:
-    """Return the frequency (Hz) and amplitude (m) of a limit cycle that the encoder's steps are
-    expected to cause, if any.
-
-    cycle_hz, cycle_amplitude: a prediction for a spring that direct coupling renders at every tick,
-    under a push that holds the device at the edge of a step of its encoder. The encoder is then a
-    relay, of height K D, whose first harmonic is `2 K D/pi`; late by half a tick and by the
-    amplifier, it drives the device, mass m, damping d, friction f_c: `m w^2 A = (2 K D/pi) cos(w
-    tau)` and `w d A + 4 f_c/pi = (2 K D/pi) sin(w tau)`. There is no cycle if `2 f_c >= K D`, as
-    friction holds the device then. Source: the describing functions of a relay and of friction (A.
-    Gelb, W. Vander Velde, Multiple-Input Describing Functions, 1968). Accuracy: in 180 simulations
-    the frequency was right to a quarter and the amplitude to a factor of 2 without friction, and
-    both to a factor of 3 with it; most cycles are slower and larger, since a reading is late by up
-    to a tick. Cycles with fewer than LEAST_CYCLE_TICKS ticks, or beyond a step, are not predicted.
-    """
-    values, step, friction = (
-        spec.values,
-        spec.hardware["resolution"],
-        spec.hardware["friction"] or 0.0,
-    )
-    if not step or spec.kind != "dc" or not _is_plain_wall(spec):
-        return {}
-    mass, damping = (
-        float(values[f"device.{part}"] + values[f"operator.{part}"]) for part in ("mass", "damping")
-    )
-    relay, late = (
-        2 * float(values["environment.K_VE"]) * step / np.pi,
-        0.5 / float(values["rates.fast_hz"]),
-    )
-    angle = np.linspace(0, np.pi / 2, 20_001)[1:-1]
-    omega = angle / late
-    amplitude = relay * np.cos(angle) / (mass * omega**2)
-    drive = relay * np.sin(angle) - omega * damping * amplitude - 4 * friction / np.pi
-    begins = np.flatnonzero(drive > 0)
-    if values["operator.stiffness"] or not begins.size:
-        return {}
-    hz, size = float(omega[begins[0]] / (2 * np.pi)), float(amplitude[begins[0]])
-    usual = LEAST_CYCLE_TICKS * hz <= values["rates.fast_hz"] and size < step
-    if usual:
-        return {"cycle_hz": hz, "cycle_amplitude": size}
-    return {}
 
 
 def limits_of_walls(spec: Spec) -> dict[str, float]:
