@@ -160,7 +160,7 @@ class Found:
 
 
 def find_stored(
-    conditions: Conditions, terms: Terms, *, best: bool = False, near: Found | None = None
+    conditions: Conditions, terms: Terms, *, best: bool, near: Found | None = None
 ) -> Found | None:
     """Return forms with which V falls at a wall; None if none are found.
 

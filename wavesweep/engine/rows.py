@@ -45,31 +45,26 @@ def distinct(columns: Sequence[np.ndarray], size: int) -> list[np.ndarray]:
         return [np.arange(size)]
     if len(varied) == 1 and all(column.dtype == bool for column in columns):
         return [np.flatnonzero(varied[0]), np.flatnonzero(~varied[0])]
-    label = _labels(columns, size)[1]
+    label = distinct_rows(dict(enumerate(columns)), size)[1]
     order = np.argsort(label, kind="stable")
     return sorted(
         np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0]
     )
 
 
-def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
+def distinct_rows(columns: Mapping[Any, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
     """The first of each distinct row of `size` rows, in the order of their values, and the number
     of its distinct row for each.
 
-    columns: arrays `(size,)` of numbers; none: all rows are the same.
+    columns: arrays `(size,)` of numbers; none: all rows are the same. Of every run of equal rows
+    the first is looked at: many neighbours of a sweep have the same loop.
     """
-    return _labels(list(columns.values()), size)
-
-
-def _labels(columns: Sequence[np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """`distinct_rows`, from the first row of every run of equal ones: many neighbours of a sweep
-    have the same loop."""
     begins = np.append(True, np.zeros(size - 1, bool))
-    for column in columns:
+    for column in columns.values():
         begins[1:] |= column[1:] != column[:-1]
     starts = np.flatnonzero(begins)
     label = np.zeros(starts.size, int)
-    for column in columns:
+    for column in columns.values():
         values, place = np.unique(column[starts], return_inverse=True)
         label = np.unique(label * values.size + place, return_inverse=True)[1]
     first = np.unique(label, return_index=True)[1]

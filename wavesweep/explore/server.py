@@ -155,7 +155,7 @@ class Handler(BaseHTTPRequestHandler):
             return None
         return name
 
-    def _from_here(self, asking: bool = False) -> bool:
+    def _from_here(self, asking: bool) -> bool:
         """Whether host and origin are those of the page."""
         port = self.server.server_address[1]
         hosts = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]

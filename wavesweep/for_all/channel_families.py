@@ -207,7 +207,7 @@ def readers_of(
 def frames_with_messages(
     drawing: Drawing,
     values: Mapping[str, object],
-    number: str = "",
+    number: str,
     most: int = MOST_SYMBOLS,
 ) -> LoopFrames:
     """Return the family of a drawn loop with channels, along a number that one wire or gain reads.

@@ -135,7 +135,7 @@ def _whole_ticks(block: DrawnBlock, numbers: Mapping[str, float], name: str) -> 
     return int(ticks)
 
 
-def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = ()) -> Drawing:
+def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str]) -> Drawing:
     """Return the loop of a built-in controller, in which results have a separate hold whatever its
     ratio and its delay are.
 

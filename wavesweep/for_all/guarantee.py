@@ -79,7 +79,7 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
         )
     if kinds:
         refuse_unsuitable_ranges(spec, along, cut=False)
-        refuse_velocity("passive", own)
+        refuse_velocity(own)
         every_hand.refuse(spec, Rules.of(spec), along)
         return [every_hand.EveryHandGuarantee(Rules.of(spec))]
     spec.refuse_require("[for_all]")

@@ -207,7 +207,7 @@ class _Way:
         return other
 
     def grown(
-        self, x: float, centre: Centre, word: Word = (), more: int = 1
+        self, x: float, centre: Centre, word: Word, more: int = 1
     ) -> tuple[float, Word] | None:
         """The refuted number closest to the start of words that grow at x, and its word; None if
         none is found."""

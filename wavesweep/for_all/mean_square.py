@@ -18,7 +18,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import comb
-from types import MappingProxyType
 
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
@@ -383,8 +382,8 @@ def frames_at_random(
     family: LoopFrames,
     shares: Sequence[Sequence[float]],
     results: Sequence[Sequence[float]],
-    number: str = "",
-    lost: Mapping[str, Losses] = MappingProxyType({}),
+    number: str,
+    lost: Mapping[str, Losses],
 ) -> Chances:
     """Return the chain of a loop whose frames have lengths, and results, at random.
 
@@ -405,7 +404,7 @@ def chain_of(
     shares: Sequence[Sequence[float]],
     results: Sequence[Sequence[float]],
     symbols: Sequence[Symbol],
-    lost: Mapping[str, Losses] = MappingProxyType({}),
+    lost: Mapping[str, Losses],
 ) -> tuple[Graph, np.ndarray]:
     """Return the chain of frames, and the probability of each of its edges.
 

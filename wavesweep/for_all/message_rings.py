@@ -144,7 +144,7 @@ class RingFrames:
 
 
 def frames_of_messages(
-    drawing: Drawing, values: Mapping[str, object], number: str = ""
+    drawing: Drawing, values: Mapping[str, object], number: str
 ) -> LoopFrames | RingFrames:
     """Return the family of a drawn loop with channels: by words of whole messages if these are few,
     otherwise tick by tick; see `frames_with_messages`."""
@@ -159,7 +159,7 @@ def frames_of_messages(
 
 
 def ring_of_messages(
-    drawing: Drawing, values: Mapping[str, object], channels: Sequence[Channel], number: str = ""
+    drawing: Drawing, values: Mapping[str, object], channels: Sequence[Channel], number: str
 ) -> RingFrames:
     """Return the ring of a drawn loop with channels, along a number that one wire or gain reads.
 

@@ -106,9 +106,9 @@ def bracket_over(
     loops: LoopsOver,
     start: float,
     limits: tuple[float, float],
-    work: float = OPERATIONS_OF_PROOFS,
-    begins: float = 0.0,
-    report: Report | None = None,
+    work: float,
+    begins: float,
+    report: Report | None,
 ) -> WorstBracket:
     """Return the numbers around a start, within limits, at which all loops of the box decay in
     every order of frames.
@@ -298,9 +298,7 @@ def _met(loops, found, start, above):
     return _refuted_at(loops, point, start, at, best)
 
 
-def decide_over(
-    loops: LoopsOver, work: float = OPERATIONS_OF_PROOFS
-) -> tuple[tuple[float, ...], Word, bool]:
+def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word, bool]:
     """Return a point of the box and a word that grows there, () without, and whether all of the box
     is proved.
 

@@ -94,7 +94,7 @@ class MeasuredFrames:
 def read_run(
     path: str | Path,
     fast_hz: float,
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str] | None,
     scales: Mapping[str, float] | None = None,
     most: float = 1e9,  # ticks of a frame
     *,

@@ -45,7 +45,7 @@ class BlockDiagram:
     reaction: str
     assumes: str = "a wall of which its controller's page says nothing"
 
-    def behind_amplifier(self, ticks: int, dead_time: str = "") -> BlockDiagram:
+    def behind_amplifier(self, ticks: int, dead_time: str) -> BlockDiagram:
         """Return the loop whose motors exert the control force so many ticks later, and the device
         feels theirs.
 

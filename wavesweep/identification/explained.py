@@ -149,7 +149,7 @@ def _with_curves(model, bare, count, others):
             yield Effect(name, likelier, beside.force, moved=beside.theta - bare.theta)
 
 
-def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray] = ()) -> tuple[Fit, Verdict]:
+def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray]) -> tuple[Fit, Verdict]:
     """What a fit by predictions lacks: the effect without which most is left of the innovations, or
     else a force.
 

@@ -152,7 +152,7 @@ def _pushes(found, force, period, skip):
     return push, ((fraction * period, before), ((1 - fraction) * period, now)), full
 
 
-def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
+def two_masses(found, force: np.ndarray, period: float, skip: int) -> np.ndarray:
     """Velocity and position of the first mass, and position minus that of the second one, at each
     tick, `(3, ticks - skip)`.
 

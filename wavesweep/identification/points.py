@@ -54,7 +54,7 @@ class MeasuredWalls:
     sha256: str
 
 
-def is_response(path: str | Path, columns: Mapping[str, str] | None = None) -> bool:
+def is_response(path: str | Path, columns: Mapping[str, str] | None) -> bool:
     """Whether a file contains a frequency response and not a log. columns: as of
     `read_response`."""
     return (

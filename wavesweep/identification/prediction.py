@@ -878,7 +878,7 @@ def force_beside(log, search, point, skip):
     return float(np.hypot(walk, white)) / abs(gains[0]) * log.pushed
 
 
-def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str, float]:
+def _begun(log: ScaledLog, near: Mapping[str, float] | None) -> dict[str, float]:
     """The best of a grid of numbers; with those of a smaller model, near these."""
     model = log.model
     least = _least_variances(len(log.reading))

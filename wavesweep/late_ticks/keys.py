@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 PATH = "for_all.tick"
 REQUIRE = "sweep.require"
-COMMANDS = ("zwidth", "stability-region", "check", "report")
 LONGEST_TICK_S = 10.0  # s
 NOMINAL = "nominal"
 KEYS = Key.by_path(
@@ -58,7 +57,6 @@ class LateTick(TableValue):
     late: float | None = None
     start: float | None = None
     stop: float | None = None
-    answered_by: ClassVar = COMMANDS
     otherwise: ClassVar = "ticks that are all on time"
 
     def interval(self, hz: float) -> tuple[float, float]:

@@ -321,7 +321,7 @@ def dense_angles(
 Others = Sequence[tuple[OpenLoop, Look, str]]
 
 
-def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> str:
+def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others) -> str:
     """Draw L of a loop that is broken at `cut`, with what limits it, and L of others, in the
     neighbourhood of -1.
 

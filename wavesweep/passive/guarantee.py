@@ -57,5 +57,5 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     from wavesweep.program.tables.hand_rows import refuse_velocity
 
     if any(guarantee.kind == "passive" for guarantee in asked):
-        refuse_velocity("passive", own)
+        refuse_velocity(own)
     return asked

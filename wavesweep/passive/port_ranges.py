@@ -302,7 +302,7 @@ class _Ranges:
         return angle / float(np.real(drawn.period) * drawn.ticks)
 
 
-def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
+def runs_of(passive, span, more) -> tuple[np.ndarray, np.ndarray]:
     """Low and high ends of runs of values that pass, refined all together by multisection. A 0 is
     looked at by itself.
 

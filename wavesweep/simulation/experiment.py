@@ -21,7 +21,7 @@ from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.record import Simulation, estimate
 
 
-def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
+def simulation_of(spec: Spec, force, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table. spec, force, changes: see
     `analysis.simulation.simulated`.
 

@@ -7,7 +7,7 @@ from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.columns import joined
 from wavesweep.program.store.checkpoint import MemoryCheckpoint
 from wavesweep.program.sweep import running
-from wavesweep.program.sweep.job import MOST, Chunks, cut_otherwise, cut_up
+from wavesweep.program.sweep.job import MOST, Chunks, cut_otherwise
 from wavesweep.program.sweep.running import compute
 from wavesweep.program.sweep.workers import Workers
 
@@ -44,7 +44,7 @@ def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):
 
 @pytest.mark.parametrize(("loops", "points"), [(1, 1), (10, 3), (3, 10_000), (5000, 1), (7, 4096), (500_000, 1)])
 def test_chunks_cover_every_column_once(loops, points):
-    chunks = cut_up(loops, points, cost=1e-6)
+    chunks = Chunks(loops, points, max(MOST // points, 1), min(points, MOST))
     columns = [column for number in range(len(chunks)) for column in _columns(chunks, number)]
     assert columns == list(range(loops * points))
     owner = np.concatenate([np.full(chunks[number].slices, number) for number in range(len(chunks))])

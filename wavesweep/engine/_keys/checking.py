@@ -59,7 +59,7 @@ class Mistakes(list[Mistake]):
         key: Key,
         leaf: Leaf,
         path: str,
-        expected: str = "a list of numbers",
+        expected: str,
         count: int | None = None,
     ) -> list[Any]:
         """Return the values of a list that is not empty, each as the key's own type, and add

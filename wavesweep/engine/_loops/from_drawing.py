@@ -290,7 +290,7 @@ def _between(path, value, salt):
 SALTS = "ab"  # of the two loops
 
 
-def scattered(path: str, salt: str = "") -> float:
+def scattered(path: str, salt: str) -> float:
     """Return a number from 0 to 1 for a path, another one for other paths and salts, always the
     same."""
     return crc32((salt + path).encode()) / 2**32

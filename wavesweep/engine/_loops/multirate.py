@@ -196,7 +196,7 @@ class MultirateLoop:
                 reads[f"{block.name}.{port}"] = [f"{block.name}.{name}" for name in inputs]
         return reads
 
-    def living(self, watched: Sequence[str] = ()) -> "MultirateLoop":
+    def living(self, watched: Sequence[str]) -> "MultirateLoop":
         """The same without the blocks of which nothing is read, by a block that remains or as one
         of the signals `watched`.
 

@@ -19,8 +19,8 @@ def plant_of(
     keys: Mapping[str, Mapping],
     gains: Mapping[str, Mapping],
     period,
-    known=None,
-    shares=None,
+    known,
+    shares,
 ) -> Block:
     """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e
     are held over the period.

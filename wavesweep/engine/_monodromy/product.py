@@ -28,7 +28,7 @@ def product_with_errors(
     sizes: Sequence[np.ndarray],
     *,
     ramp: bool = False,
-    per_loop: bool = False,
+    per_loop: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`, and
     bounds on its errors.

@@ -137,11 +137,6 @@ def times(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return (matrix @ columns.view(float)).view(columns.dtype)
 
 
-def terms_at(cut: LinearFractional, w: np.ndarray, state: np.ndarray) -> Terms:
-    """Return the terms from what reaches the states at `w = z - 1`, `(w - E)^-1 B`."""
-    return terms_of(cut, w, _outputs(cut, state))
-
-
 def _outputs(cut, state):
     """Return `C state + D`, `(..., 3)`."""
     return (times(cut.C, state) + cut.D)[..., 0]

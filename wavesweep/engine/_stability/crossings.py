@@ -50,7 +50,7 @@ class Polynomial:
     scale: np.ndarray
 
 
-def warp_scale(cut: LinearFractional, *, alone: bool = False):
+def warp_scale(cut: LinearFractional, *, alone: bool):
     """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which
     they crowd least.
 

@@ -98,7 +98,7 @@ class CutSpan:
         return Regions(self.column, *ends, unstable, doubt, residual)
 
 
-def cut_span(span, columns: int, crossings: Crossings, slack=(0.0, 0.0)) -> CutSpan:
+def cut_span(span, columns: int, crossings: Crossings, slack) -> CutSpan:
     """Cut the span of every column at its crossings.
 
     slack: distance from each end of the span within which a crossing counts as at that end.

@@ -134,7 +134,7 @@ def damping_ratio(delta: np.ndarray, turns: np.ndarray | None = None) -> np.ndar
     return np.where(np.isfinite(ratio), ratio, np.nan)
 
 
-def size_gone(period: np.ndarray | float, seconds: float, clocks: float = 1.0) -> np.ndarray:
+def size_gone(period: np.ndarray | float, seconds: float, clocks: float) -> np.ndarray:
     """The size of an eigenvalue below which a mode is gone: it falls to 1/e in less than so many
     seconds, to GONE in a clock of its spec, or to LOST_EIGENVALUE in a frame.
 

@@ -204,7 +204,7 @@ def _limits(spec, swept) -> Iterator[str]:
             yield f"|{port}| <= {high}" if symmetric else f"{low} <= {port} <= {high}"
 
 
-def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str]:
+def solved_within_ticks(spec: Spec, swept: Collection[str]) -> Iterator[str]:
     """Yield a sentence for each cycle of blocks that read one another in the same tick, and are
     solved together.
 

@@ -32,14 +32,15 @@ from wavesweep.program.sweep.grid import (
 )
 from wavesweep.program.sweep.job import (
     CHECKED,
+    FEWEST,
     MOST,
     MOST_DRAWN,
     MOST_SLOW,
+    SECONDS_OF_CHUNK,
     Chunk,
     Chunks,
     Job,
     JobKind,
-    cut_up,
     resolve_all,
     some_loops,
 )
@@ -365,8 +366,11 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     most = MOST_DRAWN if spec.drawing else MOST
     if way is not Way.CUT:
         most = MOST_SLOW
-    chunks = cut_up(grid.loops, 1, cost, most)
-    return interval_job(grid, chunks, resolved, replace(query, way=way, cost=cost))
+    # Of about SECONDS_OF_CHUNK each; `most` slices keep an error of the cost small.
+    together = int(np.clip(SECONDS_OF_CHUNK / cost, FEWEST, most))
+    return interval_job(
+        grid, Chunks(grid.loops, 1, together, 1), resolved, replace(query, way=way, cost=cost)
+    )
 
 
 def _unsuitable(spec, path, value):

@@ -57,7 +57,7 @@ class ResponseQuery:
     route: Route | None
 
 
-def one_spec(spec, axes, frequency, read, route: Route | None = None) -> Columns:
+def one_spec(spec, axes, frequency, read, route: Route | None) -> Columns:
     """Table of one spec over `axes`, at the frequencies (Hz, an array); read: the keys that its
     controller reads."""
     return in_memory(
@@ -265,7 +265,7 @@ def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
     return words(_doubts(errors, stable, lost, marginal))
 
 
-def _doubts(errors, stable, lost, marginal=False):
+def _doubts(errors, stable, lost, marginal):
     rounded = ~np.logical_and.reduce([error <= SPARED for error in errors])
     certain = np.where(
         stable,

@@ -257,7 +257,7 @@ def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.n
     yield np.where(stable, columns["high"], bottom), np.where(stable, refuted_above, top)
 
 
-def mark_range(axes: Any, columns: Columns, bars: bool = False) -> None:
+def mark_range(axes: Any, columns: Columns, bars: bool) -> None:
     """Dot the space beyond the swept range if a stable interval reaches its end.
 
     An end of the range that is the end of the parameter itself (K_VE = 0) is a limit and not

@@ -47,7 +47,7 @@ def _at_least(axes: Any, span: float) -> None:
     axes.ticklabel_format(axis="y", useOffset=False)
 
 
-def in_degrees(axes: Any, continued: bool = False) -> None:
+def in_degrees(axes: Any, continued: bool) -> None:
     """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it
     hardly varies.
 

@@ -393,9 +393,7 @@ def _proved_again(
             )
 
 
-def first_difference(
-    found: Columns, expected: Columns, exact: bool = True, first_row: int = 0
-) -> str:
+def first_difference(found: Columns, expected: Columns, exact: bool, first_row: int) -> str:
     """The first difference of two tables as a text, empty for equal tables.
 
     found, expected: columns. exact: to the bit; otherwise numbers may differ by SAME_NUMBER,

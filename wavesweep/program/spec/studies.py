@@ -259,7 +259,7 @@ def unknown_end(drawing: Drawing | None, name: object, ports: str) -> tuple[str,
     return f"{expected} or a signal BLOCK.PORT" if signals else expected, show(name), hint
 
 
-def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
+def axis_fault(name: str, names: Names) -> tuple[str, str] | None:
     """Return the text for "found" and a suggestion if `name` is not a numeric key, otherwise
     None."""
     key = names.find(name)

@@ -168,15 +168,6 @@ class Job:
         return self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
 
 
-def cut_up(loops: int, points: int, cost: float, most: int = MOST) -> Chunks:
-    """The slices in chunks of about `SECONDS_OF_CHUNK`; cost: expected s per slice, of which
-    `most` keeps an error small."""
-    slices = int(np.clip(SECONDS_OF_CHUNK / cost, FEWEST, most))
-    if points > slices:
-        return Chunks(loops, points, 1, slices)
-    return Chunks(loops, points, slices // points, points)
-
-
 def cut_otherwise(job: Job, **sizes: int) -> Job:
     """The same job in chunks of other sizes (deep, wide)."""
     return replace(job, chunks=replace(job.chunks, **sizes))

@@ -114,14 +114,14 @@ def device_held(kind: str, own: Job) -> "HeldLoop":
     return loop
 
 
-def refuse_velocity(kind: str, own: Job) -> None:
-    """Raise UsageError if the spec's own loop reads the velocity of the device, or no hand of that kind can hold it."""
-    loop, spec = device_held(kind, own), own.grid.spec
+def refuse_velocity(own: Job) -> None:
+    """Raise UsageError if the spec's own loop reads the velocity of the device, or no passive hand can hold it."""
+    loop, spec = device_held("passive", own), own.grid.spec
     if loop.reads_velocity:
         raise UsageError(
-            f'hand {kind}: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
+            'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
             "anything at no cost in energy, so no damping answers for what its feedback does"
             if spec.drawing is None
-            else f"hand {kind}: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
+            else f"hand passive: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
             "the velocity can be anything at no cost in energy; take a block difference of the position"
         )

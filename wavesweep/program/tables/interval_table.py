@@ -98,7 +98,7 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
         )
 
 
-def of_calls(own: Job, progress: bool = False) -> tuple[Columns, dict[str, Claim]]:
+def of_calls(own: Job, progress: bool) -> tuple[Columns, dict[str, Claim]]:
     """The rows of a job of the library, computed in this process, those of what is guaranteed beside, and what all of these say.
 
     progress: whether to show a bar. Errors: UsageError for numbers,
