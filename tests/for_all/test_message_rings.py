@@ -128,6 +128,30 @@ def test_two_free_arms_drift_together_and_no_message_holds_them_back():
         assert growth(loop, 60.0, messages) == pytest.approx(1, abs=1e-9)
 
 
+def within(K, low, high, slave=1.2):
+    """Networks with masters of all masses of a range."""
+    channel = {"every": 4, "phase": 0, "late": 7, "lost": 1}
+    masses = {"master": ("m", 3.0, 100.0), "slave": (slave, 4.0, 0.0)}
+    loop = {"channels": [channel, channel], "delays": [0, 2], "control": 2, "masses": masses}
+    tables = spec_of(loop, K)
+    return loop, tables | {"numbers": {"K": K, "m": low}, "for_all": {"m": {"start": low, "stop": high}}}
+
+
+def test_ranges_beside_messages_are_proved_by_a_small_gain_and_refuted_by_messages():
+    source = np.random.default_rng(4)
+    loop, tables = within(400.0, 0.2, 0.3)
+    assert wavesweep.verdict(tables)["for_all"]["verdict"] == "proved"
+    for m in source.uniform(0.2, 0.3, 12):
+        masses = loop["masses"] | {"master": (m, 3.0, 100.0)}
+        assert growth(loop | {"masses": masses}, 400.0, random_messages(loop, source)) < 1
+    found = wavesweep.verdict(within(20000.0, 0.2, 0.3)[1])["for_all"]
+    assert found["verdict"] == "refuted"
+    mass, said = found["counterexample"].removeprefix("m = ").split(", messages ")
+    messages = [[None if each == "lost" else int(each) for each in own.split(": ")[1].split(", ")] for own in said.split("; ")]
+    masses = loop["masses"] | {"master": (float(mass), 3.0, 100.0)}
+    assert growth(loop | {"masses": masses}, 20000.0, messages) >= 1 - 1e-9
+
+
 def test_messages_that_are_zero_are_not_looked_at_tick_by_tick():
     tables = spec_of(
         {"channels": [{"every": 10, "late": 40, "lost": 1, "missing": "zero"}] * 2, "delays": [0, 0], "control": 1}

@@ -17,17 +17,20 @@ at.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
 
 from wavesweep.engine.norms import START, TickMaps, then, tick
+from wavesweep.engine.sets import Polynomials, Side
 from wavesweep.for_all.channel_families import NOTHING, SENT
+from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.norm_check import Norms, shrink_along
-from wavesweep.for_all.norms import units_of_places
+from wavesweep.for_all.norms import Centre, units_of_places
 from wavesweep.for_all.open_channels import OpenLoop, taken_from
 
 LEAST_STEP = 0.02  # of a number, a stretch that ends a proof
@@ -35,7 +38,8 @@ DOUBLINGS = 30  # of the number of periods, after which nothing of a state is le
 RANK = 1e-9  # of the largest change that a number makes in a tick, one that counts
 # Of a state squared, in units in which it loses 1e-3 a tick, what the balance keeps: less where
 # little is left, more where rounding of many states costs more.
-SHARES = (1e-4, 1e-6)
+SHARES = (1e-3, 1e-4, 1e-6)
+ENOUGH = 0.7  # gain squared up to which weights that were found for other numbers do
 NEAR = {
     "xatol": 0.1,
     "fatol": 1e-3,
@@ -49,12 +53,17 @@ class SmallGain:
     """A loop whose channels show `(m_0 + m_D)/2 + w`; in its ticks w are states that are free, and
     become the differences d.
 
-    whole: its ticks. slots: of each channel the state that is w and d. gains: `g` of each channel.
+    loop: see `OpenLoop`. kinds: of its ticks. whole: its ticks. slots: of each channel the state that
+    is w and d. gains: `g` of each channel. known: logarithms of the weights that were found last, by
+    their count.
     """
 
+    loop: OpenLoop
+    kinds: Sequence[tuple]
     whole: LoopFrames
     slots: np.ndarray
     gains: np.ndarray
+    known: dict[int, np.ndarray] = field(default_factory=dict)
 
     @staticmethod
     def of(loop: OpenLoop) -> SmallGain:
@@ -65,9 +74,10 @@ class SmallGain:
             taken = []
             for channel, count, held in zip(loop.channels, counts, loop.choices[at], strict=True):
                 taken.append(_taken(channel.sends(at), count, held[-1]))
-            kinds.append([(alike, tuple(taken))])
+            kinds.append((alike, tuple(taken)))
         ticks = len(kinds)
-        whole = loop.frames(kinds, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
+        rows = [[kind] for kind in kinds]
+        whole = loop.frames(rows, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
         names = [whole.ticks.states[state] for state in whole.kept]
         slots: list[int] = []
         gains = []
@@ -81,7 +91,21 @@ class SmallGain:
                 since = (now - channel.phase) % channel.every
                 oldest[since] = max(oldest[since], choices[at][-1] or 0)
             gains.append(oldest @ oldest / 4)
-        return SmallGain(whole, np.array(slots), np.array(gains))
+        return SmallGain(loop, kinds, whole, np.array(slots, int), np.array(gains))
+
+    def over(self, sides: Sequence[Side]) -> FramesOver:
+        """The ticks over the cells of a box of sides; the loop is that of some of its numbers."""
+        return self.loop.over(self.kinds, self.whole.symbols, sides, self.whole.kept)
+
+    def found(self, A: Polynomials) -> tuple[Centre, np.ndarray] | None:
+        """Forms for the ticks in a cell, and their slopes, which are 0; None if none are found."""
+        one = np.eye(A.terms.shape[-1])
+        middle, *slopes = A.terms[: 1 + A.numbers]
+        for norms in self._forms(middle, slopes):
+            centre = Centre(norms.P, norms.graph, one, one)
+            if centre.shrinks(middle):
+                return centre, np.zeros((A.numbers, *norms.P.shape))
+        return None
 
     def reached(self, x: float, goal: float) -> float:
         """The number up to which all from x towards the goal are proved; NaN for x NaN."""
@@ -100,33 +124,43 @@ class SmallGain:
         points = self.whole.hull(low, high)
         if points is None:
             return False
-        M = self.whole.at((low + high) / 2)
+        half = (self.whole.at(high) - self.whole.at(low)) / 2
+        found = self._forms(self.whole.at((low + high) / 2), [half])
+        return any(shrink_along([each], *points, self.whole.follows) for each in found)
+
+    def _forms(self, M: np.ndarray, halves: Sequence[np.ndarray]) -> Iterator[Norms]:
+        """Yield norms in which ticks M may shrink, `(ticks, n, n)`, and all that differ from them by up
+        to the halves of changes."""
+        slots = self.slots
         n = M.shape[-1]
         ticks = np.arange(len(M))
-        slots = self.slots
         rest = np.delete(np.arange(n), slots)
         to = units_of_places(_parts(M, rest, slots)[0], ticks)
         if to is None:
-            return False
+            return
         units = np.broadcast_to(np.eye(n), M.shape).copy()
         units[:, *np.ix_(rest, rest)] = to
         later = np.roll(units, -1, 0)
         back = np.linalg.inv(units)
-        # What the number changes is one more channel, of which w is at most d.
-        half = (self.whole.at(high) - self.whole.at(low)) / 2
-        left, size, right = np.linalg.svd(later @ half @ back)
-        some = np.flatnonzero((size > RANK * size.max()).any(0))
-        root = np.sqrt(size[:, None, some])
-        both = np.zeros((ticks.size, n + some.size, n + some.size))
-        both[:, :n, :n] = later @ M @ back
-        both[:, :n, n:] = left[..., some] * root
-        both[:, n:, :n] = root.mT * right[:, some]
-        channel = np.array([*range(slots.size), *(slots.size for _ in some)])
-        gains = np.append(self.gains, 1.0)[channel]
-        A, B, C, D = _parts(both, rest, [*slots, *(n + some)])
-        weight = _weights(A, B, C, D, gains, channel)
+        # What a number changes is one more channel, of which w is at most d.
+        taken = [later @ M @ back]
+        given = []
+        channel = [*range(slots.size)]
+        for number, half in enumerate(halves, slots.size):
+            left, size, right = np.linalg.svd(later @ half @ back)
+            some = np.flatnonzero((size > RANK * size.max()).any(0))
+            root = np.sqrt(size[:, None, some])
+            taken.append(left[..., some] * root)
+            given.append(root.mT * right[:, some])
+            channel += [number] * some.size
+        both = np.zeros((ticks.size, n + len(channel) - slots.size, n + len(channel) - slots.size))
+        both[:, :n] = np.concatenate(taken, -1)
+        both[:, n:, :n] = np.concatenate(given, 1)
+        gains = np.append(self.gains, np.ones(len(channel) - slots.size))
+        A, B, C, D = _parts(both, rest, [*slots, *range(n, both.shape[-1])])
+        weight = _weights(A, B, C, D, gains, np.array(channel), self.known)
         if weight is None:
-            return False
+            return
         taken = np.sqrt(weight)
         given = (taken * np.sqrt(gains))[:, None]
         graph = Graph(ticks, ticks, ticks.size + ticks)
@@ -137,10 +171,7 @@ class SmallGain:
             P[1] = np.roll(P[1], -1, 0)
             P[0][:, slots, slots] = weight[: slots.size]
             P[1][:, slots, slots] = (weight * gains)[: slots.size]
-            norms = Norms(np.concatenate((P + P.mT) / 2), graph)
-            if shrink_along([norms], *points, self.whole.follows):
-                return True
-        return False
+            yield Norms(np.concatenate((P + P.mT) / 2), graph)
 
 
 def _parts(M, rest, free):
@@ -148,9 +179,10 @@ def _parts(M, rest, free):
     return [M[:, *np.ix_(rows, columns)] for rows in (rest, free) for columns in (rest, free)]
 
 
-def _weights(A, B, C, D, gains, channel) -> np.ndarray | None:
+def _weights(A, B, C, D, gains, channel, known) -> np.ndarray | None:
     """The weights of the inputs, one for each channel, with which the largest gain from w to d, of
-    those at some angles, is least; None if it is not below 1."""
+    those at some angles, is below 1, and least if `known` has none; None if there are none."""
+    from scipy.linalg import matrix_balance
     from scipy.optimize import minimize
 
     ticks = np.arange(len(A))
@@ -167,9 +199,16 @@ def _weights(A, B, C, D, gains, channel) -> np.ndarray | None:
         return np.linalg.eigvalsh(scaled @ scaled.conj().mT).max()
 
     # Steps are a share of where it starts; only differences count.
-    start = np.full(1 + channel.max(), 8.0)
-    found = minimize(gain, start, method="Nelder-Mead", options=NEAR)
-    return np.exp(2 * (found.x - start)[channel]) if found.fun < 1 else None
+    begun = np.full(1 + channel.max(), 8.0)
+    best = known.get(begun.size, begun)
+    if gain(best) > ENOUGH:
+        own = 1.0 * (inputs == np.arange(begun.size)[:, None])
+        between = np.sqrt((own[:, some] @ np.square(np.abs(H)) @ own.T).max(0))
+        _, (sizes, _) = matrix_balance(between, permute=False, separate=True)
+        begins = begun - np.log(sizes)
+        best = minimize(gain, begins, method="Nelder-Mead", options=NEAR).x
+        known[begun.size] = best
+    return np.exp(2 * (best - begun)[channel]) if gain(best) < 1 else None
 
 
 def _stored(A, B, C, D, share) -> np.ndarray:

@@ -19,6 +19,7 @@ from wavesweep.for_all.channel_families import LOST
 from wavesweep.for_all.message_rings import RingFrames
 from wavesweep.for_all.patterns import Word, crossing, is_refuted, product_of, refuted_beyond
 
+SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
 PERIODS = (1, 2, 3, 5, 8, 13)  # in a pattern
 MOST_PLACES = 400  # of a pattern
 BEFORE = -(10**9)  # the number of a message from before all others

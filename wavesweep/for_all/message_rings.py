@@ -19,12 +19,14 @@ import numpy as np
 
 from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.engine.drawing import Drawing
+from wavesweep.engine.sets import Side
 from wavesweep.for_all.channel_families import (
     Channel,
     NotByWordsError,
     channels_of,
     frames_with_messages,
 )
+from wavesweep.for_all.frames_over import inside_of
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.jitter_margin import SmallGain
 from wavesweep.for_all.loop_frames import LoopFrames
@@ -168,6 +170,16 @@ def ring_of_messages(
     """
     loop = OpenLoop.of(drawing, values, channels, number)
     return RingFrames(loop, SmallGain.of(loop))
+
+
+def gain_over(
+    drawing: Drawing, values: Mapping[str, object], sides: Sequence[Side], box: np.ndarray
+) -> SmallGain:
+    """Return the small gain of some loops of a box of sides, whose ticks it gives over the box."""
+    inside = inside_of(box)
+    numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
+    loop = OpenLoop.of(drawing, values | numbers, channels_of(drawing, values), "")
+    return SmallGain.of(loop)
 
 
 def _places(loop: OpenLoop, choices) -> tuple[list[Held], list[list[tuple]]]:

@@ -10,8 +10,10 @@ import numpy as np
 
 from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop
 from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
+from wavesweep.engine.expressions import Tree
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
+from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.channel_families import (
     NOTHING,
     SENT,
@@ -21,26 +23,25 @@ from wavesweep.for_all.channel_families import (
     readers_of,
     refuse_moved,
 )
+from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace
 from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.plan import TWO_VALUES
 
 
 @dataclass(frozen=True, slots=True)
 class OpenLoop:
-    """A loop with channels, open at a number if it is along one, whose delays are before the
-    channels.
+    """A loop with channels, open at a number if it is along one.
 
-    values: at which it is drawn, twice with two numbers. delays: see `_delays_behind`. channels:
-    as they send here. earlier: how many messages later in the loop as it is drawn the first one of
-    each in a period is sent. choices: of each tick of the period, how many messages back each channel
-    may hold one, None where nothing reads it.
+    drawing: with delays before the channels. values: at which it is drawn, several where numbers
+    vary. channels: as they send here. earlier: how many messages later in the loop as it was drawn
+    the first one of each in a period is sent. choices: of each tick of the period, how many messages
+    back each channel may hold one, None where nothing reads it.
     """
 
     drawing: Drawing
     values: Mapping[str, object]
     number: str
     drawn: MultirateLoop
-    delays: Mapping[str, tuple[str, int]]
     channels: tuple[Channel, ...]
     earlier: tuple[int, ...]
     choices: list[list[list[int | None]]]
@@ -51,10 +52,7 @@ class OpenLoop:
     ) -> OpenLoop:
         """See `ring_of_messages`."""
         varied = {path_of(name_of(number)): TWO_VALUES} if number else {}
-        opened = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
-            name_of(number) if number else ""
-        )
-        delays = _delays_behind(opened, channels)
+        delays = _delays_behind(Loops(drawing, values).drawn(), drawing, channels)
         before = []
         earlier = []
         for channel in channels:
@@ -63,10 +61,13 @@ class OpenLoop:
             readers = readers_of(drawing, scalars(values), reader)
             before.append(replace(channel, phase=sends % channel.every, readers=readers))
             earlier.append(sends // channel.every)
-        loop = _swapped(opened, delays)
+        drawing = _swapped(drawing, delays)
+        loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
+            name_of(number) if number else ""
+        )
         choices = [[_choices(each, tick) for each in before] for tick in range(loop.ticks)]
         return OpenLoop(
-            drawing, values | varied, number, loop, delays, tuple(before), tuple(earlier), choices
+            drawing, values | varied, number, loop, tuple(before), tuple(earlier), choices
         )
 
     @property
@@ -84,35 +85,62 @@ class OpenLoop:
     def frames(
         self, kinds: Sequence[Sequence[tuple]], symbols, follows, more: int = 0
     ) -> LoopFrames:
-        """The frames that consist of these kinds of ticks; more: registers beside messages."""
-        through = [(SENT, (SENT, *range(count - 1), *[NOTHING] * more)) for count in self.counts]
-        pair = []
-        for twin in Loops(self.drawing, self.values).twins():
-            pair.append(in_every_tick(_swapped(twin, self.delays), self.channels, through))
-        held = pair[0].held()
-        of_kind = {
-            kind: at for at, kind in enumerate(dict.fromkeys(k for row in kinds for k in row))
-        }
+        """The frames that consist of these kinds of ticks, of several loops those of the first;
+        more: registers beside messages."""
+        of_kind, places, drift = self._ticks(kinds, more)
         maps = []
-        for tick, taken in of_kind:
+        for place in places:
             ticks = Ticks.of(
-                at_tick(self.drawn, tick, self.channels, taken),
+                place.loop,
                 (FACTOR,) if self.number else (),
                 True,
                 PRODUCT if self.number else "",
-                held,
+                place.held,
                 terms=True,
             )
             maps.append(ticks.maps[ticks.kind[0]])
         ticks = Ticks(tuple(maps), np.arange(len(maps)))
-        drift = MarginalModes.of(*pair)
         refuse_moved(ticks, drift)
         ticks, _ = drift.relative_ticks(ticks)
+        if not self.number:
+            ticks = ticks.of_loop(0)
         rows = [tuple(of_kind[kind] for kind in row) for row in kinds]
         written = WrittenFrames(
             [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows
         )
         return LoopFrames.of(ticks, drift.remaining, written)
+
+    def over(
+        self, kinds: Sequence[tuple], symbols, sides: Sequence[Side], kept: np.ndarray
+    ) -> FramesOver:
+        """The ticks of these kinds over the cells of a box of sides, with a register beside messages;
+        the values are those of some of its loops. kept: the states that remain."""
+        of_kind, places, drift = self._ticks([[kind] for kind in kinds], 1)
+        enclosed = EnclosedLoop(self.drawing, self.values, sides, TOTAL_DEGREE)
+        samples = tuple(of_kind[kind] for kind in kinds)
+        states = [drift.remaining.index(state) for state in kept.tolist()]
+        ticks = [(enclosed, place) for place in places]
+        return FramesOver(ticks, drift, ((),) * len(kinds), samples, symbols, kept=states)
+
+    def _ticks(self, kinds, more):
+        """The number of each kind of tick, the tick itself, and what drifts in them."""
+        through = [(SENT, (SENT, *range(count - 1), *[NOTHING] * more)) for count in self.counts]
+        pair = []
+        for twin in Loops(self.drawing, self.values).twins():
+            pair.append(in_every_tick(twin, self.channels, through))
+        names = frozenset(channel.name for channel in self.channels)
+        held = pair[0].held()
+        of_kind = {}
+        places = []
+        for kind in dict.fromkeys(kind for row in kinds for kind in row):
+            of_kind[kind] = len(places)
+            places.append(
+                TickPlace(at_tick(self.drawn, kind[0], self.channels, kind[1]), 0, held, names)
+            )
+        drift = MarginalModes.of(*pair)
+        # What a channel shows is in its registers too, and nothing reads it from the last tick.
+        shown = [drift.states.index(f"{name}.shown") for name in names]
+        return of_kind, places, replace(drift, unobserved=(*drift.unobserved, *shown))
 
 
 def _choices(channel: Channel, tick: int) -> list[int | None]:
@@ -134,7 +162,9 @@ def taken_from(sends: bool, count: int, back: int | None) -> tuple[object, tuple
     return registers[back or 0], tuple(registers)
 
 
-def _delays_behind(loop: MultirateLoop, channels) -> dict[str, tuple[str, int]]:
+def _delays_behind(
+    loop: MultirateLoop, drawing: Drawing, channels: Sequence[Channel]
+) -> dict[str, tuple[str, int]]:
     """The delay in every tick that alone reads a channel, and its ticks, by the channel's name."""
     found = {}
     for channel in channels:
@@ -142,7 +172,8 @@ def _delays_behind(loop: MultirateLoop, channels) -> dict[str, tuple[str, int]]:
         readers = [port for port, terms in loop.sums.items() if signal in terms]
         for scheduled in loop.placed:
             block = scheduled.block
-            if readers == [f"{block.name}.u"] and loop.sums[readers[0]] == {signal: 1.0}:
+            alone = block.name not in drawing.dead_times and readers == [f"{block.name}.u"]
+            if alone and loop.sums[readers[0]] == {signal: 1.0}:
                 steps = len(block.states)
                 shifts = np.eye(steps, k=-1) - np.eye(steps)
                 last = np.eye(steps)[-1:]
@@ -152,13 +183,13 @@ def _delays_behind(loop: MultirateLoop, channels) -> dict[str, tuple[str, int]]:
     return found
 
 
-def _swapped(loop: MultirateLoop, delays: Mapping[str, tuple[str, int]]) -> MultirateLoop:
-    """The loop with these delays before their channels, which then send later by as much."""
-    sums = {}
+def _swapped(drawing: Drawing, delays: Mapping[str, tuple[str, int]]) -> Drawing:
+    """The drawing with these delays before their channels, which then send later by as much."""
     own = {f"{delay}.y": f"{channel}.y" for channel, (delay, _) in delays.items()}
-    for port, terms in loop.sums.items():
-        sums[port] = {own.get(signal, signal): gain for signal, gain in terms.items()}
+    wires = dict(drawing.wires)
+    for port, terms in drawing.wires:
+        wires[port] = tuple((own.get(signal, signal), gain) for signal, gain in terms)
     for channel, (delay, _) in delays.items():
-        sums[f"{delay}.u"] = sums[f"{channel}.u"]
-        sums[f"{channel}.u"] = {f"{delay}.y": 1.0}
-    return replace(loop, sums=sums)
+        wires[f"{delay}.u"] = wires[f"{channel}.u"]
+        wires[f"{channel}.u"] = ((f"{delay}.y", Tree.number(1.0)),)
+    return replace(drawing, wires=tuple(wires.items()))

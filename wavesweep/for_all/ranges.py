@@ -21,6 +21,7 @@ from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.sets import Polynomials, monomials
 from wavesweep.for_all.average import ALONE, OnAverage, forms_of_each, forms_on_average
 from wavesweep.for_all.frames_over import Enclosed
+from wavesweep.for_all.jitter_margin import SmallGain
 from wavesweep.for_all.norm_check import shrink_each, shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
 from wavesweep.for_all.patterns import Word, growing, growth
@@ -41,6 +42,7 @@ SLACK_OF_ERRORS = 0.1  # of the slack: errors from which on they count for which
 # along its side have at most OF_SIDE of them
 HOPELESS_ERRORS = 10.0
 OF_SIDE = 0.5
+GAIN = 1e9  # operations that take as long as the search for weights of a small gain
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROWEST_SIDE = 1e-6  # of a side, below which a box is not divided along it
@@ -120,7 +122,7 @@ class _Waiting(NamedTuple):
 def cover(
     frames: Frames,
     box: Box,
-    follows: np.ndarray | OnAverage,
+    follows: np.ndarray | OnAverage | SmallGain,
     work: float,
     up: bool = True,
     words: Sequence[Word] = (),
@@ -245,7 +247,7 @@ class _Trials:
     """
 
     frames: Frames
-    follows: np.ndarray | OnAverage
+    follows: np.ndarray | OnAverage | SmallGain
     words: Sequence[Word]
     narrow: np.ndarray
     work: float
@@ -482,8 +484,9 @@ def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
     if isinstance(follows, OnAverage):
         return _Outcome(None, used, (0,))
     basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
-    finite = np.isfinite(A.terms).all()  # no pole was met on a rim
-    if finite and (words := growing(A.terms[0], follows, basis)):
+    # Without a pole on a rim.
+    looked_at = np.isfinite(A.terms).all() and not isinstance(follows, SmallGain)
+    if looked_at and (words := growing(A.terms[0], follows, basis)):
         return _Outcome(None, used, words[0])
     # Parts of parts without norms for each side, after which a proof ends.
     if part.barren > 4 * wide.size:
@@ -552,7 +555,9 @@ def _divided(moves, left):
     return sides
 
 
-def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.ndarray | None:
+def units_of(
+    frames: Frames, box: Box, follows: np.ndarray | OnAverage | SmallGain
+) -> np.ndarray | None:
     """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box:
     see `FramesOver.of`.
 
@@ -604,6 +609,8 @@ def _forms(A, follows, start, work, words=()):
     follows: or a chain."""
     if isinstance(follows, tuple):
         return forms_on_average(A, *follows)
+    if isinstance(follows, SmallGain):
+        return follows.found(A), GAIN
     at_middle = A.terms[0]
     repeated = at_middle[
         np.diagonal(follows)
@@ -657,7 +664,10 @@ def _judged(A, found, follows):
     n = A.terms.shape[-1]
     pairs = monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**2
-    rule = (None, follows[1]) if isinstance(follows, tuple) else (follows,)
+    if isinstance(follows, tuple):
+        rule = None, follows[1]
+    else:
+        rule = (follows.whole.follows if isinstance(follows, SmallGain) else follows,)
     proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, *rule)
     if proved:
         return True, np.zeros(0), 0.0, spent

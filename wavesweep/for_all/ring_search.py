@@ -18,6 +18,7 @@ from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, Decision
 from wavesweep.for_all.message_patterns import (
     PERIODS,
+    SHORT,
     growing_pattern,
     nearest_pattern,
 )
@@ -33,7 +34,6 @@ from wavesweep.for_all.norms import (
 )
 from wavesweep.for_all.patterns import is_refuted
 
-SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
 WORK = 1e11  # operations of a search for norms, or of a proof on one side: some 40 s
 STEPS = 40  # of Newton's, which a search takes at least
 # Of an interval, how far within it a loop is taken to be stable while patterns are searched.

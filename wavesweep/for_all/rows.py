@@ -595,7 +595,7 @@ def _decided(spec, rules, number, case):
     if not path or rules.at_random:
         return decided_over(*own)
     said, by = decided_over(*own, SOON)
-    if said != UNKNOWN:
+    if said != UNKNOWN or by:
         return said, by
     value = float(spec.values[path])
     axis = next((axis for axis in spec.sweep if axis.path == path), None)

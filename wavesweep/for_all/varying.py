@@ -16,6 +16,7 @@ from wavesweep.engine.drawing import Drawing, name_of, without_rule
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
 from wavesweep.for_all.average import OnAverage
@@ -24,7 +25,12 @@ from wavesweep.for_all.channel_families import (
     members_with_messages,
     messages_over,
 )
-from wavesweep.for_all.climb import corners_of, growth_in_words, growth_on_average
+from wavesweep.for_all.climb import (
+    constant_growth,
+    corners_of,
+    growth_in_words,
+    growth_on_average,
+)
 from wavesweep.for_all.frame_families import (
     DELAY,
     IN_PHASE,
@@ -48,11 +54,11 @@ from wavesweep.for_all.mean_square import (
     losses_at_random,
 )
 from wavesweep.for_all.message_patterns import messages_of
-from wavesweep.for_all.message_rings import RingFrames, frames_of_messages
+from wavesweep.for_all.message_rings import RingFrames, frames_of_messages, gain_over
 from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
 from wavesweep.for_all.patterns import Word, growing_of, is_refuted, short_words
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
-from wavesweep.for_all.ring_search import bracket_ring, decide_ring
+from wavesweep.for_all.ring_search import BY_GAIN, bracket_ring, decide_ring
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.for_all.worst import FROM_ZERO, LoopsOver, Refuted, bracket_over, decide_over
@@ -364,16 +370,21 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     whole = as_sides(whole, sides)
     numbers = [side.path for side in sides]
     bounds = as_numbers(whole, sides)
-    if plan:
-        frames = plan.over(sides, whole)
-        members = plan.members(numbers, bounds)
-    else:
-        frames = messages_over(*own, sides, whole)
-        members = members_with_messages(*own, numbers, bounds)
 
     @cache
     def family(point):
         return rules.family({**values, **dict(zip(paths, point, strict=True))}, along)
+
+    gain = None
+    if plan:
+        frames = plan.over(sides, whole)
+        members = plan.members(numbers, bounds)
+    elif isinstance(family(tuple(box.mean(0).tolist())), RingFrames):
+        gain = gain_over(*own, sides, whole)
+        frames = gain.over(sides)
+    else:
+        frames = messages_over(*own, sides, whole)
+        members = members_with_messages(*own, numbers, bounds)
 
     @cache
     def extremes():
@@ -381,10 +392,11 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
 
     spec_numbers = [[float(values[path]) for path in paths]]
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
+    loops = partial(LoopsOver, family, frames, box, sides, starts=starts, extremes=extremes)
+    if gain is not None:
+        return loops(growth=constant_growth(Loops(*own), numbers), gain=gain)
     known = [] if rules.words is None else rules.words[members.follows.tobytes()]
-    loops = partial(
-        LoopsOver, family, frames, box, sides, starts=starts, extremes=extremes, known=known
-    )
+    loops = partial(loops, known=known)
     if not rules.at_random:
         return loops(growth=growth_in_words(members.at, members.states, members.follows))
     if steps:
@@ -422,7 +434,10 @@ def decided_over(
     if word:
         by = dict(zip((axis.path for axis in ranges), point, strict=False))
         return REFUTED, {**by, text_of_pattern(loops.family(point), word): None}
-    return PROVED if proved else UNKNOWN, {}
+    said = ""
+    if loops.gain:
+        said = BY_GAIN if proved else "no small gain proves it, and no pattern that was met grows"
+    return PROVED if proved else UNKNOWN, {said: None} if said else {}
 
 
 def decided_along(

@@ -11,8 +11,10 @@ from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.climb import OPERATIONS_OF_CLIMB, Growth, climb, contradicted
 from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.graph import Family
+from wavesweep.for_all.jitter_margin import SmallGain
 from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.mean_square import nearest_growing
+from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
 from wavesweep.for_all.norms import first_centre
 from wavesweep.for_all.patterns import (
     Word,
@@ -34,6 +36,7 @@ POINTS_LOOKED_AT = 3  # points of a climb at which all words are searched
 # relative: frames, or growths, that differ by less have the same words that grow first
 SAME_FRAMES = 1e-3
 OPERATIONS_OF_PROOFS = 7e11  # operations of the proofs: about a minute
+SOON_BY_GAIN = 4e10  # the same of a small gain, whose weights take longer
 SOON = 4e9  # the same of a proof that is tried first: half a second
 UPWARD = 0.6  # part of the work for the way to the upper end
 # ratio of the ends of the number between which units of the states are found
@@ -75,10 +78,11 @@ class LoopsOver:
     family: gives the frames at a point of the box as a family along the number. frames: those over
     a box of sides (see `as_sides`), the first of which is that number. sides: of that number and of
     those of the box. on_average: if frames are at random; families are then `Chances`, and the word
-    of what grows is (0,). growth: of members, at points of that number and of the box. starts:
-    members that are tried in any case, `(points, numbers)`; extremes: gives further ones, at which
-    an expression is least or largest. known: words that refute other loops of the same symbols, to
-    which those that are found are added.
+    of what grows is (0,). gain: of messages tick by tick; families are then `RingFrames`. growth: of
+    members, at points of that number and of the box. starts: members that are tried in any case,
+    `(points, numbers)`; extremes: gives further ones, at which an expression is least or largest.
+    known: words that refute other loops of the same symbols, to which those that are found are
+    added.
     """
 
     family: Callable[[tuple[float, ...]], Family]
@@ -89,6 +93,7 @@ class LoopsOver:
     starts: np.ndarray
     extremes: Callable[[], np.ndarray]
     on_average: OnAverage | None = None
+    gain: SmallGain | None = None
     known: list[Word] = field(default_factory=list)
 
     @property
@@ -97,9 +102,10 @@ class LoopsOver:
         return tuple(self.box.mean(0).tolist())
 
     @property
-    def follows(self) -> np.ndarray | OnAverage:
-        """Which frames may follow which, or what they do at random."""
-        return self.on_average or self.family(self.middle).follows
+    def follows(self) -> np.ndarray | OnAverage | SmallGain:
+        """Which frames may follow which, or what they do at random, or the gain of what is not in
+        time."""
+        return self.on_average or self.gain or self.family(self.middle).follows
 
 
 def bracket_over(
@@ -134,7 +140,7 @@ def bracket_over(
         start = max(start, first.zero + 0.4 * (above.x - first.zero))
     high = low = start
     units = None
-    if not first.zero:
+    if not (first.zero or loops.gain):
         units = units_of(loops.frames, _layer(loops, start / UNITS, start), follows)
 
     def proved(bottom, top, most, up):
@@ -218,7 +224,8 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
         climbed = climb(loops.growth, box, begun, OPERATIONS_OF_CLIMB if differ else 0.0)
         before = best
         for point in dict.fromkeys(map(tuple, climbed.points[:POINTS_LOOKED_AT, 1:].tolist())):
-            if any(_alike(loops, point, other, end) for other in searched):
+            by_word = loops.gain and best.word  # a search for patterns of messages takes seconds
+            if by_word or any(_alike(loops, point, other, end) for other in searched):
                 best = _moved(loops, point, start, best)
             else:
                 best = _refuted_at(loops, point, start, limit, best)
@@ -237,7 +244,7 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
 
 def _alike(loops, point, other, x):
     """Whether two points have nearly the same frames at a number."""
-    if loops.on_average:
+    if loops.on_average or loops.gain:
         return point == other
     family = loops.family(other)
     frames = loops.family(point).at(x)
@@ -267,6 +274,8 @@ def _refuted_at(loops, point, start, limit, best):
     family = loops.family(point)
     if loops.on_average:
         x, word = nearest_growing(family, start, limit)
+    elif loops.gain:
+        x, word = nearest_pattern(family, start, limit)
     else:
         known = [*loops.known, best.word] if best.word else loops.known
         x, word = nearest_refuted(family, start, limit, BRACKET_TOLERANCE, known)
@@ -306,7 +315,8 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
     """
     sides = as_sides(loops.box, loops.sides)
     if (loops.growth.of(loops.starts) < 1).all():
-        soon = cover(loops.frames, sides, loops.follows, min(work, SOON))
+        most = SOON_BY_GAIN if loops.gain else min(work, SOON)
+        soon = cover(loops.frames, sides, loops.follows, most)
         if not soon.open and not contradicted(loops.growth, loops.box):
             return (), (), True
     for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
@@ -334,11 +344,15 @@ def _worst_member(loops, box, starts):
     for point in map(tuple, points):
         family = loops.family(point)
         words = [(0,)]
-        if not loops.on_average:
+        if loops.gain:
+            first = point == tuple(points[0])  # at others long patterns are not looked for
+            periods = PERIODS if first else SHORT
+            words = [growing_pattern(family, 0.0, periods=periods)[1]]
+        elif not loops.on_average:
             A = family.at(0.0)
             words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
         for word in words:
-            if _is_refuted(loops, family, word):
+            if word and _is_refuted(loops, family, word):
                 return point, word
     return (), ()
 

@@ -219,7 +219,8 @@ class LiftedMap:
         """Return the map of the loops `owner` at the angles `theta`, `(points, p, m)`."""
         with np.errstate(all="ignore"):
             A = on_circle(theta)[:, None, None] * np.eye(self.E.shape[-1]) - self.E[owner]
-            return self.T[owner] + self.O[owner] @ solve(A, self.G[owner] + 0j)
+            # Of two complex arrays, since numpy takes 15 times as long for a real one beside it.
+            return self.T[owner] + (self.O[owner] + 0j) @ solve(A, self.G[owner] + 0j)
 
     def _measured(self, owner, theta, measure):
         owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
