@@ -4,7 +4,6 @@ The marches begin a frame with its sample, so that the step of the wall is the l
 kept for each such length: another form than that of the package, whose frames end with their sample.
 """
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -111,24 +110,8 @@ def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, share
     assert radius(march(found.high), LENGTHS, shares) < 1 < radius(march(found.fails_from), LENGTHS, shares)
     assert found.high == pytest.approx(found.fails_from, rel=1e-4)
     assert radius(march(found.high / 2), LENGTHS, shares) < 1
-    assert found.low == 0  # at which the device drifts
+    assert 0 < found.low < 1e-5  # as the device drifts at 0
     assert all(radius(march(K), LENGTHS, shares) < 1 for K in (1e-4, 1e-2, 1.0))
-
-
-@pytest.mark.parametrize("kind", ["dc-slow"])
-def test_from_a_wall_of_0_on_moments_decay_if_the_wall_pulls_back(kind):
-    """Not if it pushes, if errors leave its sign open, or if weights are those of no chain."""
-    loaded = load(built_in(kind, LENGTHS, next=CHAIN))
-    loop = Rules.of(loaded).on_average().family(dict(loaded.values), "environment.K_VE")
-    frames = loop.family.free()
-    weight = loop.weights(1.0, 1.0)[0]
-    assert all(frames.decay(loop.graph, weight, x) for x in (1e-12, 1e-6, 1e-2))
-    assert not frames.decay(loop.graph, weight, 500.0)
-    unsure = np.ones_like(frames.dA)
-    unsure[..., 0] = 0
-    for false in (replace(frames, b=-frames.b), replace(frames, db=2 * np.abs(frames.b)), replace(frames, dA=1e-3 * unsure)):
-        assert not false.decay(loop.graph, weight, 1e-6)
-    assert not frames.decay(loop.graph, 1.01 * weight, 1e-6)
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@ over an interval."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.frames import (
-    Bounded,
     MarginalModes,
     OpenTicks,
     Ticks,
@@ -21,17 +20,12 @@ from wavesweep.engine.frames import (
 )
 from wavesweep.engine.sets import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
-from wavesweep.for_all.from_zero import FramesFromZero
 
 # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
 SOLVABLE = 1e-6
 SOME = 0.7  # a value at which no entry of a frame vanishes by chance
 # relative error of a matrix due to the rounding of the number in the middle of an interval
 MIDDLE = 64 * ENTRY_ROUNDING
-
-
-def _nothing():
-    return None
 
 
 class WrittenFrames(NamedTuple):
@@ -90,7 +84,6 @@ class LoopFrames:
     follows: np.ndarray
     at_once: _AtOnce | None
     drift: MarginalModes | None = None
-    free: Callable[[], FramesFromZero | None] = _nothing
 
     @staticmethod
     def of(ticks, kept, written: WrittenFrames, drift=None) -> LoopFrames:
@@ -166,17 +159,6 @@ class LoopFrames:
             return E, dE
         at = np.ix_(self.kept, self.kept)
         return E[..., *at], dE[..., *at]
-
-    def from_zero(self) -> FramesFromZero | None:
-        """The frames from a number 0 on, at which a shift of the first state stays; None if it is
-        not known to, or if the number does not act alike in one tick of each."""
-        E, dE = self.enclosed(0.0)
-        direct = [tick_map.D[0, 0] for tick_map in self.ticks.maps if tick_map.inputs]
-        alike = self.at_once is not None and len(set(direct)) == 1
-        if not alike or E[..., 0].any() or dE[..., 0].any():
-            return None
-        through = self.at_once.through(self.ticks, self.kept)
-        return FramesFromZero(np.eye(E.shape[-1]) + E, dE, *through, direct[0])
 
     @property
     def _whole_rows(self):
@@ -290,24 +272,6 @@ class _AtOnce:
 
     def at(self, x):
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
-
-    def through(self, ticks, kept):
-        """b and c of each symbol, and bounds on their errors, `(symbols, n)` each."""
-        count = len(self.kinds)
-        n = len(ticks.states)
-        after = np.zeros((2, count, n, n))
-        after[:, self.followed] = np.array(self.after)[:, :, 0]
-        b, db, c, dc = np.zeros((4, count, n))
-        one = Bounded.exact(np.eye(n))
-        for at, kind in enumerate(self.kinds):
-            if kind == len(ticks.maps) or not ticks.maps[kind].inputs:
-                continue
-            tick = ticks.maps[kind]
-            later = one + Bounded(*after[:, at])
-            b[at], db[at] = later @ Bounded(tick.B[:, 0], ENTRY_ROUNDING * tick.terms[1][:, 0])
-            first = one + Bounded(*(each[at, 0] for each in self.before))
-            c[at], dc[at] = first.mT @ Bounded(tick.C[0], ENTRY_ROUNDING * tick.terms[2][0])
-        return b[:, kept], db[:, kept], c[:, kept], dc[:, kept]
 
     def enclosed(self, changes, errors):
         """The frames minus the identity and bounds on their errors, of ticks at some values of the

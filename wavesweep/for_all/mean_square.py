@@ -166,12 +166,6 @@ class Chances:
             return False
         return True
 
-    def decay_from_zero(self, x: float) -> bool:
-        """Whether second moments are proved to decay for all numbers above 0 and up to x, where a
-        shift of the loop stays at 0 itself."""
-        frames = self.family.free() if self.in_matrices else None
-        return frames is not None and frames.decay(self.graph, self.weights(x, x)[0], x)
-
     def refuted(self, x: float) -> bool:
         """Whether second moments are proved to grow at x."""
         enclosed = self._enclosed(x, x)
@@ -745,8 +739,6 @@ def _bracket(loop, part, limits, tolerance):
     """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
     sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
     (low, below, down), (high, above, up) = sides
-    if limits[0] == 0 < low and np.isnan(below) and loop.decay_from_zero(low):
-        low = 0.0
     first = limits[0] if np.isnan(below) else below
     last = limits[1] if np.isnan(above) else above
     near = []

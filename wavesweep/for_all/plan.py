@@ -3,7 +3,6 @@ numbers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -18,7 +17,6 @@ from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
-from wavesweep.for_all.from_zero import FramesFromZero
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol, WrittenFrames
 
 TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it
@@ -132,10 +130,7 @@ class Plan:
         ticks, drift, index = self.open_at(number)
         relative, _ = drift.relative_ticks(ticks)
         varying = drift if drift.varying else None
-        frames = LoopFrames.of(relative, drift.remaining, self.written(index), varying)
-        if not number or drift.varying:
-            return frames
-        return replace(frames, free=partial(self._free, ticks, number, drift, index))
+        return LoopFrames.of(relative, drift.remaining, self.written(index), varying)
 
     def along_each(
         self, number: str, columns: Mapping[str, np.ndarray], size: int
@@ -188,20 +183,6 @@ class Plan:
         for path, value in self.values.items():
             twice[path] = np.repeat(value, TWO_VALUES.size) if np.ndim(value) else value
         return twice | {path_of(name_of(number)): np.tile(TWO_VALUES, loops)}
-
-    def _free(self, ticks, number, drift, index) -> FramesFromZero | None:
-        """The frames from a number 0 on, if there one more shift of the loop stays than with it,
-        and the number reads that alone."""
-        free = self._drift(self.values | {path_of(name_of(number)): 0.0})
-        if free.varying or len(free.constant) != len(drift.constant) + 1:
-            return None
-        relative, _ = free.relative_ticks(ticks)
-        read = [tick_map.C[0, free.leads] != 0 for tick_map in relative.maps if tick_map.inputs]
-        leads = np.array(free.leads)[np.any(read, axis=0)]
-        if len(leads) != 1:
-            return None
-        frames = LoopFrames.of(relative, [*leads, *free.remaining], self.written(index))
-        return frames.from_zero()
 
     def over(self, sides: Sequence[Side], box: np.ndarray) -> FramesOver:
         """Return the frames over the cells of a box of sides."""
