@@ -307,7 +307,7 @@ def test_bounds_of_the_maps_of_a_frame_hold_and_do_not_grow_from_tick_to_tick():
     e, b, c, d = (np.array(rows) for rows in ([[0.5, -1.0], [1.0, -1.5]], [[0.1], [0.3]], [[0.7, 0.2]], [[0.9]]))
     tick = (e, b, c, d)
     port = SimpleNamespace(kind=np.zeros(ticks, int), maps=[tick], sizes=[[0 * part for part in tick]])
-    found = over_frame(port, np.arange(n), (1,))
+    found = over_frame(port, np.arange(n), (1,), np.arange(port.kind.size))
     exact = np.vectorize(Fraction)
     e, b, c, d = (exact(part) for part in tick)
     states = [np.hstack([np.eye(n, dtype=int), np.zeros((n, ticks), int)]) + Fraction(0)]

@@ -1,7 +1,6 @@
 """Loops along a number as they are seen between an input and a signal, on panels of the number
 that something is asked of."""
 
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -72,7 +71,7 @@ class Between:
     has a level.
 
     A judge of `panels`, of these columns, without what `labelled` and `worst_at` are. kept: states that
-    the input reaches and the signal depends on. inputs: of the map, one for each tick. stable:
+    the input reaches and the signal depends on. read: the ticks whose inputs are looked at. stable:
     where loops may be stable, and nothing is looked for elsewhere.
     """
 
@@ -82,7 +81,7 @@ class Between:
     level: float
     drift: MarginalModes
     kept: np.ndarray
-    inputs: int
+    read: np.ndarray
     columns: np.ndarray
     stable: Intervals
     many: ClassVar[int] = 1000
@@ -100,7 +99,7 @@ class Between:
 
     def over_frame(self, port, size):
         """The maps of so many frames."""
-        return over_frame(port, self.kept, (size,))
+        return over_frame(port, self.kept, (size,), self.read)
 
     def changes(self, column, p):
         """E less identity of frames, `(points, n, n)`."""
@@ -135,11 +134,13 @@ class Between:
 
     def worst(self, column, p):
         """What `worst_at` tells of each value; NaN without a solution."""
-        found = np.full((2, p.size), np.nan, complex)
-        for at in range(p.size):
-            with suppress(IllPosedLoopError):
-                found[:, at] = np.ravel(self.worst_at(column, p[at : at + 1]))
-        return found[0], found[1].real
+        try:
+            return self.worst_at(column, p)
+        except IllPosedLoopError:  # of one of them at least
+            if p.size == 1:
+                return np.full(1, np.nan), np.full(1, np.nan)
+            halves = [self.worst(column, half) for half in np.array_split(p, 2)]
+            return tuple(map(np.concatenate, zip(*halves, strict=True)))
 
     def _about(self, column, low, high, bounds):
         """The loops in the middles of panels and on rims about them, `(panels * points)`, their
@@ -166,7 +167,7 @@ def of_panels(pairs, at):
 def poles_inside(pivots):
     """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper
     half, `(n, points, k)`."""
-    moving = (pivots != pivots[:, :1]).any((1, 2))
+    moving = (pivots[:, 1:] != pivots[:, :1]).any((1, 2))
     if not moving.any():
         return moving
     return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & moving

@@ -11,6 +11,8 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 
 FIRST_PANELS = 2  # of a column to begin with, as of one of many pieces along a dead time
+SEEN_AT = 17  # values of a column, between which ends are looked for
+MOST_SECANTS = 12  # of such a search, which ends in a few where the number moves the end smoothly
 # of a disc; its lower half is the conjugate
 HALF_RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)
 NARROW_PANEL = 4  # see Accuracy
@@ -181,13 +183,13 @@ class _Worst(NamedTuple):
 
 def _panels(judge, domain, accuracy):
     """Panels that cover the span: their columns, low ends and labels."""
-    edges = np.linspace(*domain.span, FIRST_PANELS + 1)
     width = domain.width
     bounds = [bound[judge.columns] for bound in domain.bounds]
     count = len(judge.columns)
-    column = np.repeat(np.arange(count), FIRST_PANELS)
-    low = np.tile(edges[:-1], count)
-    high = np.tile(edges[1:], count)
+    first = [_first_edges(judge, column, domain, accuracy) for column in judge.columns.tolist()]
+    column = np.repeat(np.arange(count), [edges.size - 1 for edges in first])
+    low = np.concatenate([edges[:-1] for edges in first])
+    high = np.concatenate([edges[1:] for edges in first])
     many = judge.many
     # Entries of matrices at a time.
     at_once = max(1, 2_000_000 // (2 * HALF_RIM.size * judge.order**2))
@@ -222,6 +224,38 @@ def _panels(judge, domain, accuracy):
         low = np.concatenate([low, middle])
         high = np.concatenate([middle, high])
     return [np.concatenate(arrays) for arrays in zip(*done, strict=True)]
+
+
+def _first_edges(judge, column, domain, accuracy):
+    """The edges of the panels of a column to begin with: ever nearer to where `worst` is seen to go
+    beyond what is asked, and to the low end if there is a drift; halves of a `smooth` judge, which
+    knows more of these."""
+    low, high = domain.span
+    edges = np.linspace(low, high, FIRST_PANELS + 1)
+    if judge.smooth:
+        return edges
+    p = np.linspace(low, high, SEEN_AT)
+    beyond = np.nan_to_num(judge.worst(column, p)[1], nan=-1.0)
+    ends = []
+    for at in np.flatnonzero(np.diff(beyond > 0)):
+        exact = accuracy.of(p[at], domain.width) / accuracy.finest
+        before, end = p[at : at + 2]
+        of_before, of_end = beyond[at : at + 2]
+        for _ in range(MOST_SECANTS):
+            if not abs(end - before) > exact:
+                break
+            with np.errstate(all="ignore"):
+                step = of_end * (end - before) / (of_before - of_end)
+            before, end = end, np.clip(end + step, low, high)
+            of_before, of_end = of_end, judge.worst(column, np.array([end]))[1][0]
+        ends.append((end, exact / 2))
+    if accuracy.begun[column] > accuracy.least:
+        ends.append((low, accuracy.least * domain.width))
+    for end, nearest in ends:
+        off = nearest * 2.0 ** np.arange(np.ceil(np.log2((high - low) / nearest)))
+        edges = np.concatenate([edges, end - off, end + off])
+    edges = np.unique(edges)
+    return edges[(edges >= low) & (edges <= high)]
 
 
 def _merged(column, panels, domain, accuracy):

@@ -103,8 +103,8 @@ def along_factors(
     else:
         factors = Range(0.0, float(np.radians(wanted.size)), turning=True)
     columns = np.arange(size)
-    about = loops, along, route, 1.0, drift, needed(port.maps), runs.size, columns, stable
-    judge = Factors(*about, factors, runs, span, np.zeros(size))
+    about = loops, along, route, 1.0, drift, needed(port.maps), runs, columns, stable
+    judge = Factors(*about, factors, span, np.zeros(size))
     begun = np.maximum(begun_at_low_end(judge, span), END_EXACTNESS)
     # Ends are exact to 16 of the narrowest panels.
     ends = Accuracy(END_EXACTNESS, 16.0, END_EXACTNESS, begun, slow=True)
@@ -146,13 +146,12 @@ class Range:
 class Factors(Between):
     """A judge of panels of the number, see `along_panels`; level: not asked for.
 
-    runs: ticks in which the signal is made. work: spent on each column, see MOST_WORK. kept: the
+    read: ticks in which the signal is made. work: spent on each column, see MOST_WORK. kept: the
     pieces that stay open on panels, by the column and an end: the others are shown on all parts of
     these.
     """
 
     factors: Range
-    runs: np.ndarray
     span: tuple[float, float]
     work: np.ndarray
     kept_pieces: dict[tuple[int, str, float], np.ndarray] = field(default_factory=dict)
@@ -161,11 +160,11 @@ class Factors(Between):
     @property
     def order(self) -> int:
         """Of the pencil."""
-        return self.kept.size + self.inputs
+        return self.kept.size + self.read.size
 
     def over_frame(self, port, size):
         """The maps of frames, of the ticks in which the signal is made."""
-        return at_runs(port, self.kept, (size,), self.runs)
+        return at_runs(port, self.kept, (size,), self.read)
 
     def labelled(self, column, low, high, bounds):
         label = np.full(column.size, OPEN)

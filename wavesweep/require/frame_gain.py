@@ -54,7 +54,7 @@ from wavesweep.engine.frames import Bounded, balance, in_a_row, inverse, on_circ
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
-from wavesweep.require.maps import of_ticks, over_frame
+from wavesweep.require.maps import of_ticks
 from wavesweep.require.pencil import angles_of, clear, off_arc
 
 SURE_SIGN = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
@@ -233,19 +233,19 @@ class BoundedGain(Between):
     @property
     def long(self) -> bool:
         """Whether the inputs are eliminated."""
-        return self.inputs > FEW_INPUTS and not self.at_rest
+        return self.read.size > FEW_INPUTS and not self.at_rest
 
     @property
     def order(self) -> int:
         """Of the pencil."""
-        return 2 * self.kept.size + (0 if self.long else self.inputs)
+        return 2 * self.kept.size + (0 if self.long else self.read.size)
 
     def off_at_rest(self, column, p):
         """By how much what comes of a constant input, and what goes to a constant output, differ
         from the level at rest."""
         E, G, O, T = (matrix for matrix, _ in self.maps(column, p))
         H = T - O @ solve(E, G)
-        w = np.full((self.inputs, 1), self.inputs**-0.5)  # the constant input, of length 1
+        w = np.full((self.read.size, 1), self.read.size**-0.5)  # the constant input, of length 1
         signed = np.copysign(self.level, w.mT @ H @ w) * w
         of_output = np.abs(H @ w - signed).max((-1, -2))
         of_input = np.abs(H.mT @ w - signed).max((-1, -2))
@@ -326,14 +326,14 @@ class BoundedGain(Between):
     def _form(self, port, shape):
         """The form of all inputs of frames at points of panels."""
         points = shape[1]
-        E, G, O, T = over_frame(port, self.kept, (np.prod(shape),))
+        E, G, O, T = self.over_frame(port, np.prod(shape))
         P = -(O.mT @ O)
         S = -(O.mT @ T)
-        R = Bounded.exact(self.level * np.eye(self.inputs)) * self.level - T.mT @ T
+        R = Bounded.exact(self.level * np.eye(self.read.size)) * self.level - T.mT @ T
         if not self.at_rest:
             return Form(E, G, P, S, R, points, at_rest=False)
         X = (-E).inverse()
-        w = np.full((self.inputs, 1), self.inputs**-0.5)
+        w = np.full((self.read.size, 1), self.read.size**-0.5)
         H = T.value + O.value @ X.value @ G.value
         h = Bounded.exact(self.level * np.sign((w.mT @ H @ w).real) * w)
         w = Bounded.exact(w)

@@ -46,7 +46,7 @@ def along_gain(
     size = period.size
     drift, port, number, p = typical_between(loops, along, span, size, route, "gain")
     ticks = port.kind.size
-    about = loops, along, route, wanted.at_most, drift, needed(port.maps), ticks
+    about = loops, along, route, wanted.at_most, drift, needed(port.maps), np.arange(ticks)
     arc = _arc(wanted, ticks, period)
     gain = BoundedGain(*about, np.arange(size), stable, arc, at_rest=False)
 
@@ -61,7 +61,8 @@ def along_gain(
     at_rest = is_level & (gain.arc[:, 0] == 0)
     judges = []
     if (~at_rest).any():
-        judges.append(replace(gain, columns=np.flatnonzero(~at_rest)))
+        columns = np.flatnonzero(~at_rest)
+        judges.append(replace(gain, columns=columns, read=gain.read[_reads(port)]))
     if at_rest.any():
         columns = np.flatnonzero(at_rest)
         judges.append(BoundedGain(*about, columns, stable, gain.arc, at_rest=True))
@@ -72,6 +73,11 @@ def along_gain(
     found = along_panels(judges, known, domain, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
     return attached(found, stable, SHARE_OF_SPAN * domain.width)
+
+
+def _reads(port):
+    """Whether the input is read in each tick of a frame."""
+    return np.array([any((x != 0).any() for x in port.maps[kind][1::2]) for kind in port.kind])
 
 
 def begun_at_low_end(gain, span):

@@ -8,8 +8,9 @@ from wavesweep.engine.frames import Bounded, in_a_row, sum_rounding
 from wavesweep.engine.response import Port
 
 
-def over_frame(port: Port, kept, batch) -> tuple[Bounded, ...]:
-    """E less identity, G, O and T of a frame, of some states, each with a bound on its error.
+def over_frame(port: Port, kept, batch, read) -> tuple[Bounded, ...]:
+    """E less identity, G, O and T of a frame, of some states, each with a bound on its error; read:
+    the ticks whose inputs are looked at.
 
     With X the map from the state before the frame, and its inputs, to that before a tick, and R the
     map from the state after that tick to what follows, a tick that is off by d moves what follows
@@ -21,22 +22,23 @@ def over_frame(port: Port, kept, batch) -> tuple[Bounded, ...]:
     ticks = len(order)
     n = kept.size
     states = slice(n)
-    X = np.zeros((*batch, n, n + ticks))  # less identity
+    X = np.zeros((*batch, n, n + read.size))  # less identity
     before = []
     outputs = []
+    own = [n + np.flatnonzero(read == tick) for tick in range(ticks)]  # column of its input
     for tick, kind in enumerate(order):
         e, b, c, d = (matrix for matrix, _ in kinds[kind])
         output = c @ X
         output[..., states] += c
-        output[..., n + tick] += d[..., 0]
+        output[..., own[tick]] += d
         before.append(X)
         outputs.append(output)
         X = X + e @ X
         X[..., states] += e
-        X[..., n + tick] += b[..., 0]
+        X[..., own[tick]] += b
     whole = np.concatenate([*outputs, X], -2)
 
-    identity = np.eye(n, n + ticks)
+    identity = np.eye(n, n + read.size)
     error = np.zeros_like(whole)
     rounding = sum_rounding(n + 2, np.iscomplexobj(whole))
     after = np.broadcast_to(np.eye(n), (*batch, n, n))
@@ -46,11 +48,11 @@ def over_frame(port: Port, kept, batch) -> tuple[Bounded, ...]:
         size = np.abs(X + identity)
         of_state = e.with_rounding(n + 2) @ size + rounding * np.abs(X)
         of_state[..., states] += rounding * np.abs(e.value)
-        of_state[..., n + tick] += b.with_rounding(n + 2)[..., 0]
+        of_state[..., own[tick]] += b.with_rounding(n + 2)
         error[..., tick + 1 :, :] += np.abs(after) @ of_state
         of_output = c.with_rounding(n + 2) @ size
         of_output[..., states] += rounding * np.abs(c.value)
-        of_output[..., n + tick] += d.error[..., 0]
+        of_output[..., own[tick]] += d.error
         error[..., tick, :] += of_output[..., 0, :]
         after = np.concatenate([c.value, after + after @ e.value], -2)
     found = Bounded(whole, error)

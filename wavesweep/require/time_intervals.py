@@ -69,7 +69,7 @@ def along_time(
     refuse_long_frame(ticks, f"sweep.require.{measure}")
     level = wanted.at_most * (1 + WHOLE_TICKS * wanted.is_time)
     columns = np.arange(size)
-    about = loops, along, route, level, drift, needed(port.maps), ticks
+    about = loops, along, route, level, drift, needed(port.maps), np.arange(ticks)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, np.full(size, END_EXACTNESS), slow=True)
 
     # Next to an end of stability discs have loops that grow: there nothing is looked for.
@@ -100,13 +100,13 @@ class InTime(Between):
     @property
     def order(self) -> int:
         """Of the matrices of a panel, about."""
-        return self.kept.size + self.inputs
+        return self.kept.size + self.read.size
 
     def ends_at_zero(self, column, p) -> bool:
         """Whether the response to a constant input ends at 0, at all of some values."""
         maps = self.maps(column, p)
         E, G, O, T = (matrix for matrix, _ in maps)
-        ones = np.ones((self.inputs, 1))
+        ones = np.ones((self.read.size, 1))
         through = T @ ones
         shown = O @ solve(-E, G @ ones)
         size = np.abs(through) + np.abs(shown)
@@ -119,9 +119,9 @@ class InTime(Between):
         for matrix, size in maps:
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
-        rows = max(ROWS_OF_BLOCK, self.inputs)
+        rows = max(ROWS_OF_BLOCK, self.read.size)
         # Outputs of a block of frames, of some panels.
-        at_once = max(1, 2_000_000 // (shape[1] * rows * (self.inputs + self.kept.size)))
+        at_once = max(1, 2_000_000 // (shape[1] * rows * (self.read.size + self.kept.size)))
         known = np.flatnonzero(judged)
         for first in range(0, known.size, at_once):
             at = known[first : first + at_once]

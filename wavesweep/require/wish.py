@@ -38,7 +38,7 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     value = np.full(size, np.nan)
     if port.outputs > 1 or not stable.any():
         return value, stable
-    maps = over_frame(port, needed(port.maps), (size,))
+    maps = over_frame(port, needed(port.maps), (size,), np.arange(port.kind.size))
     maps = [matrix.part(stable, None) for matrix in maps]
     found = enclosed_value(measure, maps, port.rate)
     known = np.isfinite(found.high)
