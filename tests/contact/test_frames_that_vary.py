@@ -205,17 +205,16 @@ def test_the_check_refuses_forms_that_do_not_serve():
     """Forms of one wall at another, a weight below 0, and rests that move against a push."""
     spec = load(slow())
     loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
-    found = loop.found((120.0, 1.0), best=True)
-    assert loop.proved((found, (120.0, 1.0)))
+    found = loop.proved_at((120.0, 1.0))
     assert not loop.proved((found, (150.0, 1.0)))
     assert not loop.proved((found, (120.0, 1.0)), (found, (150.0, 1.0)))
     wall = loop.wall(20.0, 1.0)
-    soft = loop.found((20.0, 1.0), best=True).stored
+    soft = loop.proved_at((20.0, 1.0)).stored
     fall = [falls(loop.conditions, [(replace(soft, h=h), wall)]) for h in (0.0, -1e-6)]
     assert fall == [True, False]
     wall = loop.wall(120.0, 1.0)
     conditions = replace(loop.conditions, R=loop.conditions.R * -1.0)
-    found = find_stored(conditions, conditions.terms(wall), best=True)
+    found = find_stored(conditions, conditions.terms(wall))
     assert (np.linalg.eigvalsh(found.stored.P) > 0).all()
     assert not falls(conditions, [(found.stored, wall)])
 
@@ -369,9 +368,7 @@ def test_how_a_wall_is_written_does_not_change_what_is_proved(share):
     for each in (1.0, share):
         spec = load(drawn(each, 1.0))
         loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
-        forms = [loop.found(wall, best=True) for wall in walls]
-        proved = [form and loop.proved((form, wall)) for form, wall in zip(forms, walls, strict=True)]
-        found.append([bool(each) for each in proved])
+        found.append([bool(loop.proved_at(wall)) for wall in walls])
     assert found[0] == found[1] == [True, False, True]
 
 

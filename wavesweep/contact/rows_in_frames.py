@@ -13,12 +13,13 @@ from wavesweep.contact.coming_rests import edges_of
 from wavesweep.contact.motions import motion_at, motion_beyond
 from wavesweep.contact.stored_check import Conditions, falls
 from wavesweep.contact.stored_search import Found, find_stored
+from wavesweep.contact.stretches import RESOLVED
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import path_of
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
-BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
+BEFORE_END = 0.01  # of the way to a first motion that goes on, how far before it a proof is tried
 # Shares of a wall that a proof goes down in a piece: the first, the largest, and the least one that is
 # tried.
 FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.003
@@ -36,11 +37,13 @@ class InFrames:
     unstable.
 
     frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
-    wall's position in these. finer: the same with more conditions, for what is not proved otherwise.
+    wall's position in these. middles: the conditions of the middles of all hulls, on which forms are
+    looked for first. finer: the same with more conditions, for what is not proved otherwise.
     """
 
     frames: Any
     conditions: Conditions | None
+    middles: Conditions | None
     unit: float
     finer: tuple[InFrames, ...] = ()
 
@@ -49,7 +52,7 @@ class InFrames:
         """Return the loop; None if it is not known that it comes to rest, and farther from the wall
         with each push of that."""
         frames, unit = _in_units(frames)
-        alone = InFrames(frames, None, unit)
+        alone = InFrames(frames, None, None, unit)
         loops = []
         size = (0, 0)
         for ahead, spread in FINER:
@@ -62,28 +65,35 @@ class InFrames:
             if loops and size[0] > 150:  # conditions of a proof
                 break
             if size != before and conditions.are_met_by_rests:
-                loops.append(InFrames(frames, conditions, unit))
+                middles = Conditions.on_edges(frames, [edge.middle for edge in edges])
+                loops.append(InFrames(frames, conditions, middles, unit))
             if conditions.exact:
                 break
         if not loops:
             return alone if alone.is_unstable else None
         return replace(loops[0], finer=tuple(loops[1:]))
 
-    def wall(self, K: float, B: float) -> tuple[float, float, float]:
+    def wall(self, K: float, B: float) -> tuple[float, float]:
         """A wall as the conditions have it."""
-        if self.conditions.drifts:
-            return 1.0, B / K, 1 / (K * self.unit)
-        return K, B, 1.0
+        return K * self.unit, B * self.unit
 
     def found(
-        self, wall: tuple[float, float], *, best: bool = False, near: Found | None = None
+        self, wall: tuple[float, float], near: Found | None = None, *, whole: bool = False
     ) -> Found | None:
-        """Forms for a wall (K, B), in doubles; see `find_stored`."""
-        K, B = wall
-        if self.conditions.drifts and not K > 0:
+        """Forms for a wall (K, B), in doubles; see `find_stored`. whole: whether with all conditions,
+        or with those of the middles."""
+        if self.conditions.drifts and not wall[0] > 0:
             return None
-        terms = self.conditions.terms(self.wall(K, B))
-        return find_stored(self.conditions, terms, best=best, near=near)
+        conditions = self.conditions if whole else self.middles
+        return find_stored(conditions, conditions.terms(self.wall(*wall)), near=near)
+
+    def proved_at(self, wall: tuple[float, float]) -> Found | None:
+        """Forms that are proved for a wall (K, B); None if none are found."""
+        for whole in (False, True):
+            found = self.found(wall, whole=whole)
+            if not found or self.proved((found, wall)):
+                return found
+        return None
 
     def proved(self, *ends: tuple[Found, tuple[float, float]]) -> bool:
         """Whether forms are proved to serve at a wall (K, B), or at two and at all between them."""
@@ -229,33 +239,18 @@ class Along:
             if found:
                 return self.down(found, high, low), high
             ceiling = high
-        way = ceiling - low
-        found = self.proved_at(ceiling - BEFORE_END[0] * way)
-        start = ceiling
         above = ceiling
+        top = ceiling - BEFORE_END * (ceiling - low)
+        found = self.proved_at(top)
         for halved in range(1, 14):  # halvings of the range, down to where a first proof is tried
             if found:
                 break
-            above = start
-            start = low + way / 2**halved
-            found = self.loop.found(self.wall(start))
-        else:
-            return None
-        for _ in range(7) if start < ceiling else ():  # bisections of the end of a proof
-            middle = (start + above) / 2
-            if self.loop.found(self.wall(middle)):
-                start = middle
-            else:
-                above = middle
-        for share in BEFORE_END:
-            top = start - share * (start - low)
-            found = self.proved_at(top)
-            if found:
-                break
             above = top
+            top = low + (ceiling - low) / 2**halved
+            found = self.proved_at(top)
         else:
             return None
-        for _ in range(3):  # bisections of where a proof of it ends
+        while above - top > RESOLVED * abs(above):
             middle = (top + above) / 2
             nearer = self.proved_at(middle)
             if nearer:
@@ -267,10 +262,7 @@ class Along:
 
     def proved_at(self, value: float) -> Found | None:
         """Forms that are proved for a value; None if none are found."""
-        found = self.loop.found(self.wall(value), best=True)
-        if found and self.loop.proved((found, self.wall(value))):
-            return found
-        return None
+        return self.loop.proved_at(self.wall(value))
 
     def down(self, found: Found, top: float, low: float) -> float:
         """How far down from `top` walls are proved without a gap."""
@@ -294,11 +286,10 @@ class Along:
 
     def _following(self, found: Found, reached: float, below: float) -> Found | None:
         """Forms for a value below one that is reached, with which all between are proved."""
-        for search in ({"near": found}, {"best": True}):
-            following = self.loop.found(self.wall(below), **search)
-            if following and self.loop.proved(
-                (found, self.wall(reached)), (following, self.wall(below))
-            ):
+        ends = self.wall(reached), self.wall(below)
+        for near in (found, None):
+            following = self.loop.found(ends[1], near) if near else self.loop.proved_at(ends[1])
+            if following and self.loop.proved((found, ends[0]), (following, ends[1])):
                 return following
         return None
 
@@ -361,8 +352,7 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
     if loop.is_unstable:
         return {"verdict": "refuted", "counterexample": FREE}
     for each in (loop, *loop.finer):
-        found = each.found((K, B), best=True)
-        if found and each.proved((found, (K, B))):
+        if each.proved_at((K, B)):
             return {"verdict": "proved", "counterexample": ""}
     switched = offered("switched")
     said, by = switched.decided_over(rules, values, ())

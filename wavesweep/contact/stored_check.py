@@ -8,26 +8,26 @@ wall's force alone, whatever frames come:
 
     q+ = q + R u,   R = r + omega+' b,   x = q + (o - omega)' eta + d_x u.
 
-With y = K x + B v, u = phi(y), and f = (y - u)/K = q + c' eta + d u, slopes of phi from 0 to 1 make
+With y = K x + B v, u = phi(y), and f = y - u = K q + c' eta + d u, slopes of phi from 0 to 1 make
 u a rising function of f. It is the slope of a convex function Phi of f, with Phi >= 0 and Phi = 0
-where u = 0: what the wall stores. So, for any two samples in a row, and with R < 0,
+where u = 0: what the wall stores. So, for any two samples in a row, and with R < 0 < K,
 
     u f >= Phi(f) >= 0,   u (f - f_before) >= Phi(f) - Phi(f_before).
 
-Let m = f_before - p, z = (eta, m), and a form P_i at each node. On an edge from i to j, with
-`f - p = e' eta + d u`, so that `c = e - omega` and `m+ = (e - l)' eta + (d - r) u`, the sum
-`V = g q^2 + z' P z + 2 h Phi(f_before)` falls by at least w' F w,
+Let m = f_before - K p, z = (eta, m), and a form P_i at each node. On an edge from i to j, with
+`f - K p = e' eta + d u`, so that `c = e - K omega` and `m+ = (e - K l)' eta + (d - K r) u`, the sum
+`V = g K q^2 + z' P z + 2 h Phi(f_before)` falls by at least w' F w,
 
-    w = (z, u),   w' F w = z' P_i z - z+' P_j z+ - g R^2 u^2 + 2 g R u (c' eta + d u)
+    w = (z, u),   w' F w = z' P_i z - z+' P_j z+ - g K R^2 u^2 + 2 g R u (c' eta + d u)
                            - 2 h u (e' eta + d u - m),
 
-where the term of u f with the weight -g R has taken away q u: nothing of F depends on q. If all P_i
+where the term of u f with the weight -g R has taken away K q u: nothing of F depends on q. If all P_i
 and F are positive definite, g > 0 and h >= 0, the squares of eta, m and u have finite sums; so they decay,
 Phi(f) <= u f does, q^2 converges, and q with it, since its steps decay. `F` is positive definite
 only if 1 > K d_x + B d_v, so that every sample has one force. Of F only the terms with g depend on
-the frames to come: with f_before - q in place of m all of it would, and far less is proved.
+the frames to come: with f_before - K q in place of m all of it would, and far less is proved.
 
-If no position drifts there is no q, f = y - u, R = 0, and the term of u f has the weight g.
+If no position drifts there is no q, R = 0, and the term of u f has the weight g.
 
 Omega and R lie in hulls. F is linear in omega for each R, and concave in R for each omega: so F is
 positive definite in the hulls if it is so at all pairs of their vertices.
@@ -112,15 +112,15 @@ class Conditions:
         ends = np.array(source), np.array(target)
         return Conditions(*ends, *bounded, drifts=frames.drifts, exact=exact)
 
-    def terms(self, wall: tuple[float, float, float]) -> Terms:
-        """The parts of F at a wall (a_x, a_v, a_u), which is (1, B/K, 1/K), or (K, B, 1) without a
-        drift: `f - p = a_x (x - p) + a_v v - a_u u`, where x - p and v are the rows of `read`."""
-        a_x, a_v, a_u = (Bounded(each, EPS * abs(each)) for each in wall)
+    def terms(self, wall: tuple[float, float]) -> Terms:
+        """The parts of F at a wall (K, B): `f - K p = K (x - p) + B v - u`, where x - p and v are the
+        rows of `read`."""
+        K, B = (Bounded(each, EPS * abs(each)) for each in wall)
         count, n = self.rest.value.shape
         force = np.eye(n + 1)[n]
-        f = self.read.part(slice(None), 0) * a_x + self.read.part(slice(None), 1) * a_v
-        f = f - a_u * force
-        before = self.moved.part(slice(None), n)
+        f = self.read.part(slice(None), 0) * K + self.read.part(slice(None), 1) * B
+        f = f - Bounded.exact(force)
+        before = self.moved.part(slice(None), n) * K
         rows = [self.moved.part(slice(None), slice(n)), (f - before).part(slice(None), None)]
         moved = Bounded.joined(rows, -2)
         of_m = Bounded.exact(np.zeros((n + 1, 1)))
@@ -128,10 +128,10 @@ class Conditions:
         # From where the device would rest to f.
         rest = self.rest.each(lambda omega: np.pad(omega, ((0, 0), (0, 1))))
         weight = -self.R if self.drifts else Bounded.exact(np.ones(count))
-        own = _times_force((rest - f) * weight.part(slice(None), None))
+        own = _times_force((rest * K - f) * weight.part(slice(None), None))
         squared = np.zeros((n + 2, n + 2))
         squared[n + 1, n + 1] = 1.0
-        own = own - (self.R * self.R).part(slice(None), None, None) * squared
+        own = own - (self.R * self.R * K).part(slice(None), None, None) * squared
         before = np.zeros((n + 2, n + 2))
         before[n + 1, n] = before[n, n + 1] = 1.0
         return Terms(G, own, _times_force(-f) + Bounded.exact(before))
@@ -172,7 +172,7 @@ class Stored:
 
 def falls(
     conditions: Conditions,
-    ends: Sequence[tuple[Stored, tuple[float, float, float]]],
+    ends: Sequence[tuple[Stored, tuple[float, float]]],
 ) -> bool:
     """Return whether V is proved to fall in all frames at a wall, or at two and at all between
     them.

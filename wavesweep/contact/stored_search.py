@@ -159,13 +159,11 @@ class Found:
     s: float
 
 
-def find_stored(
-    conditions: Conditions, terms: Terms, *, best: bool, near: Found | None = None
-) -> Found | None:
+def find_stored(conditions: Conditions, terms: Terms, near: Found | None = None) -> Found | None:
     """Return forms with which V falls at a wall; None if none are found.
 
-    best: whether t has to be near its largest value, so that there is room for errors and for other
-    walls. near: forms of a similar wall, to which those that are returned are similar.
+    t is near its largest value, so that there is room for errors and for other walls. near: forms of a
+    similar wall, to which those that are returned are similar.
     """
     programme = Programme.of(conditions, terms)
     x = _first_point(programme, near)
@@ -178,7 +176,7 @@ def find_stored(
     if factors is None:
         return None
     path: list[float] = []  # t after each step since s was changed
-    for _ in range(90):  # Newton's steps
+    for _ in range(90 if near is None else 40):  # Newton's steps
         step, descent = barrier.newton_step(x, factors)
         lower = barrier.lower_point(x, factors, step, descent)
         if lower is None:
@@ -192,13 +190,8 @@ def find_stored(
         # Up to 400 conditions times their size each centre is waited for.
         is_centre = descent < CENTRED_DECREMENT or (slow and barriers > 400)
         gap = barriers / barrier.s
-        if near is not None:
-            suffices = is_centre
-        elif best:
-            suffices = is_centre and gap <= t
-        else:
-            suffices = True
-        if t > 1e-7 and suffices:  # forces are of size 1
+        suffices = near is not None or gap <= t
+        if t > 1e-7 and is_centre and suffices:  # forces are of size 1
             P = programme.forms(x)
             stored = Stored((P + P.mT) / 2, float(x[-3]), float(x[-2]))
             return Found(stored, x, barrier.s)
