@@ -9,7 +9,7 @@ frame. A matrix belongs to a step, from a moment at which some channel sends to 
 follow depends on how many messages in a row were lost, and on when those under way arrive.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -229,7 +229,8 @@ def frames_with_messages(
         name_of(number) if number else ""
     )
     steps = list(_steps(channels, assembled_loop, most))
-    rows, ticks = _ticks(assembled_loop, channels, steps, pair[0].held(), number)
+    rows, places = places_of(assembled_loop, channels, (row for row, *_ in steps), pair[0].held())
+    ticks = ticks_of(places, number)
     drift = MarginalModes.of(*pair)
     refuse_moved(ticks, drift)
     ticks, _ = drift.relative_ticks(ticks)
@@ -251,20 +252,14 @@ def messages_over(
     inside = inside_of(box)
     numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
-    held = pair[0].held()
     drift = MarginalModes.of(*pair)
     loop = Loops(drawing, values | numbers).drawn()
     steps = list(_steps(channels, loop))
-    rows, ticks = _ticks(loop, channels, steps, held)
+    rows, places = places_of(loop, channels, (row for row, *_ in steps), pair[0].held())
+    ticks = ticks_of(places)
     refuse_moved(ticks, drift)
     _, groups = drift.relative_ticks(ticks)
     enclosed = EnclosedLoop(drawing, values, sides, TOTAL_DEGREE)
-    names = frozenset(channel.name for channel in channels)
-    kinds = dict.fromkeys(kind for row, *_ in steps for kind in row)
-    places = [
-        TickPlace(at_tick(loop, tick, channels, arrivals), 0, held, names)
-        for tick, arrivals in kinds
-    ]
     ahead = tuple(tuple(row[:-1]) for row in rows)
     last = tuple(row[-1] for row in rows)
     symbols = tuple(symbol for _, symbol, *_ in steps)
@@ -289,8 +284,9 @@ def members_with_messages(
     steps = list(_steps(channels, Loops(drawing, values).drawn()))
 
     def frames_at(points):
-        rows, ticks = _ticks(Loops(drawing, with_numbers(points)).drawn(), channels, steps, held)
-        ticks, _ = drift.relative_ticks(ticks)
+        loop = Loops(drawing, with_numbers(points)).drawn()
+        rows, places = places_of(loop, channels, (row for row, *_ in steps), held)
+        ticks, _ = drift.relative_ticks(ticks_of(places))
         return frames_of_ticks(ticks, drift, [row[:-1] for row in rows], [row[-1] for row in rows])
 
     follows = np.array([[after in sources for *_, sources in steps] for _, _, after, _ in steps])
@@ -305,22 +301,28 @@ def _in_step(drawing: Drawing, values: Mapping[str, object]) -> tuple[Drawing, t
     return drawing, channels_of(drawing, values)
 
 
-def _ticks(
-    own: MultirateLoop, channels, steps, held, number: str = ""
-) -> tuple[list[list[int]], Ticks]:
-    """The ticks of each step, as numbers of kinds, and the map of each kind."""
-    kinds = list(dict.fromkeys(kind for row, *_ in steps for kind in row))
+def places_of(
+    own: MultirateLoop, channels: Sequence[Channel], rows: Iterable[Sequence[tuple]], held
+) -> tuple[list[list[int]], list[TickPlace]]:
+    """Return the ticks of each row of kinds, as numbers, and the tick of each kind: the first tick
+    in the frame in which the same blocks run, and what each channel takes from where in it."""
+    names = frozenset(channel.name for channel in channels)
+    index: dict[tuple, int] = {}
+    numbers = [[index.setdefault(kind, len(index)) for kind in row] for row in rows]
+    places = []
+    for tick, taken in index:
+        places.append(TickPlace(at_tick(own, tick, channels, taken), 0, held, names))
+    return numbers, places
+
+
+def ticks_of(places: Sequence[TickPlace], number: str = "") -> Ticks:
+    """Return the maps of ticks, open at a number that is taken out if there is one."""
     maps = []
-    for tick, arrivals in kinds:
-        loop = at_tick(own, tick, channels, arrivals)
-        ticks = Ticks.of(
-            loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True
-        )
+    for place in places:
+        out = ((FACTOR,), True, PRODUCT) if number else ((), True)
+        ticks = Ticks.of(place.loop, *out, held=place.held, terms=True)
         maps.append(ticks.maps[ticks.kind[0]])
-    index = {kind: i for i, kind in enumerate(kinds)}
-    return [[index[kind] for kind in row] for row, *_ in steps], Ticks(
-        tuple(maps), np.arange(len(maps))
-    )
+    return Ticks(tuple(maps), np.arange(len(maps)))
 
 
 def _ticked(channels, tick, under_way, late):

@@ -8,22 +8,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop
+from wavesweep.engine.blocks import MultirateLoop
 from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
 from wavesweep.engine.expressions import Tree
-from wavesweep.engine.frames import MarginalModes, Ticks
+from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.channel_families import (
     NOTHING,
     SENT,
     Channel,
-    at_tick,
     in_every_tick,
+    places_of,
     readers_of,
     refuse_moved,
+    ticks_of,
 )
-from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace
+from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver
 from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.plan import TWO_VALUES
 
@@ -87,26 +88,15 @@ class OpenLoop:
     ) -> LoopFrames:
         """The frames that consist of these kinds of ticks, of several loops those of the first;
         more: registers beside messages."""
-        of_kind, places, drift = self._ticks(kinds, more)
-        maps = []
-        for place in places:
-            ticks = Ticks.of(
-                place.loop,
-                (FACTOR,) if self.number else (),
-                True,
-                PRODUCT if self.number else "",
-                place.held,
-                terms=True,
-            )
-            maps.append(ticks.maps[ticks.kind[0]])
-        ticks = Ticks(tuple(maps), np.arange(len(maps)))
+        held, drift = self._drift(more)
+        rows, places = places_of(self.drawn, self.channels, kinds, held)
+        ticks = ticks_of(places, self.number)
         refuse_moved(ticks, drift)
         ticks, _ = drift.relative_ticks(ticks)
         if not self.number:
             ticks = ticks.of_loop(0)
-        rows = [tuple(of_kind[kind] for kind in row) for row in kinds]
         written = WrittenFrames(
-            [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows
+            [tuple(row[:-1]) for row in rows], [row[-1] for row in rows], symbols, follows
         )
         return LoopFrames.of(ticks, drift.remaining, written)
 
@@ -115,32 +105,23 @@ class OpenLoop:
     ) -> FramesOver:
         """The ticks of these kinds over the cells of a box of sides, with a register beside messages;
         the values are those of some of its loops. kept: the states that remain."""
-        of_kind, places, drift = self._ticks([[kind] for kind in kinds], 1)
+        held, drift = self._drift(1)
+        (samples,), places = places_of(self.drawn, self.channels, [kinds], held)
         enclosed = EnclosedLoop(self.drawing, self.values, sides, TOTAL_DEGREE)
-        samples = tuple(of_kind[kind] for kind in kinds)
         states = [drift.remaining.index(state) for state in kept.tolist()]
         ticks = [(enclosed, place) for place in places]
-        return FramesOver(ticks, drift, ((),) * len(kinds), samples, symbols, kept=states)
+        return FramesOver(ticks, drift, ((),) * len(kinds), tuple(samples), symbols, kept=states)
 
-    def _ticks(self, kinds, more):
-        """The number of each kind of tick, the tick itself, and what drifts in them."""
+    def _drift(self, more):
+        """What blocks hold, and what drifts in the loop; more: registers beside messages."""
         through = [(SENT, (SENT, *range(count - 1), *[NOTHING] * more)) for count in self.counts]
         pair = []
         for twin in Loops(self.drawing, self.values).twins():
             pair.append(in_every_tick(twin, self.channels, through))
-        names = frozenset(channel.name for channel in self.channels)
-        held = pair[0].held()
-        of_kind = {}
-        places = []
-        for kind in dict.fromkeys(kind for row in kinds for kind in row):
-            of_kind[kind] = len(places)
-            places.append(
-                TickPlace(at_tick(self.drawn, kind[0], self.channels, kind[1]), 0, held, names)
-            )
         drift = MarginalModes.of(*pair)
         # What a channel shows is in its registers too, and nothing reads it from the last tick.
-        shown = [drift.states.index(f"{name}.shown") for name in names]
-        return of_kind, places, replace(drift, unobserved=(*drift.unobserved, *shown))
+        shown = [drift.states.index(f"{channel.name}.shown") for channel in self.channels]
+        return pair[0].held(), replace(drift, unobserved=(*drift.unobserved, *shown))
 
 
 def _choices(channel: Channel, tick: int) -> list[int | None]:

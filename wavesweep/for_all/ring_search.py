@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,10 @@ from wavesweep.for_all.message_patterns import (
 from wavesweep.for_all.message_rings import RingFrames
 from wavesweep.for_all.norm_check import Norms, shrink_along
 from wavesweep.for_all.norms import (
-    LEAST_FORM,
     Centre,
     advanced,
     means_of_places,
+    periodic_forms,
     recentred,
     units_of_places,
 )
@@ -230,35 +230,14 @@ def units_of_ring(A: np.ndarray) -> np.ndarray | None:
         round_ring[(place + 1) % places, :, place] = A[place]
     _, (sizes, _) = matrix_balance(round_ring.reshape(places * n, -1), permute=False, separate=True)
     sizes = sizes.reshape(places, n)
-    forms = _periodic_forms(A * sizes[:, None] / np.roll(sizes, -1, axis=0)[..., None])
+    A = A * sizes[:, None] / np.roll(sizes, -1, axis=0)[..., None]
+    whole = reduce(lambda before, each: each @ before, A)
+    radius = np.abs(np.linalg.eigvals(whole)).max() if np.isfinite(whole).all() else np.inf
+    if radius >= 1:
+        return None
+    forms = periodic_forms(A / ((1 + radius) / 2) ** (1 / places))
     if forms is None:
         return None
     # Of a form: more than rounding may take off.
     floor = 1e-12 * np.trace(forms, axis1=-2, axis2=-1)[:, None, None]
     return np.linalg.cholesky(forms + floor * one).mT / sizes[:, None]
-
-
-def _periodic_forms(A):
-    """Forms that each of some matrices in a row lowers, `s^2 P_i = e + A_i' P_{i+1} A_i`, where s is
-    between the slowest mode and 1; None if the loop is not stable."""
-    one = np.eye(A.shape[-1])
-    whole = one
-    for each in A:
-        whole = each @ whole
-    radius = np.abs(np.linalg.eigvals(whole)).max() if np.isfinite(whole).all() else np.inf
-    if radius >= 1:
-        return None
-    slower = A / ((1 + radius) / 2) ** (1 / len(A))
-    whole = one
-    P = np.zeros_like(one)
-    for each in slower:
-        P = P + LEAST_FORM * whole.T @ whole
-        whole = each @ whole
-    for _ in range(64):  # doublings of the frames whose losses P is the sum of
-        P = P + whole.T @ P @ whole
-        whole = whole @ whole
-    forms = []
-    for each in slower[::-1]:
-        P = LEAST_FORM * one + each.T @ P @ each
-        forms.append((P + P.T) / 2)
-    return np.array(forms[::-1])

@@ -108,15 +108,11 @@ class ForAllGuarantee(Guarantee):
                 "quadratic forms at the nodes of the chain of losses or of frames, which decay on average, proved by Cholesky "
                 "with bounds on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
             )
-        if self.rules.vary and self.rules.ranges:
-            return (
-                "quadratic norms that depend on the numbers, on a graph of frames, in every part of the box of all numbers, "
-                "proved by Cholesky with bounds on all errors; refuted by numbers and a pattern of frames that grows"
-            )
         if self.rules.vary:
             return (
-                "quadratic norms on a graph of frames, or of messages, in which all shrink, proved by Cholesky with bounds on "
-                "rounding; refuted by a pattern of frames, or of messages, that grows"
+                "quadratic norms on a graph of frames, or of messages, in which all shrink, or those of a small gain of messages "
+                "that are not in time, in every part of the box of all numbers, proved by Cholesky with bounds on all errors; "
+                "refuted by numbers and a pattern of frames, or of messages, that grows"
             )
         return (
             "a quadratic form in every cell of the box of all numbers, a polynomial of these, which decreases: the frame is "
