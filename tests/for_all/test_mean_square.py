@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.messages import marched, random_loop, spec_of
 
-import wavesweep
 from wavesweep.engine._sets.taylor_models import Polynomials
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import brackets_on_average, chances, decays, nearest_growing
@@ -111,16 +110,6 @@ def test_operators_of_a_stretch_are_within_the_rest_of_a_line():
     middle, slope, rest = moments._enclosed(0.2, 0.6)
     for s in np.linspace(-1, 1, 9):
         assert (np.abs(moments.operator(0.4 + 0.2 * s) - middle - s * slope) <= rest + 1e-15).all()
-
-
-def test_an_interval_that_begins_above_the_middle_of_the_range_is_found():
-    """`x+ = 1.5 x - 1.2 x` with probability p, else 1.5 x: `0.09 p + 2.25 (1 - p) < 1`."""
-    spec = recursion(1.5)
-    spec["numbers"], spec["block"]["net"]["loss"], spec["wire"]["net.u"] = {"p": 0.9}, "1 - p", "-1.2*plant.y"
-    spec["sweep"] = {"along": "p", "p": {"start": 0, "stop": 1}}
-    rows = wavesweep.stability_region(spec).query("guarantee == 'mean_square'")
-    assert rows[["certified", "settled", "high"]].values.tolist() == [[True, True, 1.0]]
-    assert rows.fails_below[1] < 1.25 / 2.16 < rows.low[1] == pytest.approx(1.25 / 2.16, rel=2e-5)
 
 
 def test_all_intervals_are_found_in_which_either_most_messages_are_lost_or_most_arrive():
