@@ -73,3 +73,16 @@ def test_a_run_that_reaches_a_limit_has_no_bound():
     limited = {"control": {"type": "saturation", "high": 0.7, "low": -0.7}}
     with pytest.raises(UsageError, match=r"within the limits of control.y"):
         float_rounding(spec(limited, {"control.u": "ref - plant.y"}))
+
+
+def test_an_angle_that_nobody_reads_may_drift_and_rounding_that_grows_with_itself_has_no_bound():
+    wires = {"control.u": "ref - 2.5*plant.y"}
+    blocks = {"control": {"type": "hold"}, "angle": {"type": "tf", "num": [1], "den": [1, 0]}}
+    alone = float_rounding(spec({"control": {"type": "hold"}}, wires))
+    beside = float_rounding(spec(blocks, {**wires, "angle.u": "plant.y"}))
+    assert beside.moves["plant.u"] == pytest.approx(alone.moves["plant.u"], rel=1e-3)
+    with pytest.raises(UsageError, match="settles"):
+        float_rounding(spec(blocks, {"control.u": "ref + 2.5*angle.y", "angle.u": "plant.y"}))
+    slow = {"control": {"type": "lowpass", "cutoff_hz": 3e-6}}
+    with pytest.raises(UsageError, match="moves its own errors"):
+        float_rounding(spec(slow, {"control.u": "ref"}))

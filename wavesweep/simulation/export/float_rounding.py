@@ -3,10 +3,15 @@
 A sum of n products in floats is off by at most (1 + u)^(n + 2) - 1 times the sum of the sizes of
 its terms, u = 2^-24, with the rounding of signals and factors, and (1 + u)^n - 1 if all factors
 are 1 (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.1). What is off
-enters the loop as a signal from outside that is added to the sum. So it moves what the controller gives by at most the sum over all
-ticks since, and over all sums of a tick, of the size of the response times that of the error, as
-long as no term is larger than in a given run. An integral keeps its value in floats while it is to
-change by less than half a unit in its last place.
+enters the loop as a signal from outside that is added to the sum. So it moves what the controller
+gives by at most the sum over all ticks since, and over all sums of a tick, of the size of the
+response times that of the error.
+
+Errors are taken so large that they cover those of terms that are moved by them, so what is said
+holds at each tick if it held before. Let s be what the numbers at the beginning of a frame are
+moved by within N frames, and P the map of these frames. If |P| s <= s/2, they are moved by at most
+2 s in all, as S <= s + |P| S. An integral keeps its value in floats while it is to change by less
+than half a unit in its last place.
 """
 
 from __future__ import annotations
@@ -17,6 +22,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import schur
 
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.number_words import rounded_up
@@ -31,9 +37,14 @@ from wavesweep.simulation.running_blocks import DEPTH, FORCE, SPEED
 from wavesweep.simulation.tick_sums import Program, TickSums
 
 UNIT = 2.0**-24  # relative, what rounding to a float moves a number by at most
-ROOM = 1.01  # of the terms of a run, for those of the same run in floats
-MOST_WORK = 2e9  # multiplications
-LEFT = 1e-3  # of the sum over all ticks, what its later half may be for the sum to end
+ROOM = 1.01  # of the errors of a run, for those of the same run in floats
+MOST_WORK = 2e9  # multiplications for the map of a frame
+MOST_TICKS = 100_000  # looked at one by one, 2 s
+MOST_ROUNDS = 4  # of errors that cover what they move; one or two do, or none
+SLOW = "export: expected a loop that settles in fewer ticks for bounds on floats"
+MOST_DOUBLINGS = 40  # of frames until half is left: that of a pole at 1 - 1e-12
+UNSEEN = 1e-9  # of the circle: a mode closer to it drifts; of the largest row: none of it is seen
+LEFT = 1e-3  # of the sum over all ticks, how small the bound of the rest is where it ends
 
 
 class FloatRounding(NamedTuple):
@@ -57,14 +68,30 @@ class _TickMap(NamedTuple):
     terms: np.ndarray
     share: np.ndarray
 
+    @property
+    def still(self) -> np.ndarray:
+        """Which numbers keep what they were, whatever is rounded, as inputs do."""
+        return (np.eye(len(self.A)) == self.A).all(1) & ~self.E.any(1)
+
+    def among(self, moving: np.ndarray) -> _TickMap:
+        """The map of what some of the numbers are moved by, if the others are not."""
+        A = self.A[np.ix_(moving, moving)]
+        terms = self.terms[:, moving]
+        return _TickMap(A, self.E[moving], self.C[:, moving], self.D, terms, self.share)
+
+    @property
+    def bears(self) -> np.ndarray:
+        """Rows of what bears on outputs and on what is rounded."""
+        return np.concatenate([self.C, self.terms[self.share.any(0)]])
+
 
 @np.errstate(all="ignore")  # of a loop that is not stable, which settles too slowly
 def float_rounding(spec: Spec) -> FloatRounding:
     """Return what floats do to the controller of a spec in the run of its [simulate] table.
 
-    Accuracy: LEFT of the sum is estimated, twice as large as it is if the response at least halves
-    in twice the time. Errors: UsageError as for `exported`, for a run in which limits are reached,
-    or a loop that settles too slowly for MOST_WORK.
+    Accuracy: a bound for all that is rounded, computed in doubles. Errors: UsageError as for
+    `exported`, for a run in which limits are reached, or a loop that settles too slowly for
+    MOST_WORK.
     """
     spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
@@ -90,14 +117,19 @@ def float_rounding(spec: Spec) -> FloatRounding:
     in_turn = [maps[id(program)] for program in programs]
     z = _run(in_turn, len(rounded), entry, hand_force(spec).force)
     largest = np.abs(z).max(0, initial=0.0)
-    _refuse_limits(kinds.values(), z, names)
-    errors = {}
-    for key, tick in maps.items():
-        of_kind = z[[key == id(programs[k % len(programs)]) for k in range(len(z))]]
-        errors[key] = ROOM * tick.share @ np.abs(of_kind @ tick.terms.T).max(0, initial=0.0)
-    moved = _moved(in_turn, [errors[id(program)] for program in programs])
+    terms = []
+    for k, tick in enumerate(in_turn):
+        terms.append(np.abs(z[k :: len(in_turn)] @ tick.terms.T).max(0, initial=0.0))
+    moving = ~np.logical_and.reduce([tick.still for tick in maps.values()])
+    limited = sorted({place for program in kinds.values() for place in program.limits})
+    in_turn = [maps[id(program)].among(moving) for program in programs]
+    errors, moved = _errors(in_turn, terms, np.eye(len(names))[np.ix_(limited, moving)])
+    most = np.zeros(len(names))
+    most[moving] = moved.max(0)
+    _refuse_limits(kinds.values(), z, most, names)
+    shown = _moved(in_turn, errors, moved)
     moves = {}
-    for place, by in zip(outputs, moved, strict=True):
+    for place, by in zip(outputs, shown, strict=True):
         moves[names[place].removesuffix(" besides")] = float(by), float(largest[place])
     return FloatRounding(moves, _stalls(kinds.values(), names, largest))
 
@@ -179,39 +211,99 @@ def _run(in_turn: Sequence[_TickMap], places: int, entry: int, record: np.ndarra
     return z
 
 
-def _moved(in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray]) -> np.ndarray:
-    """By how much errors of these sizes move the outputs at most, in the worst tick of a frame."""
-    count = len(in_turn[0].C)
-    frame = len(in_turn)
+def _errors(
+    in_turn: Sequence[_TickMap], terms: Sequence[np.ndarray], limited: np.ndarray
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """What the sums of each tick of a frame are off by at most, and by how much that moves the
+    numbers at the beginning of its ticks, a row each, but for a drift that bears on nothing;
+    terms: their sizes in the run; limited: rows of numbers with limits."""
     n = len(in_turn[0].A)
-    rows = np.zeros((frame, count, n))
-    moved = np.zeros((frame, count))
-    work = frame * sum(count * n * (n + tick.E.shape[1]) for tick in in_turn)
-    frames = 1
-    begun = False
-    while frames * work <= MOST_WORK:
-        before = moved.copy()
-        for _ in range(frames):
-            for k in reversed(range(frame)):
-                tick, error = in_turn[k], errors[k]
-                moved += np.abs(rows @ tick.E) @ error
-                rows = rows @ tick.A
-                if not begun:
-                    rows[k] = tick.C
-                    moved[k] += np.abs(tick.D) @ error
-            begun = True
-        added = moved - before
-        if (added <= LEFT * moved).all():
-            return (moved + added).max(0)
-        frames *= 2
-    raise UsageError("export: expected a loop that settles in fewer ticks for bounds on floats")
+    if len(in_turn) * n**3 > MOST_WORK:
+        raise UsageError(SLOW)
+    frame = np.eye(n)
+    bears = []
+    for tick in in_turn:
+        bears += [tick.bears @ frame, limited @ frame]
+        frame = tick.A @ frame
+    settling = _without_drift(frame, np.concatenate(bears))
+    needed = [tick.share @ size for tick, size in zip(in_turn, terms, strict=True)]
+    for _ in range(MOST_ROUNDS):
+        errors = [ROOM * each for each in needed]
+        moved = [_at_frames(in_turn, errors, settling)]
+        needed = []
+        for tick, size, error in zip(in_turn, terms, errors, strict=True):
+            needed.append(tick.share @ (size + np.abs(tick.terms) @ moved[-1]))
+            moved.append(np.abs(tick.A) @ moved[-1] + np.abs(tick.E) @ error)
+        if all((more <= error).all() for more, error in zip(needed, errors, strict=True)):
+            return errors, np.array(moved[:-1])
+    raise UsageError(
+        "export: expected rounding that moves its own errors by less than 1 % for bounds on floats"
+    )
 
 
-def _refuse_limits(programs: Iterable[Program], z: np.ndarray, names: Sequence[str]) -> None:
-    """Refuse a run in which the linear loop reaches a limit."""
+def _without_drift(frame: np.ndarray, bears: np.ndarray) -> np.ndarray:
+    """The projection along the modes of a frame that do not settle, none of which may bear on
+    these rows, as the angle under a loop of speed does not."""
+    _, right, drifts = schur(frame, sort=_drifts)
+    if not drifts:
+        return np.eye(len(frame))
+    right = right[:, :drifts]
+    if np.abs(bears @ right).max(initial=0.0) > UNSEEN * np.abs(bears).max():
+        raise UsageError(SLOW)
+    left = schur(frame.T, sort=_drifts)[1][:, :drifts]
+    return np.eye(len(frame)) - right @ np.linalg.solve(left.T @ right, left.T)
+
+
+def _drifts(real: float, imaginary: float) -> bool:
+    return math.hypot(real, imaginary) > 1 - UNSEEN
+
+
+def _at_frames(
+    in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], settling: np.ndarray
+) -> np.ndarray:
+    """By how much errors of these sizes move the numbers at the beginning of a frame at most."""
+    power = settling
+    moved = np.zeros(len(power))
+    for tick, error in zip(reversed(in_turn), reversed(errors), strict=True):
+        moved += np.abs(power @ tick.E) @ error
+        power = power @ tick.A
+    for _ in range(MOST_DOUBLINGS):
+        further = np.abs(power) @ moved
+        if (further <= moved / 2).all():
+            return 2 * moved
+        moved = moved + further
+        power = power @ power
+    raise UsageError(SLOW)
+
+
+def _moved(in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], at: np.ndarray) -> np.ndarray:
+    """By how much errors of these sizes move the outputs at most, in the worst tick of a frame;
+    at: see `_errors`."""
+    frame = len(in_turn)
+    rows = np.array([tick.C for tick in in_turn])
+    moved = np.array([np.abs(tick.D) @ error for tick, error in zip(in_turn, errors, strict=True)])
+    ticks = 0
+    while True:
+        # Rows of tick k of the frame reach back to the same place of each frame before.
+        for back in range(1, frame + 1):
+            for k in range(frame):
+                tick = in_turn[(k - back) % frame]
+                moved[k] += np.abs(rows[k] @ tick.E) @ errors[(k - back) % frame]
+                rows[k] = rows[k] @ tick.A
+        ticks += frame * frame
+        rest = np.einsum("kij,kj->ki", np.abs(rows), at)
+        if ticks >= MOST_TICKS or (rest <= LEFT * moved).all():
+            return (moved + rest).max(0)
+
+
+def _refuse_limits(
+    programs: Iterable[Program], z: np.ndarray, most: np.ndarray, names: Sequence[str]
+) -> None:
+    """Refuse a run in which the linear loop reaches a limit; most: what rounding moves it by."""
     for program in programs:
         for place, (low, high) in program.limits.items():
-            if not ((low < z[:, place]) & (z[:, place] < high)).all():
+            of_run = z[:, place]
+            if not (low < of_run.min() - most[place] and of_run.max() + most[place] < high):
                 raise UsageError(
                     f"export: expected a run within the limits of {names[place]} for bounds on floats, found one that reaches them"
                 )
