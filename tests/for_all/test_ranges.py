@@ -17,6 +17,7 @@ from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_
 from wavesweep.for_all.frames_over import Enclosed
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norm_check import shrink_over
+from wavesweep.for_all.patterns import following, joined, written
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load
@@ -224,6 +225,23 @@ def test_a_frame_that_may_not_follow_itself_need_not_shrink_alone():
     found, _ = ranges._forms(frames, follows, None, 4e9)
     assert ranges._judged(frames, found, follows)[0]
     assert ranges._forms(frames, np.ones((2, 2), bool), None, 4e9)[0] is None
+
+
+def test_words_of_lost_results_are_the_products_of_their_frames_in_every_order():
+    values = {**values_of(kind="pmw", delay=1, velocity="difference", integration="explicit"), "controller.b": 10.0}
+    plan = plan_of_controller(values, FramesInAnyOrder((20,), (1,), 3), ("environment.K_VE",))
+    follows = plan.along("environment.K_VE").follows
+    words = joined(follows)
+    assert words == ((0,), (1, 0), (1, 2, 0), (1, 2, 3, 0))
+    assert following(words, follows).all()
+    assert written((2, 0, 0, 1, 2, 3, 0, 1), words) == (0, 3, 2)
+    box = np.log([[100.0, 0.1], [101.0, 0.1]])
+    frames = plan.over([Side("environment.K_VE", 0.0), Side("device.mass", 0.0)], box)
+    of_words = frames.of_words(words).over(box[None])[0].matrices.terms[0]
+    single = frames.over(box[None])[0].matrices.terms[0]
+    for word, found in zip(words, of_words, strict=True):
+        expected = np.linalg.multi_dot([*single[list(word[::-1])], np.eye(single.shape[-1])])
+        assert found == pytest.approx(expected, rel=1e-5, abs=1e-6)
 
 
 TWO_CHANNELS = """

@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
     from wavesweep.engine._sets.taylor_models import (
         Polynomials,
-        TaylorModel,
         UnresolvedError,
         monomials,
     )
@@ -18,7 +17,6 @@ else:
             "_sets.enclosed_loop": ("EnclosedLoop", "Side"),
             "_sets.taylor_models": (
                 "Polynomials",
-                "TaylorModel",
                 "UnresolvedError",
                 "monomials",
             ),

@@ -20,7 +20,6 @@ from wavesweep.engine.sets import (
     EnclosedLoop,
     Polynomials,
     Side,
-    TaylorModel,
     UnresolvedError,
     monomials,
 )
@@ -101,6 +100,17 @@ class FramesOver:
         """The number of states without drift, including those that every frame forgets."""
         return len(self.drift.remaining)
 
+    def of_words(self, words: Sequence[Sequence[int]]) -> FramesOver:
+        """The products of words of frames in place of these."""
+        rows = []
+        for word in words:
+            row = []
+            for symbol in word[:-1]:
+                row += [*self.rows[symbol], self.samples[symbol]]
+            rows.append((*row, *self.rows[word[-1]]))
+        samples = tuple(self.samples[word[-1]] for word in words)
+        return replace(self, rows=tuple(rows), samples=samples)
+
     def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
         """What encloses the frames in boxes; see `Frames`."""
         enclosed: list[Enclosed | int] = [0] * len(boxes)
@@ -119,7 +129,7 @@ class FramesOver:
                     enclosed[i] = self._side_of(boxes[i], int(number))
                 left = left[~unbounded]
                 continue
-            frames = frames.in_cells((len(self.symbols), left.size))
+            frames = frames.in_cells((len(self.rows), left.size))
             due = self._due(boxes[left])
             for at, i in enumerate(left.tolist()):
                 terms, rest = frames.terms[:, :, at], frames.rest[:, at]
@@ -164,31 +174,30 @@ class FramesOver:
         return E + E.identity()
 
     def _ratios(self, cells, frames):
-        """By what the entries of frames change with the units of the states."""
+        """By what the entries of frames change with the units of the states: exponentials of sums
+        over the sides, whose series in each side are known."""
         wide = np.flatnonzero(cells[0, 0] < cells[0, 1])
-        sides = []
-        for at in range(cells.shape[-1]):
-            low, high = cells[:, 0, at], cells[:, 1, at]
-            side = float(low[0])
-            if at in wide:
-                index = int(np.searchsorted(wide, at))
-                side = TaylorModel.side(index, low, high, frames.numbers, frames.order)
-            sides.append(side - float(self.about[at]))
-        units = []
-        for exponents in self.units.T:
-            pairs = zip(sides, exponents, strict=True)
-            total = sum((side * float(exponent) for side, exponent in pairs), 0.0)
-            if isinstance(total, TaylorModel):
-                units.append(total.exp())
-            else:
-                units.append(np.exp(total))
-        n = len(units)
-        inverses = [1 / unit for unit in units]
-        by_unit = [[unit] for unit in units]
-        column = Polynomials.of_entries(by_unit, (n, 1), frames.numbers, frames.order, (1,))
-        row = Polynomials.of_entries([inverses], (1, n), frames.numbers, frames.order, (1,))
-        ratio = column @ row
-        return Polynomials(ratio.terms[:, None], ratio.rest[None], frames.numbers, frames.order)
+        order = frames.order
+        low, high = np.swapaxes(cells, 0, 1)
+        middle = (low + high) / 2
+        half = np.maximum(high - middle, middle - low) * (1 + 4 * UNIT_ROUNDING)
+        exponents = self.units[:, :, None] - self.units[:, None]
+        at_middle = np.exp(np.tensordot(middle - self.about, exponents, 1))
+        moves = half[:, wide, None, None] * exponents[wide]
+        terms = np.broadcast_to(at_middle, (len(frames.terms), *at_middle.shape)).copy()
+        factorials = np.cumprod([1.0, *range(1, order + 1)])
+        for number, powers in enumerate(monomials(wide.size, order)[0].T):
+            factor = factorials[powers][:, None, None, None]
+            terms *= moves[:, number] ** powers[:, None, None, None] / factor
+        # Of an exponential of the size h what is above the order is below `exp(h) h^(order+1)/(order+1)!`.
+        size = np.abs(moves).sum(1)
+        beyond = (size / (order + 1)) * size**order / factorials[-1]
+        sizes = np.abs(self.units)
+        largest = sizes[:, :, None] + sizes[:, None]
+        of_middle = np.tensordot(np.abs(middle) + np.abs(self.about), largest, 1)
+        rounding = 8 * UNIT_ROUNDING * ((order + 2) * (wide.size + 1) + of_middle)
+        rest = at_middle * np.exp(size) * (beyond + rounding)
+        return Polynomials(terms[:, None], rest[None], frames.numbers, order)
 
     def _frames(self, maps):
         unbounded = ~np.isfinite(maps.whole).all((0, -1, -2))

@@ -326,6 +326,50 @@ def shortest_through(follows: np.ndarray) -> list[Word]:
     return list(found)
 
 
+def joined(follows: np.ndarray) -> tuple[Word, ...]:
+    """Return words in which every allowed sequence can be written, no more than there are matrices.
+
+    What only leads on is joined with what may follow: a frame whose result is lost with the next
+    ones, up to one whose result is not. So all results lost in a row need no norms between them.
+    """
+    words = [(at,) for at in range(len(follows))]
+    while True:
+        after = following(words, follows)
+        for may in np.unique(after, axis=0):
+            leads_on = (after == may).all(1)
+            longer = [words[one] + words[two] for one, two in np.argwhere(leads_on[:, None] & may)]
+            found = [word for word, gone in zip(words, leads_on, strict=True) if not gone] + longer
+            reached = following(found, follows).any(0)
+            found = [word for word, kept in zip(found, reached, strict=True) if kept]
+            if not may[leads_on].any() and len(found) <= len(words):
+                words = found
+                break
+        else:
+            return tuple(words)
+
+
+def following(words: Sequence[Word], follows: np.ndarray) -> np.ndarray:
+    """Return which words (columns) may follow which (rows)."""
+    return follows[np.ix_([word[-1] for word in words], [word[0] for word in words])]
+
+
+def written(word: Word, words: Sequence[Word]) -> Word:
+    """Return a word that is repeated as the numbers of those of `joined` that it consists of; ()
+    if it does not."""
+    for begin in range(len(word)):
+        left = word[begin:] + word[:begin]
+        found = []
+        while left:
+            numbers = [at for at, each in enumerate(words) if left[: len(each)] == each]
+            if not numbers:
+                break
+            found.append(numbers[0])
+            left = left[len(words[numbers[0]]) :]
+        else:
+            return tuple(found)
+    return ()
+
+
 def growing_of(A: np.ndarray, words: Sequence[Word]) -> list[Word]:
     """Return those of some words whose products have a spectral radius of 1 or more, fastest
     growth per matrix first."""

@@ -56,7 +56,7 @@ from wavesweep.for_all.mean_square import (
 from wavesweep.for_all.message_patterns import messages_of
 from wavesweep.for_all.message_rings import RingFrames, frames_of_messages, gain_over
 from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
-from wavesweep.for_all.patterns import Word, growing_of, is_refuted, short_words
+from wavesweep.for_all.patterns import Word, growing_of, is_refuted, joined, short_words
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.ring_search import BY_GAIN, bracket_ring, decide_ring
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
@@ -392,20 +392,22 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
 
     spec_numbers = [[float(values[path]) for path in paths]]
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
-    loops = partial(LoopsOver, family, frames, box, sides, starts=starts, extremes=extremes)
+    loops = partial(LoopsOver, family, box=box, sides=sides, starts=starts, extremes=extremes)
     if gain is not None:
-        return loops(growth=constant_growth(Loops(*own), numbers), gain=gain)
+        return loops(frames, growth=constant_growth(Loops(*own), numbers), gain=gain)
     known = [] if rules.words is None else rules.words[members.follows.tobytes()]
     loops = partial(loops, known=known)
     if not rules.at_random:
-        return loops(growth=growth_in_words(members.at, members.states, members.follows))
+        words = joined(members.follows)
+        growth = growth_in_words(members.at, members.states, members.follows)
+        return loops(frames.of_words(words), words=words, growth=growth)
     if steps:
         middle = family(tuple(box.mean(0).tolist()))
         on_average = OnAverage(middle.graph, middle.weights(0.0, 0.0)[0])
     else:
         on_average = OnAverage(*_chain(rules, values, frames.symbols))
     growth = growth_on_average(members.at, members.states, on_average.graph, on_average.weight)
-    return loops(growth=growth, on_average=on_average)
+    return loops(frames, growth=growth, on_average=on_average)
 
 
 def decided_over(

@@ -19,13 +19,15 @@ from wavesweep.for_all.norms import first_centre
 from wavesweep.for_all.patterns import (
     Word,
     crossing,
+    following,
     growing,
     growth,
     is_refuted,
     nearest,
     refuted_beyond,
+    written,
 )
-from wavesweep.for_all.ranges import Box, cover, units_of
+from wavesweep.for_all.ranges import Box, Covering, cover, units_of
 from wavesweep.for_all.sides import INWARD, LeftOpen, as_numbers, as_sides, left_open
 
 # distance of proof and refutation that is aimed at, relative to the refuted number
@@ -81,8 +83,8 @@ class LoopsOver:
     of what grows is (0,). gain: of messages tick by tick; families are then `RingFrames`. growth: of
     members, at points of that number and of the box. starts: members that are tried in any case,
     `(points, numbers)`; extremes: gives further ones, at which an expression is least or largest.
-    known: words that refute other loops of the same symbols, to which those that are found are
-    added.
+    words: those of its symbols that the frames are, see `joined`; () of all others. known: words that
+    refute other loops of the same symbols, to which those that are found are added.
     """
 
     family: Callable[[tuple[float, ...]], Family]
@@ -92,6 +94,7 @@ class LoopsOver:
     growth: Growth
     starts: np.ndarray
     extremes: Callable[[], np.ndarray]
+    words: Sequence[Word] = ()
     on_average: OnAverage | None = None
     gain: SmallGain | None = None
     known: list[Word] = field(default_factory=list)
@@ -103,9 +106,28 @@ class LoopsOver:
 
     @property
     def follows(self) -> np.ndarray | OnAverage | SmallGain:
-        """Which frames may follow which, or what they do at random, or the gain of what is not in
-        time."""
-        return self.on_average or self.gain or self.family(self.middle).follows
+        """Which words of frames may follow which, or what they do at random, or the gain of what is
+        not in time."""
+        if self.on_average or self.gain:
+            return self.on_average or self.gain
+        return following(self.words, self.family(self.middle).follows)
+
+    def covered(
+        self,
+        frames: FramesOver,
+        box: Box,
+        work: float,
+        up: bool = True,
+        words: Sequence[Word] = (),
+        *beyond: object,
+    ) -> Covering:
+        """What is known of a box of sides, see `ranges.cover`; its words, and those that are given, are
+        of symbols."""
+        known = filter(None, (written(word, self.words) for word in words))
+        found = cover(frames, box, self.follows, work, up, list(known), *beyond)
+        if not self.words:
+            return found
+        return replace(found, word=sum((self.words[at] for at in found.word), ()))
 
 
 def bracket_over(
@@ -131,7 +153,6 @@ def bracket_over(
     below = Refuted()
     if (loops.growth.of(np.insert(loops.starts, 0, limits[0], axis=1)) >= 1).any():
         below = _worst(loops, start, limits[0])
-    follows = loops.follows
     rounds = 3  # rounds of the search for refutations, after the proof has met one
     spent = 0.0
     open_ = None
@@ -141,7 +162,7 @@ def bracket_over(
     high = low = start
     units = None
     if not (first.zero or loops.gain):
-        units = units_of(loops.frames, _layer(loops, start / UNITS, start), follows)
+        units = units_of(loops.frames, _layer(loops, start / UNITS, start), loops.follows)
 
     def proved(bottom, top, most, up):
         def reached(side, share):
@@ -154,7 +175,7 @@ def bracket_over(
         told = reached if report else None
         gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
         stretches = 1 if first.zero else _stretches(layer)
-        found = cover(frames, layer, follows, most - spent, up, words, told, gain, stretches)
+        found = loops.covered(frames, layer, most - spent, up, words, told, gain, stretches)
         inside = found.end - INWARD if up else found.end + INWARD
         return found, float(first.number(inside)), spent + found.used
 
@@ -316,7 +337,7 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
     sides = as_sides(loops.box, loops.sides)
     if (loops.growth.of(loops.starts) < 1).all():
         most = SOON_BY_GAIN if loops.gain else min(work, SOON)
-        soon = cover(loops.frames, sides, loops.follows, most)
+        soon = loops.covered(loops.frames, sides, most)
         if not soon.open and not contradicted(loops.growth, loops.box):
             return (), (), True
     for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
@@ -325,7 +346,7 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
             return point, word, False
     if work <= SOON:
         return (), (), False
-    found = cover(loops.frames, sides, loops.follows, work)
+    found = loops.covered(loops.frames, sides, work)
     if found.word:
         point = tuple(np.clip(as_numbers(found.point, loops.sides), *loops.box).tolist())
         if _is_refuted(loops, loops.family(point), found.word):
