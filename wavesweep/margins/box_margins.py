@@ -68,6 +68,7 @@ TURNED = {
     "disk": (*FACTORS[:2], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
     "delay_frames": (*FACTORS[2:], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
 }
+RIM = np.linspace(np.pi / 64, np.pi, 64)  # angles of a disk at which worse numbers are looked for
 OTHER_GAINS = np.array([0.5, 2.0])  # of the cut, between which what drifts is looked for
 ENDS = {
     "gain_up": np.log(LARGEST_GAIN_FACTOR),
@@ -208,6 +209,22 @@ def size_of(margin: Margin) -> float:
     return abs(np.log(margin.value))
 
 
+def _factors(name, size):
+    """Factors of a margin that lets a signal go so far; of a disk those of its rim, and of a delay
+    one with which no loop is stable."""
+    match name:
+        case "gain_up":
+            return [np.exp(size)]
+        case "gain_down":
+            return [np.exp(-size)]
+        case "phase":
+            return [np.exp(1j * size)]
+        case "disk":
+            turned = min(size, 1.0) * np.exp(1j * RIM)
+            return (1 + turned) / (1 - turned)
+    return [np.inf]
+
+
 def _value(name, size):
     match name:
         case "delay_frames":
@@ -245,7 +262,9 @@ class _Case:
     ):
         self.spec, self.cut, self.fixed = spec, cut, fixed
         self.boxes = spec.for_all.boxes
-        self.ranged, self.known = [axis.path for axis in ranges], {}
+        self.ranged = [axis.path for axis in ranges]
+        self.broken = {}
+        self.known = {}
         self.box = np.array(
             [[axis.start for axis in ranges], [axis.stop for axis in ranges]], float
         )
@@ -262,12 +281,25 @@ class _Case:
         """The numbers of a point of the box."""
         return {**self.fixed, **dict(zip(self.ranged, point, strict=True))}
 
+    def _broken(self, point):
+        """The loop of a point of the box, broken at the signal."""
+        if point not in self.broken:
+            self.broken[point] = broken_at(self.spec.with_values(self.named(point)), self.cut)
+        return self.broken[point]
+
+    def _exceeds(self, point, factors) -> bool:
+        """Whether a loop of the box is not stable with one of some factors, in doubles: a search for
+        the worst numbers asks for the margins of those alone."""
+        with np.errstate(all="ignore"):
+            E = self._broken(point).frames(np.asarray(factors) + 0j).E
+        if not np.isfinite(E).all():
+            return True
+        return bool((np.abs(1 + np.linalg.eigvals(E)) >= 1).any())
+
     def _at(self, point) -> dict[str, Margin] | None:
         """The margins of a loop of the box; None if it is not stable."""
         if point not in self.known:
-            margins, doubt = margins_of(
-                broken_at(self.spec.with_values(self.named(point)), self.cut)
-            )
+            margins, doubt = margins_of(self._broken(point))
             by_name = {margin.name: margin for margin in margins}
             self.known[point] = by_name if margins or doubt else None
         return self.known[point]
@@ -286,7 +318,9 @@ class _Case:
     def unstable(self) -> Iterator[dict[str, object]]:
         """Yield the numbers with which a loop at a corner or in the middle of the box is not
         stable."""
-        return (self.named(point) for point in self._corners if self._at(point) is None)
+        for point in self._corners:
+            if self._exceeds(point, [1.0]) and self._at(point) is None:
+                yield self.named(point)
 
     def margin(self, name: str) -> tuple[float, tuple[float, ...], Margin]:
         """The size of a margin that is proved for the whole box, 0 for none, and the worst loop
@@ -322,12 +356,19 @@ class _Case:
                 return -np.inf
             return size_of(margin)
 
-        best = min([*self._corners, *met, *self.known], key=size)
+        def worse(best, points):
+            """The worst of some points that is worse than the best one."""
+            for point in points:
+                if point in self.known or self._exceeds(point, _factors(name, size(best))):
+                    best = min(best, point, key=size)
+            return best
+
+        best = worse(self._corners[0], [*self.known, *self._corners, *met])
         # Halvings of the steps of the search for the worst numbers.
         for halving in range(1, 1 + 6 if self.ranged else 1):
             steps = np.diag(self.box[1] - self.box[0]) * 0.5**halving
             near = np.clip(best + np.concatenate([steps, -steps]), *self.box)
-            best = min([best, *map(tuple, near.tolist())], key=size)
+            best = worse(best, map(tuple, near.tolist()))
         margins = self._at(best) or {}
         return best, margins.get(name, Margin(name, np.nan, np.nan, np.nan, Doubt.SEARCH))
 
