@@ -47,7 +47,7 @@ from wavesweep.require.discs import eigenvectors
 from wavesweep.require.gain_bound import FACTOR_GAIN, FactorBound
 from wavesweep.require.gain_intervals import attached, begun_at_low_end
 from wavesweep.require.maps import at_runs
-from wavesweep.require.pencil import SMALL_EIGENVALUES, dominated
+from wavesweep.require.pencil import dominated
 
 if TYPE_CHECKING:
     from wavesweep.engine.loop import Loops
@@ -55,6 +55,8 @@ if TYPE_CHECKING:
 RETURNED = "what comes back to the cut"
 # of an end, and of a NEAR_ZERO-th of the span: from there on rounding hides which factor is the last
 END_EXACTNESS = 1e-7
+# up to which eigenvalues are taken together, as are those of 16 ticks of a dead time
+SMALL_EIGENVALUES = 0.5
 MOST_RUNS = 128  # of the signal in a frame, whose inputs stand beside the states
 # of a slice, some 10 s: a piece of N rows takes PIECE_WORK + N^3, by measured times
 MOST_WORK = 200e6
