@@ -46,6 +46,7 @@ LOGS = {
     "a constant force": [HEAD, *(f"{k / 1000},1,{k}" for k in range(60))],
     "a current without a constant": [HEAD.replace("force", "current"), *GOOD[1:]],
     "a torque and a position": [HEAD.replace("force", "torque"), *GOOD[1:]],
+    "a log of two axes": ["time,x,y,fx,fy", *GOOD[1:]],
     "a constant velocity": ["time,force,velocity", *(f"{k / 1000},{k},1" for k in range(60))],
     "positions beyond all measure": [HEAD, *(f"{k / 1000},{k % 7},{k % 5}e299" for k in range(60))],
     "a cell of 131,073 digits": with_row(f"0.029,{'1' * 131_073},0"),

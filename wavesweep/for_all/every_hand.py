@@ -94,8 +94,6 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
 
 
 def _refuse_loop(spec, rules, drawing):
-    if rules.messages:
-        raise UsageError("for hands: expected a spec without channels, found some")
     if drawing.has_waves:
         expected = "a wall without waves (dc-slow, dc-lm, or a drawn one)"
         raise UsageError(REFUSED.format(expected, "waves"))

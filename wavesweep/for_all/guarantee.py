@@ -72,16 +72,22 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     from wavesweep.for_all.rows import ForAllGuarantee, refuse_unsuitable_ranges
     from wavesweep.for_all.varying import Rules
 
+    rules = Rules.of(spec)
+    if kinds and rules.messages:
+        raise UsageError(
+            f"hands ({', '.join(kinds)}): expected messages in time, as with late = 0 and lost = 0 of each channel, found some that "
+            "may be late or lost"
+        )
     if kinds not in ([], ["passive"]):
         raise UsageError(
-            f"hands ({', '.join(kinds)}): expected no [for_all] and no messages that may be late or lost, found some; "
-            "for these one proof covers every passive hand: `wavesweep stability-region SPEC --for-hands passive`"
+            f"hands ({', '.join(kinds)}): expected no [for_all], found one; "
+            "for all of it one proof covers every passive hand: `wavesweep stability-region SPEC --for-hands passive`"
         )
     if kinds:
         refuse_unsuitable_ranges(spec, along, cut=False)
         refuse_velocity(own)
-        every_hand.refuse(spec, Rules.of(spec), along)
-        return [every_hand.EveryHandGuarantee(Rules.of(spec))]
+        every_hand.refuse(spec, rules, along)
+        return [every_hand.EveryHandGuarantee(rules)]
     spec.refuse_require("[for_all]")
     if own.asked.require:
         raise UsageError(
@@ -93,5 +99,4 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
         raise UsageError(
             f"{', '.join(wrong)}: expected a number that [for_all] does not have as well"
         )
-    rules = Rules.of(spec)
     return [ForAllGuarantee(each) for each in (rules, rules.on_average()) if each]

@@ -144,8 +144,11 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
             if likely and alike is None:
                 alike = (other, column)
     hint = f"; --column {name}=NAME gives its name"
+    axes = [axis for axis in file.names if f"f{axis}" in file.names]
     if alike is not None:
         hint = f"; did you mean {option(*alike)}?"
+    elif len(axes) > 1:
+        hint = f"; --axes {','.join(axes)} fits all axes together"
     raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
 
 

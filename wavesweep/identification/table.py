@@ -518,7 +518,8 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
             steps_text = f"the readings have steps of {step:.4g} {unit}"
         else:
             steps_text = "the readings show no steps"
-        yield f"{steps_text}; --resolution gives those of the encoder"
+        counts = f"; if they are counts, --scale {log.measured}=SIZE has that of one" * (step == 1)
+        yield f"{steps_text}; --resolution gives those of the encoder{counts}"
     if len(wild):
         yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {seconds(log.times[wild[0]])} s"
 
