@@ -250,7 +250,7 @@ class Along:
             found = self.proved_at(top)
         else:
             return None
-        while above - top > RESOLVED * abs(above):
+        while above - top > RESOLVED * max(abs(above), abs(top)):
             middle = (top + above) / 2
             nearer = self.proved_at(middle)
             if nearer:
