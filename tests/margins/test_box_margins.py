@@ -146,3 +146,12 @@ def test_margins_beside_lost_messages_speak_of_messages_and_of_no_table_that_is_
     spec["numbers"] = {name: value for name, value in LAG["numbers"].items() if name != "late"}
     said = box_margins.refused(load(spec))
     assert ("messages may be late or lost" in said, "[for_all]" in said) == (True, False)
+
+
+def test_a_search_for_the_worst_numbers_asks_for_the_margins_of_those_that_may_be_worse_alone():
+    spec = load(LAG | {"for_all": BOX})
+    (case,) = box_margins._cases(spec, "pd.y", spec.for_all.unknown, {})
+    point, worst = case._worst("gain_up", [])
+    assert point == min(product(*case.box.T.tolist()), key=lambda each: of_control(*each)["gain_up"])
+    assert worst.value == pytest.approx(of_control(*point)["gain_up"], rel=1e-6)
+    assert len(case.known) <= 3
