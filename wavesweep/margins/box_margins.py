@@ -340,7 +340,8 @@ class _Case:
             proved, met = self._proved(name, aim)
             point, worst = self._worst(name, met)
             if size_of(worst) >= size:
-                if proved > 0 or name == "delay_frames" or not shares[1:]:
+                # Of other margins than the disk a proof that does not begin has the same begin.
+                if proved > 0 or name != "disk" or not shares[1:]:
                     break
                 shares.pop(0)
         return proved, point, worst
@@ -359,7 +360,10 @@ class _Case:
         def worse(best, points):
             """The worst of some points that is worse than the best one."""
             for point in points:
-                if point in self.known or self._exceeds(point, _factors(name, size(best))):
+                least = size(best)
+                if np.isneginf(least):
+                    break
+                if point in self.known or self._exceeds(point, _factors(name, least)):
                     best = min(best, point, key=size)
             return best
 
