@@ -25,6 +25,7 @@ from wavesweep.for_all.norm_check import Norms
 
 STEP_SHARE = 0.8  # part of the way to where the prediction fails that is taken
 CENTRED_DECREMENT = 0.6  # Newton decrement below which a point counts as the centre
+NEAR_START = 1e-3  # by which the matrices are made smaller first, where known forms do not do
 LEAST_SCALE = 0.1  # known forms are of no use if the matrices must be scaled below this
 LEAST_FORM = 1e-3  # what Lyapunov functions lose at a place, in units in which states are about 1
 NARROW = 3  # nodes times more than are next to each other in a ring whose Hessian has a narrow band
@@ -191,13 +192,13 @@ def _started(A, follows, start):
     is too far from the matrices."""
     if start is None:
         return first_centre(A, follows)
-    factor = 1.0
-    while factor > LEAST_SCALE and not start.shrinks(factor * A):
-        factor *= 0.9
-    if factor <= LEAST_SCALE:
+    lacking = 0.0
+    while lacking < 1 - LEAST_SCALE and not start.shrinks((1 - lacking) * A):
+        lacking = max(2 * lacking, NEAR_START)
+    if lacking >= 1 - LEAST_SCALE:
         return first_centre(A, follows)
-    if factor < 1:
-        factor *= 0.99
+    # A little further from where they only just shrink.
+    factor = 1 - 1.2 * lacking
     return replace(start, work=0.0), factor
 
 

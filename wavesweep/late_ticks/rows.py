@@ -99,7 +99,7 @@ def records_for_ticks(
         found = bracket(ticks_with, about)
         if found and found.below.reached < found.above.reached:
             on_time = f"ticks of {1e3 / float(loop.rate):.6g} ms"
-            rows.append(_row(found, about, span, on_time if own["certified"] else ""))
+            rows.append(_row(found, about, span, along, on_time if own["certified"] else ""))
             continue
         within = f"within {name_of(along)} {span_around(*about, 4)}"
         if found and found.above.text:
@@ -111,13 +111,15 @@ def records_for_ticks(
     if refuted and not rows:
         records["fails_from"] = refuted[0].fails
         records["counterexample"] = shorten(refuted[0].text, TEXT, placeholder=" ...")
-    # 160 characters of the column.
-    records["left_open"] = shorten("; ".join(unproved), 160, placeholder=" ...")
+    for number, record in enumerate(records):
+        own = [rows[number].left_open] if rows and rows[number].left_open else []
+        # 160 characters of the column.
+        record["left_open"] = shorten("; ".join([*own, *unproved]), 160, placeholder=" ...")
     return records
 
 
-def _row(found: Bracket, about, span, on_time: str):
-    """What is proved; on_time: what refutes the ends of the interval of ticks that are all on
+def _row(found: Bracket, about, span, along, on_time: str):
+    """What is proved along a number; on_time: what refutes the ends of the interval of ticks that are all on
     time, empty if it is not known."""
     switched = offered("switched")
     low, high = found.below, found.above
@@ -132,9 +134,13 @@ def _row(found: Bracket, about, span, on_time: str):
     from_zero = not low.text and low.reached <= 1e-3 * high.reached
     near_low = from_zero or _is_near(low, span[0])
     settled = near_low and _is_near(high, span[1])
-    return switched.Row(
-        low.reached, high.reached, part, settled, Refuters(low.text, high.text).written(TEXT)
-    )
+    places = []
+    for edge, end in zip(span, (low, high), strict=True):
+        if not end.text and end.reached != edge:
+            places.append(span_around(*sorted((edge, end.reached)), 4))
+    left_open = f"within {name_of(along)} {' and '.join(places)}" if places else ""
+    text = Refuters(low.text, high.text).written(TEXT)
+    return switched.Row(low.reached, high.reached, part, settled, text, left_open)
 
 
 def _is_near(end: End, edge: float) -> bool:
