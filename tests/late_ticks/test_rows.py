@@ -47,8 +47,9 @@ TWO_INTERVALS = {
     "controller": {"kind": "pmw", "b": 25.0},
     "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
 }
-FROM_ZERO = Bracket(End(0.05), End(780.0, 790.0, (), "ticks of 1.1 ms"))
-TO_THE_END = Bracket(End(2600.0, 2580.0, (), "ticks of 1.3 ms"), End(4448.0))
+FROM_ZERO = Bracket(End(0.05), End(780.0, 785.0, (), "ticks of 1.1 ms"))
+FAR = Bracket(End(0.05), End(780.0, 790.0, (), "ticks of 1.1 ms"))
+TO_THE_END = Bracket(End(2600.0, 2570.0, (), "ticks of 1.3 ms"), End(4448.0))
 FAILS = Bracket(End(3000.0), End(3000.0, 3000.0, (), "ticks of 1.2 ms"))
 OPEN = "within environment.K_VE 0 to 0.05"
 FAILED = "within environment.K_VE 2523 to 4449, refuted at 3000 by ticks of 1.2 ms"
@@ -57,8 +58,8 @@ FAILED = "within environment.K_VE 2523 to 4449, refuted at 3000 by ticks of 1.2 
 @pytest.mark.parametrize(
     ("first", "second", "rows", "left_open"),
     [
-        (FROM_ZERO, TO_THE_END, [(0.05, 780, np.nan, 790, False), (2600, 4448, 2580, 4448.82, True)], [OPEN, ""]),
-        (FROM_ZERO, FAILS, [(0.05, 780, np.nan, 790, False)], [f"{OPEN}; {FAILED}"]),
+        (FROM_ZERO, TO_THE_END, [(0.05, 780, np.nan, 785, True), (2600, 4448, 2570, 4448.82, False)], [OPEN, ""]),
+        (FAR, FAILS, [(0.05, 780, np.nan, 790, False)], [f"{OPEN}; {FAILED}"]),
         (None, FAILS, [(np.nan, np.nan, np.nan, 3000, False)], [f"within environment.K_VE 0 to 799.8; {FAILED}"]),
     ],
     ids=["both are proved", "one is refuted", "nothing is proved"],

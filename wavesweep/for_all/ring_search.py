@@ -134,9 +134,7 @@ def walked(
     percentage of the way.
     """
     start = x
-    for _ in range(80):  # steps of a proof with one graph
-        if x == goal or centre.work > work:
-            break
+    while x != goal and centre.work < work:
         left = abs(goal - x)
         target = goal
         step = None
