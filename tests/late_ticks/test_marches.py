@@ -135,6 +135,11 @@ def test_nothing_is_reached_whose_norms_no_checker_confirms(monkeypatch):
     assert (found.below.reached, found.above.reached) == (300.0, 300.0)
 
 
+def test_a_proof_goes_on_for_more_than_a_hundred_steps_to_a_wall_next_to_none():
+    loop = Program(False, 2, 2, 0.3, 0.3, 100.0, 0.0, difference=True)
+    assert started(ticks_of(loop.tables, (0.5e-3, 1e-3)), [20.0]).walked(1e-3).x == 1e-3
+
+
 def test_forms_of_degree_four_prove_an_oscillation_that_no_quadratic_form_does(monkeypatch):
     """Waves at one rate, two states: no pattern that is found makes 70 N/m unstable, and quadratic forms end at 43 N/m."""
     tables = {

@@ -123,6 +123,7 @@ def walked(
     goal: float,
     work: float,
     least: float = 5e-3,
+    steps: int = 80,
     report: Callable[[float, float], None] = lambda *_: None,
 ) -> tuple[Centre, float]:
     """Return the last forms of a proof without a gap from x towards a goal, and the number that it
@@ -130,11 +131,13 @@ def walked(
 
     search: `at` gives the matrices of a number for searches, and `proved` says whether forms at two
     numbers are proved for all between. centre: proved at x. least: of a number, or of the way that
-    is left, a step that ends a proof. report: is called with each number that is reached, and the
-    percentage of the way.
+    is left, a step that ends a proof. steps: at most. report: is called with each number that is
+    reached, and the percentage of the way.
     """
     start = x
-    while x != goal and centre.work < work:
+    for _ in range(steps):
+        if x == goal or centre.work > work:
+            break
         left = abs(goal - x)
         target = goal
         step = None

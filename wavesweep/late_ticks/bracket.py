@@ -221,8 +221,9 @@ class Forms:
 
     def walked(self, goal: float) -> Forms:
         """The last forms of a proof without a gap towards a goal."""
+        # Steps of a hundredth of a number lead to a thousandth of it within 1000.
         centre, x = offered("switched").walked(
-            self.search, self.centre, self.x, goal, OPERATIONS_OF_BRACKET, LEAST_STEP
+            self.search, self.centre, self.x, goal, OPERATIONS_OF_BRACKET, LEAST_STEP, 1000
         )
         return replace(self, centre=centre, x=x)
 
