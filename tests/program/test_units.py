@@ -163,6 +163,7 @@ def test_ends_of_axes_and_keys_of_blocks_and_tables_may_have_one(tmp_path):
     ("typed", "said"),
     [
         ("device.mass=45N", "device.mass: expected a number in kg, found 45N"),
+        ("device.mass=1e-99999999g", "device.mass: expected a number in kg, found 1e-99999999g"),
         ("filters.lp1.cutoff_hz=60rad/s", "filters.lp1.cutoff_hz: expected a number in Hz, found 60rad/s"),
         ("environment.delay=2ms", "environment.delay: expected a number in tick, found 2ms"),
         ("rates.ratio=20rpm", "rates.ratio: expected a number without a unit, found 20rpm"),

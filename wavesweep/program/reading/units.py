@@ -25,7 +25,9 @@ TIME = ("time", "t", "realtime")  # names of a column of times
 # no more, so that no text takes long
 _TEXT = re.compile(r"(?!.*\d{3})[\w°%µμΩ·⋅•*/^().+ ⁻¹²³-]{1,40}")
 _A_MINUTE = re.compile(r"1? ?/ ?min|min(\^|\*\*)?-1|min⁻¹")  # of turns, where an angle is expected
-_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d].*|[°%].*)")
+_QUANTITY = re.compile(  # of as many digits as any number has, and none of many millions
+    r"([-+]?(?:\d{1,1100}(?:\.\d{0,1100})?|\.\d{1,1100})(?:[eE][-+]?\d{1,3})?)\s*([^\W\d].*|[°%].*)"
+)
 _ELECTRICAL = re.compile(r"\be_?rpm\b|(?<=_)erpm\b", re.IGNORECASE)
 
 
