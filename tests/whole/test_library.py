@@ -102,7 +102,6 @@ REFUSED = [
     (lambda spec: wavesweep.zwidth(spec, checkpoint=3), "checkpoint: expected a file, found 3"),
     (lambda spec: wavesweep.passivity(spec, tolerance="x"), "tolerance"),
     (lambda _: wavesweep.bode(), "at least one spec"),
-    (lambda _: wavesweep.design(WISHED, for_hands="nope"), "for_hands: expected one of vertices, box, found 'nope'"),
     (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a file, found 5"),
     (lambda _: wavesweep.program.results.publish(None, ".", overwrite="no"), "overwrite: expected True or False, found 'no'"),
     (lambda _: wavesweep.program.results.read(None), "expected the path of a CSV or Parquet file, found None"),
