@@ -22,7 +22,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur
 
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.number_words import rounded_up
@@ -244,6 +243,8 @@ def _errors(
 def _without_drift(frame: np.ndarray, bears: np.ndarray) -> np.ndarray:
     """The projection along the modes of a frame that do not settle, none of which may bear on
     these rows, as the angle under a loop of speed does not."""
+    from scipy.linalg import schur
+
     _, right, drifts = schur(frame, sort=_drifts)
     if not drifts:
         return np.eye(len(frame))
