@@ -207,7 +207,7 @@ def fails_beyond(run, said, K, refuter):
 # Figures.
 
 
-@shape(rf"largest([a-z, ]*): (?:over )?{N}(?:, from {N})?", "drawn")
+@shape(rf"largest([a-z, ]*): (?:at least )?{N}(?:, from {N})?", "drawn")
 def largest_drawn(run, of, high, low):
     place(run, of)
     truth = max(map(greatest, run.sets()))

@@ -179,7 +179,7 @@ def _best(shown: Shown, members: Sequence[Member]) -> str:
         value = rounded_down(best["value"], 5)
         at_range = best["value"] == stop
     if at_range:
-        value = f"over {value}"
+        value = f"at least {value}"
     felt = best["merit"]
     alike = abs(felt - best["value"]) <= 0.005 * best["value"]
     if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):

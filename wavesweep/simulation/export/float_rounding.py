@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.number_words import rounded_up
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
 from wavesweep.simulation.export.controller import as_drawn, controller_of, with_late_device
@@ -146,7 +146,10 @@ def floats_in_words(spec: Spec) -> str:
         )
     stalled = []
     for block, error in found.stalls.items():
-        stalled.append(f"; the integral of {block} stalls below {error:.2g} of {block}.u")
+        least = rounded_down(error, 2)
+        stalled.append(
+            f"; at its largest, the integral of {block} stalls below {least} of {block}.u"
+        )
     return f"floats: in the run of [simulate] rounding moves {', '.join(said)}{''.join(stalled)}"
 
 
