@@ -48,9 +48,7 @@ class Capability(NamedTuple):
 # Rows of guarantees are listed in this order, from what promises least: those of for_all before
 # those of passive.
 CAPABILITIES = (
-    Capability(
-        "for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check", "switched")
-    ),
+    Capability("for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check", "rules")),
     Capability("late_ticks", tables=("for_all.tick",), offers=("guarantee", "keys", "on_check")),
     Capability("contact", tables=("for_all.contact",), offers=("guarantee", "keys", "on_check")),
     Capability(

@@ -52,7 +52,7 @@ def waves(lengths):
 
 
 def rules_of(spec):
-    return offered("switched").Rules.of(spec)
+    return offered("rules").Rules.of(spec)
 
 
 def rows_of(tables):

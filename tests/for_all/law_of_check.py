@@ -93,7 +93,7 @@ def random_set(seed):
 def answer(spec, kind):
     """What `check` says of the spec's own wall, in the terms of a kind of rows."""
     if kind == "contact":
-        rules = offered("switched").Rules.of(spec) if spec.for_all else None
+        rules = offered("rules").Rules.of(spec) if spec.for_all else None
         return of_wall(spec, rules)["verdict"]
     if spec.tick:
         from wavesweep.late_ticks.rows import claim

@@ -7,11 +7,11 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
-from wavesweep.for_all.norm_check import Norms, shrink, shrink_along
-from wavesweep.for_all.patterns import _of_walks, nearest
-from wavesweep.for_all.remembered import Remembered
+from wavesweep.engine._switched.brackets import PROVED, REFUTED, bracket, decide
+from wavesweep.engine._switched.graph import Graph
+from wavesweep.engine._switched.norm_check import Norms, shrink, shrink_along
+from wavesweep.engine._switched.patterns import _of_walks, nearest
+from wavesweep.engine._switched.remembered import Remembered
 
 ONE = Graph.least(np.ones((1, 1), bool))
 GOLDEN = (1 + 5**0.5) / 2
@@ -81,8 +81,8 @@ def test_published_joint_spectral_radii(matrices, radius):
     found = bracket(scaled(matrices), 0.1, (0.0, 3.0), 1e-4)
     assert found.settled
     assert found.high < 1 / radius * (1 + 1e-7)
-    assert found.fails_from == pytest.approx(1 / radius, rel=1e-6)
-    assert found.high > found.fails_from * (1 - 1e-4)
+    assert found.refuted_above == pytest.approx(1 / radius, rel=1e-6)
+    assert found.high > found.refuted_above * (1 - 1e-4)
 
 
 def test_the_golden_pair_to_a_millionth():
@@ -99,7 +99,7 @@ def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_
     family = scaled(turned @ whole @ turned.T)
     assert Remembered.of(family, [0.3]).at(0.3).shape == (2, 2, 2)
     found = bracket(family, 0.1, (0.0, 3.0), 1e-3)
-    assert found.fails_from * (1 - 1e-3) < found.high < 1 / GOLDEN < found.fails_from
+    assert found.refuted_above * (1 - 1e-3) < found.high < 1 / GOLDEN < found.refuted_above
     for stretch in found.stretches:
         ends = zip(stretch.norms, (stretch.low, stretch.high), strict=True)
         assert all(shrink(norms, *family.enclosed(x), family.follows) for norms, x in ends)

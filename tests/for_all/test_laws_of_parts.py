@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from wavesweep.engine._switched.average import forms_on_average
+from wavesweep.engine._switched.folded import counted_from_rest, shift_of
+from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Polynomials, Side
-from wavesweep.for_all.average import forms_on_average
 from wavesweep.for_all.boxes import drift_over, frames_over, proved_stable
-from wavesweep.for_all.folded import counted_from_rest, shift_of
-from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.hand_box import box_in_words
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop

@@ -7,9 +7,10 @@ import pytest
 from support.messages import marched, random_loop, spec_of
 
 from wavesweep.engine._sets.taylor_models import Polynomials
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.mean_square import brackets_on_average, chances, decays, nearest_growing
-from wavesweep.for_all.norm_check import Norms, shrink_on_average, shrink_over
+from wavesweep.engine._switched.graph import Graph
+from wavesweep.engine._switched.mean_square import brackets_on_average, decays, nearest_growing
+from wavesweep.engine._switched.norm_check import Norms, shrink_on_average, shrink_over
+from wavesweep.for_all.mean_square import chances
 from wavesweep.program.spec import load
 
 
@@ -67,7 +68,7 @@ def test_a_deadbeat_loop_may_lose_one_message_in_a_squared(a):
     assert found.low == 0
     assert found.settled
     assert found.high == pytest.approx(1 / a**2, rel=2e-5)
-    assert found.high < 1 / a**2 < found.fails_from
+    assert found.high < 1 / a**2 < found.refuted_above
     fails, word = nearest_growing(chain(recursion(a), "p"), 0.1 / a**2, 1.0)
     assert (1 / a**2 <= fails <= (1 + 2e-10) / a**2, word) == (True, (0,))
 
@@ -84,8 +85,8 @@ def test_a_loop_with_bursts_has_the_radius_of_two_moments():
         lost = np.diag([0.1, 1.0]) @ np.array([[0.95, q], [0.05, 1 - q]])
         return np.abs(np.linalg.eigvals(1.69 * lost)).max()
 
-    assert radius(found.low) < 1 < radius(found.fails_below)
-    assert found.low == pytest.approx(found.fails_below, rel=1e-4)
+    assert radius(found.low) < 1 < radius(found.refuted_below)
+    assert found.low == pytest.approx(found.refuted_below, rel=1e-4)
 
 
 def test_held_inputs_have_the_radius_of_their_second_moments():
@@ -95,7 +96,7 @@ def test_held_inputs_have_the_radius_of_their_second_moments():
         sent, lost = np.array([[1.2 - k, 0], [-k, 0]]), np.array([[1.2, 1], [0, 1]])
         return np.abs(np.linalg.eigvals(0.9 * np.kron(sent, sent) + 0.1 * np.kron(lost, lost))).max()
 
-    for inside, outside in ((found.low, found.fails_below), (found.high, found.fails_from)):
+    for inside, outside in ((found.low, found.refuted_below), (found.high, found.refuted_above)):
         assert radius(inside) < 1 < radius(outside)
         assert inside == pytest.approx(outside, rel=1e-4)
     assert decays(chain(recursion(1.2, "held"), k=1.0)) == "proved"
@@ -126,10 +127,10 @@ def test_all_intervals_are_found_in_which_either_most_messages_are_lost_or_most_
 
     assert [each.settled for each in found] == [True, True]
     assert (found[0].low, found[1].high) == (0, 1)
-    for inside, outside in ((found[0].high, found[0].fails_from), (found[1].low, found[1].fails_below)):
+    for inside, outside in ((found[0].high, found[0].refuted_above), (found[1].low, found[1].refuted_below)):
         assert radius(inside) < 1 < radius(outside)
         assert inside == pytest.approx(outside, rel=1e-4)
-    for p in np.linspace(found[0].fails_from, found[1].fails_below, 50):
+    for p in np.linspace(found[0].refuted_above, found[1].refuted_below, 50):
         assert radius(p) > 1
 
 
@@ -164,6 +165,6 @@ def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tic
     assert np.isfinite(found.low)
     for g in (found.low, (found.low + found.high) / 2, found.high):
         assert np.abs(np.linalg.eigvals(moments(loop, g, chance))).max() < 1
-    assert np.isfinite(found.fails_from)
-    assert np.abs(np.linalg.eigvals(moments(loop, found.fails_from, chance))).max() > 1 - 1e-12
-    assert found.high == pytest.approx(found.fails_from, rel=1e-3)
+    assert np.isfinite(found.refuted_above)
+    assert np.abs(np.linalg.eigvals(moments(loop, found.refuted_above, chance))).max() > 1 - 1e-12
+    assert found.high == pytest.approx(found.refuted_above, rel=1e-3)

@@ -6,8 +6,8 @@ from support.networks import back, growth, random_messages, random_network, spec
 
 import wavesweep
 from tests.for_all.test_messages import integrator
+from wavesweep.engine._switched import patterns
 from wavesweep.engine.errors import UsageError
-from wavesweep.for_all import patterns
 from wavesweep.for_all.channel_families import channels_of
 from wavesweep.for_all.message_patterns import messages_of, realised
 from wavesweep.for_all.message_rings import ring_of_messages
@@ -95,7 +95,7 @@ def test_an_integrator_tick_by_tick_is_stable_up_to_its_longest_hold():
     found = ring(integrator(lost=2))
     proof = bracket_ring(found, (0.0, 3.0))
     assert proof.low < 1e-3
-    assert 0.55 < proof.high < 2 / 3 <= proof.fails_from < 2 / 3 * (1 + 1e-3)
+    assert 0.55 < proof.high < 2 / 3 <= proof.refuted_above < 2 / 3 * (1 + 1e-3)
     assert messages_of(found, proof.words[1]) == {"net": [0, None, None]}
     assert [decide_ring(found, K).verdict for K in (0.5, 0.67)] == ["proved", "refuted"]
 
@@ -108,11 +108,11 @@ def test_an_interval_over_a_network():
     found = ring(spec_of(loop))
     proof = bracket_ring(found, (0.0, 20000.0))
     assert proof.low == 0
-    assert 5000 < proof.high < proof.fails_from < 20000
+    assert 5000 < proof.high < proof.refuted_above < 20000
     source = np.random.default_rng(2)
     assert all(growth(loop, proof.high, random_messages(loop, source)) < 1 for _ in range(60))
     messages = messages_of(found, proof.words[1])
-    assert growth(loop, proof.fails_from, list(messages.values())) >= 1 - 1e-9
+    assert growth(loop, proof.refuted_above, list(messages.values())) >= 1 - 1e-9
 
 
 def test_two_free_arms_drift_together_and_no_message_holds_them_back():

@@ -10,10 +10,10 @@ from support.messages import marched, random_loop, spec_of
 import wavesweep
 from wavesweep.engine._drawing.drawing import path_of
 from wavesweep.engine._sets.enclosed_loop import Side
+from wavesweep.engine._switched.brackets import bracket, decide
+from wavesweep.engine._switched.patterns import growth
 from wavesweep.engine.errors import UsageError
 from wavesweep.for_all.channel_families import Sent, channels_of, frames_with_messages, messages_over
-from wavesweep.for_all.joint import bracket, decide
-from wavesweep.for_all.patterns import growth
 from wavesweep.for_all.ranking import least_refuted, seems_refuted
 from wavesweep.for_all.varying import Rules, bracketed_over
 from wavesweep.program.spec import load
@@ -184,7 +184,7 @@ def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed)
             assert radius(loop, g, late) < 1
     if proof.words[1]:
         late = pattern(found, proof.words[1])
-        assert radius(loop, proof.fails_from, late) >= 1 - 1e-9
+        assert radius(loop, proof.refuted_above, late) >= 1 - 1e-9
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ ASKED = re.compile(r'(?<!\.)\b(modules|asked|offered)\(\s*"(\w+)"')
 def test_every_module_that_is_offered_is_asked_for():
     sources = [path.read_text(encoding="utf-8") for path in Path(wavesweep.__file__).parent.rglob("*.py")]
     named = {name for source in sources for _, name in ASKED.findall(source)}
-    beside = set() if "late_ticks" in {each.name for each in CAPABILITIES} else {"switched"}  # which it alone asks for
+    beside = set() if "late_ticks" in {each.name for each in CAPABILITIES} else {"rules"}  # which it alone asks for
     assert {name for _, name in OFFERED} <= named | beside
 
 

@@ -107,8 +107,8 @@ def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, ste
     needed("for_all")
     from support.frames import frames_of_controller
 
+    from wavesweep.engine._switched.patterns import growth as growth_of
     from wavesweep.for_all.frame_families import FramesInAnyOrder
-    from wavesweep.for_all.patterns import growth as growth_of
     from wavesweep.for_all.plan import LOST
 
     pattern = [(5, 2), (9, 5), (7, LOST), (7, 0)]

@@ -80,12 +80,12 @@ def test_a_drawn_loop_draws_the_number_of_its_blocks_and_its_mean_square_passes_
         "simulate": {"frames": "random"},
         "sweep": {"along": "k", "k": {"start": 0, "stop": 100}},
     }
-    from wavesweep.for_all.mean_square import brackets_on_average
+    from wavesweep.engine._switched.mean_square import brackets_on_average
     from wavesweep.for_all.varying import Rules
 
     rules, growth = Rules.of(load(spec)).on_average(), []
     (row,) = brackets_on_average(rules.family(dict(load(spec).values), "numbers.k"), (0.0, 100.0))
-    for k in (0.8 * row.high, row.high, 1.2 * row.fails_from):
+    for k in (0.8 * row.high, row.high, 1.2 * row.refuted_above):
         run = recorded(simulated(load(spec).with_values({"numbers.k": float(k)}), [100.0] + [0.0] * 2999))
         x = run["place"][np.flatnonzero(run["phase"] == 0)[1:]]
         x = x[np.abs(x) > 1e-290]

@@ -115,7 +115,7 @@ def refuse(spec: Spec, along: str) -> None:
     if not constant:
         try:
             fit_frames(rules, dict(spec.values), list(spec.wall))
-        except offered("switched").UnfitWallError as error:
+        except offered("rules").UnfitWallError as error:
             found = f"{error}; --set for_all.contact=false leaves contact out"
     elif any(wall_cut(loop) is None for loop in constant):
         found = (
@@ -172,7 +172,7 @@ def _rows_of(loop: Loops, along: str, span: tuple[float, float]) -> list[Row] | 
 def rules_of(spec: Spec) -> Any:
     """The rules of frames that vary, and of values of numbers; None without [for_all]."""
     if spec.for_all:
-        return offered("switched").Rules.of(spec)
+        return offered("rules").Rules.of(spec)
     return None
 
 
@@ -181,7 +181,7 @@ def constant_loops(rules: Any, loop: Loops, along: str = "") -> list[Loops]:
     None of them where frames vary or a number has a range."""
     if rules.vary:
         return []
-    cases = offered("switched").cases_of(rules, along, (0.0, 0.0), loop)
+    cases = offered("rules").cases_of(rules, along, (0.0, 0.0), loop)
     if any(case.ranges for case in cases):
         return []
     return [Loops(case.loop.drawing, dict(case.values)) for case in cases]
@@ -192,9 +192,9 @@ def scope_of(spec: Spec, rules: Any) -> Scope:
     spec's own numbers and frames."""
     if not rules:
         return own_scope(spec)
-    switched = offered("switched")
+    asked = offered("rules")
     own = loops_of(spec, dict(spec.values))
-    return switched.scope_of(spec, rules, switched.cases_of(rules, "", (0.0, 0.0), own))
+    return asked.scope_of(spec, rules, asked.cases_of(rules, "", (0.0, 0.0), own))
 
 
 def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
@@ -205,7 +205,7 @@ def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, fl
         if not own:
             return _recorded([], span, none=own is None)
         rows.append(max(own, key=lambda row: row.high - row.low))
-    for case in [] if rows else offered("switched").cases_of(rules, along, span, loop):
+    for case in [] if rows else offered("rules").cases_of(rules, along, span, loop):
         walls = along_of(rules, dict(case.values), [*loop.drawing.wall], along)
         if walls is None:
             return _recorded([], span, none=False)

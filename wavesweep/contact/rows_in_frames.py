@@ -139,21 +139,21 @@ def in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames |
     """Return a loop of some rules in its frames; None if there is a reason against it."""
     try:
         return fit_frames(rules, values, wall)
-    except offered("switched").UnfitWallError:
+    except offered("rules").UnfitWallError:
         return None
 
 
 def fit_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames:
     """Return a loop of some rules in its frames. Errors: UnfitWallError, with the reason, if its
     wall is not one scalar of each, or its force is not known to move the rest away from it."""
-    switched = offered("switched")
-    found = InFrames.of(switched.wall_frames(rules.plan(values, tuple(wall)), wall))
+    asked = offered("rules")
+    found = InFrames.of(asked.wall_frames(rules.plan(values, tuple(wall)), wall))
     if found is None:
         reason = (
             "a loop of which it is not known that each force of the wall moves its rest away from it, "
             "as where results are lost"
         )
-        raise switched.UnfitWallError(reason)
+        raise asked.UnfitWallError(reason)
     return found
 
 
@@ -326,15 +326,15 @@ def linear_pattern(
     """The nearest value beyond `high`, up to which all is proved, at which a pattern of frames is
     proved to grow with the linear wall, which is one of those that push, and the pattern; NaN and
     nothing if none is found. It is that of the rows of the linear wall."""
-    switched = offered("switched")
+    asked = offered("rules")
     family = rules.family(values, along)
     if family.drift is not None:
         return np.nan, ""
-    found = switched.bracketed(family, along, (high, limit), (high, high))
+    found = asked.bracketed(family, along, (high, limit), (high, high))
     if not (found and found.words[1]):
         return np.nan, ""
-    pattern = switched.text_of_pattern(family, found.words[1])
-    return found.fails_from, f"the linear wall, {pattern}"
+    pattern = asked.text_of_pattern(family, found.words[1])
+    return found.refuted_above, f"the linear wall, {pattern}"
 
 
 def _in_words(motion, frame):
@@ -354,8 +354,8 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
     for each in (loop, *loop.finer):
         if each.proved_at((K, B)):
             return {"verdict": "proved", "counterexample": ""}
-    switched = offered("switched")
-    said, by = switched.decided_over(rules, values, ())
+    asked = offered("rules")
+    said, by = asked.decided_over(rules, values, ())
     if said == "refuted":
         return {"verdict": "refuted", "counterexample": f"the linear wall, {', '.join(by)}"}
     for frame, constant in loop.constant():

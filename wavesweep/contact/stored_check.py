@@ -46,11 +46,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import Edge
 from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded
+from wavesweep.engine.switched import definite, in_its_units
 
 POINT = 1e-9  # of R, up to which its interval counts as a value with an error
 
@@ -184,7 +184,6 @@ def falls(
     is the mean of `E' P_a E + g_a own_b + h_a stored_b - G_b' P_a G_c` over the ends a, b, c of
     which k are the second.
     """
-    switched = offered("switched")
     forms = [stored for stored, _ in ends]
     if not all(_are_positive(stored) for stored in forms):
         return False
@@ -194,7 +193,7 @@ def falls(
     degree = 3 * (len(ends) - 1)  # 0 of a single wall, which is the only coefficient
     for k in range(degree + 1):
         F, error = _bernstein_coefficient(conditions, forms, terms, k)
-        if not switched.definite(*switched.in_its_units(F, BOUNDS_OF_DOUBLES * error)):
+        if not definite(*in_its_units(F, BOUNDS_OF_DOUBLES * error)):
             return False
     return True
 
@@ -205,7 +204,7 @@ def _are_positive(stored: Stored) -> bool:
     symmetric = np.isfinite(P).all() and (P.mT == P).all()
     if not symmetric or not (stored.g > 0 and stored.h >= 0):
         return False
-    return offered("switched").definite(P, np.zeros_like(P))
+    return definite(P, np.zeros_like(P))
 
 
 def _bernstein_coefficient(conditions, forms, terms, k):

@@ -51,7 +51,7 @@ def of_wall(spec: Spec, rules: Any = None) -> dict[str, str]:
         return _with_wall(own, spec)
     found = [_with_wall(loop, spec) for loop in constant_loops(rules, own)]
     if not found:
-        for case in offered("switched").cases_of(rules, "", (0.0, 0.0), own):
+        for case in offered("rules").cases_of(rules, "", (0.0, 0.0), own):
             found.append(verdict_in_frames(rules, dict(case.values), list(spec.wall)))
     return min(found, key=lambda each: ("refuted", "unknown", "proved").index(each["verdict"]))
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
         VELOCITY,
         LinearFractional,
     )
-    from wavesweep.engine._monodromy.drift import MarginalModes, consistent_solution, relative_row
+    from wavesweep.engine._monodromy.drift import MarginalModes, relative_row
     from wavesweep.engine._monodromy.open_frame import OpenFrame
     from wavesweep.engine._monodromy.open_ticks import OpenTicks
     from wavesweep.engine._monodromy.periodic import Ticks, in_a_row, products_of_rows
@@ -40,7 +40,7 @@ else:
                 "OFFSET",
                 "VELOCITY",
             ),
-            "_monodromy.drift": ("MarginalModes", "consistent_solution", "relative_row"),
+            "_monodromy.drift": ("MarginalModes", "relative_row"),
             "_monodromy.open_frame": ("OpenFrame",),
             "_monodromy.open_ticks": ("OpenTicks",),
             "_monodromy.periodic": ("Ticks", "in_a_row", "products_of_rows"),

@@ -15,8 +15,8 @@ import numpy as np
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
+from wavesweep.engine.switched import PROVED, decide
 from wavesweep.for_all.claimed import scope_of
-from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import claims_hold
 from wavesweep.for_all.rows import (
     FOR_ALL_RECORD,

@@ -32,11 +32,15 @@ from wavesweep.engine.expressions import ONE, Tree
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import TickMaps, closure, damping_peak
 from wavesweep.engine.poles import is_stable
-from wavesweep.for_all.dissipation import automaton, least_damping
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.loop_frames import Symbol, alive
-from wavesweep.for_all.norm_check import Norms
-from wavesweep.for_all.patterns import shortest_through
+from wavesweep.engine.switched import (
+    Graph,
+    Norms,
+    Symbol,
+    alive,
+    automaton,
+    least_damping,
+    shortest_through,
+)
 from wavesweep.for_all.plan import Plan
 from wavesweep.haptics.held_loop import device_of
 

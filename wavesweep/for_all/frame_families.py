@@ -20,7 +20,7 @@ from wavesweep.engine.drawing import (
     without_rule,
 )
 from wavesweep.engine.errors import Mistake, SpecError
-from wavesweep.for_all.loop_frames import Symbol
+from wavesweep.engine.switched import Symbol
 from wavesweep.for_all.plan import (
     ANY_NUMBER,
     FRAME,

@@ -8,8 +8,7 @@ from functools import reduce
 import numpy as np
 
 from wavesweep.engine.frames import MarginalModes, Ticks
-from wavesweep.for_all.folded import counted_from_rest, shift_of
-from wavesweep.for_all.loop_frames import Symbol
+from wavesweep.engine.switched import Symbol, counted_from_rest, shift_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

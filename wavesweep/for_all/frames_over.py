@@ -23,8 +23,7 @@ from wavesweep.engine.sets import (
     UnresolvedError,
     monomials,
 )
-from wavesweep.for_all.folded import lasting
-from wavesweep.for_all.loop_frames import Symbol, alive
+from wavesweep.engine.switched import Symbol, alive, lasting
 
 TOTAL_DEGREE = 5  # total degree of the polynomials
 # the same for so many numbers where frames are all alike, whose forms are of that degree too

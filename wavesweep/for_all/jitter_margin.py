@@ -25,12 +25,16 @@ import numpy as np
 
 from wavesweep.engine.norms import START, TickMaps, then, tick
 from wavesweep.engine.sets import Polynomials, Side
+from wavesweep.engine.switched import (
+    Centre,
+    Graph,
+    LoopFrames,
+    Norms,
+    shrink_along,
+    units_of_places,
+)
 from wavesweep.for_all.channel_families import NOTHING, SENT
 from wavesweep.for_all.frames_over import FramesOver
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.loop_frames import LoopFrames
-from wavesweep.for_all.norm_check import Norms, shrink_along
-from wavesweep.for_all.norms import Centre, units_of_places
 from wavesweep.for_all.open_channels import OpenLoop, taken_from
 
 LEAST_STEP = 0.02  # of a number, a stretch that ends a proof

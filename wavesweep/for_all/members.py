@@ -13,8 +13,8 @@ import numpy as np
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
+from wavesweep.engine.switched import corners_of
 from wavesweep.for_all.asked_ranges import values_of_range
-from wavesweep.for_all.climb import corners_of
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules

@@ -15,9 +15,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from wavesweep.engine.switched import Word, crossing, is_refuted, product_of, refuted_beyond
 from wavesweep.for_all.channel_families import LOST
 from wavesweep.for_all.message_rings import RingFrames
-from wavesweep.for_all.patterns import Word, crossing, is_refuted, product_of, refuted_beyond
 
 SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
 PERIODS = (1, 2, 3, 5, 8, 13)  # in a pattern

@@ -20,6 +20,7 @@ import numpy as np
 from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.sets import Side
+from wavesweep.engine.switched import Graph, LoopFrames
 from wavesweep.for_all.channel_families import (
     Channel,
     NotByWordsError,
@@ -27,9 +28,7 @@ from wavesweep.for_all.channel_families import (
     frames_with_messages,
 )
 from wavesweep.for_all.frames_over import inside_of
-from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.jitter_margin import SmallGain
-from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.open_channels import OpenLoop, taken_from
 
 MOST_WORDS = 50  # of whole messages: beyond it the norms of a ring are found ten times sooner

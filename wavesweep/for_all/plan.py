@@ -14,10 +14,9 @@ from wavesweep.engine.expressions import Tree
 from wavesweep.engine.frames import MarginalModes, OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
-from wavesweep.for_all.folded import lasting
+from wavesweep.engine.switched import LoopFrames, Symbol, WrittenFrames, lasting
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
-from wavesweep.for_all.loop_frames import LoopFrames, Symbol, WrittenFrames
 
 TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is

@@ -19,12 +19,24 @@ import numpy as np
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.sets import Polynomials, monomials
-from wavesweep.for_all.average import ALONE, OnAverage, forms_of_each, forms_on_average
+from wavesweep.engine.switched import (
+    ALONE,
+    CALLS,
+    Centre,
+    OnAverage,
+    Word,
+    find_norms,
+    forms_of_each,
+    forms_on_average,
+    growing,
+    growth,
+    recentred,
+    shrink_each,
+    shrink_over,
+    sloped,
+)
 from wavesweep.for_all.frames_over import Enclosed
 from wavesweep.for_all.jitter_margin import SmallGain
-from wavesweep.for_all.norm_check import shrink_each, shrink_over
-from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
-from wavesweep.for_all.patterns import Word, growing, growth
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much,
 # at most so much of what the spectral radii of frames and words leave. A graph is made finer up to

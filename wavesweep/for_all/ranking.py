@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
-from wavesweep.for_all.graph import Family
-from wavesweep.for_all.patterns import (
+from wavesweep.engine.switched import (
+    Family,
     Word,
     growing,
     growing_of,

@@ -1,41 +1,27 @@
-"""The search for quadratic norms at the places of a ring, in which all matrices of a place shrink.
-
-It begins with matrices that are all alike, the mean A of those at a place, and with their Lyapunov
-functions `P_i = e + A' P_j A`; the choices then open, `A + w (A_k - A)`. If there are such norms at
-all, there are such of the means, since norms are convex. `norm_check` proves what is found here.
-"""
+"""What is proved and refuted of a ring of messages: by a small gain, by norms, and by patterns."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial, reduce
-from typing import Any
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, Decision
-from wavesweep.for_all.message_patterns import (
-    PERIODS,
-    SHORT,
-    growing_pattern,
-    nearest_pattern,
+from wavesweep.engine.switched import (
+    PROVED,
+    REFUTED,
+    UNKNOWN,
+    Bracket,
+    Decision,
+    RingSearch,
+    is_refuted,
+    walked,
 )
+from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
 from wavesweep.for_all.message_rings import RingFrames
-from wavesweep.for_all.norm_check import Norms, shrink_along
-from wavesweep.for_all.norms import (
-    Centre,
-    advanced,
-    means_of_places,
-    periodic_forms,
-    recentred,
-    units_of_places,
-)
-from wavesweep.for_all.patterns import is_refuted
 
 WORK = 1e11  # operations of a search for norms, or of a proof on one side: some 40 s
-STEPS = 40  # of Newton's, which a search takes at least
 # Of an interval, how far within it a loop is taken to be stable while patterns are searched.
 START = 1e-3
 STARTS = (0.1, 0.01, 0.5)  # of the way to a refuted number, where a proof begins
@@ -43,124 +29,8 @@ NORMS_BEGIN = 0.2  # of what a small gain proves, where norms are searched that 
 BY_GAIN = "by a small gain"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RingSearch:
-    """A ring of matrices in units of their own at each place, `z = to x`, `(places, n, n)`."""
-
-    family: RingFrames
-    graph: Graph
-    to: np.ndarray
-    back: np.ndarray
-
-    @staticmethod
-    def at_mean(family: RingFrames, x: float) -> RingSearch | None:
-        """The ring in units in which the Lyapunov functions of the means are about 1; None if the
-        means are not stable."""
-        to = units_of_places(family.at(x), family.place)
-        return to if to is None else RingSearch(family, family.graph, to, np.linalg.inv(to))
-
-    def at(self, x: float) -> np.ndarray:
-        """The matrices of z."""
-        return self.to[self.graph.target] @ self.family.at(x) @ self.back[self.graph.source]
-
-    def found(self, x: float, work: float) -> Centre | None:
-        """Forms in which all matrices at x shrink, in doubles; None if none are found."""
-        A = self.at(x)
-        same = means_of_places(A, self.family.place)[self.graph.source]
-        one = np.eye(A.shape[-1])
-        P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
-        forms = len(one) * (len(one) + 1) / 2
-        band = min(3, self.graph.nodes) * forms  # of a ring: see `Graph.along`
-        if self.graph.nodes * forms * band**2 / 3 > work / STEPS:
-            return None
-        try:
-            centre = recentred(Centre(P, self.graph, one, one), same, 60)
-        except np.linalg.LinAlgError:  # singular to rounding
-            return None
-        centre, width = opened(centre, lambda w: same + w * (A - same), 0.0, work)
-        return centre if width == 1 else None
-
-    def proved(self, *ends: tuple[float, Centre]) -> bool:
-        """Whether forms at one number, or those between the forms at two, are proved to be norms
-        for it, or for all numbers between."""
-        ends = tuple(sorted(ends, key=lambda end: end[0]))
-        points = self.family.hull(ends[0][0], ends[-1][0])
-        if points is None:
-            return False
-        norms = []
-        for _, centre in ends:
-            P = self.to.mT @ centre.norms.P @ self.to
-            norms.append(Norms((P + P.mT) / 2, self.graph))
-        return shrink_along(norms, *points, self.family.follows)
-
-
-def opened(
-    centre: Centre, matrices: Callable[[float], np.ndarray], width: float, work: float
-) -> tuple[Centre, float]:
-    """Return forms of matrices that are less and less alike, and the width at which the search ends:
-    1, or where it stalls.
-
-    matrices: of a width. centre: forms for a width, with which it begins.
-    """
-    while width < 1 and centre.work < work:
-        try:
-            ahead, at = advanced(centre, matrices, width, 1.0)
-            ahead = ahead.rounded()
-        except np.linalg.LinAlgError:  # singular to rounding
-            break
-        step = at - width
-        centre, width = ahead, at
-        # After the first steps, which are short, one that gains no more has stalled.
-        if step < min(2e-3 * width, 0.03 * (1 - width)) or not step:
-            break
-    return centre, width
-
-
-def walked(
-    search: Any,
-    centre: Centre,
-    x: float,
-    goal: float,
-    work: float,
-    least: float = 5e-3,
-    steps: int = 80,
-    report: Callable[[float, float], None] = lambda *_: None,
-) -> tuple[Centre, float]:
-    """Return the last forms of a proof without a gap from x towards a goal, and the number that it
-    reaches.
-
-    search: `at` gives the matrices of a number for searches, and `proved` says whether forms at two
-    numbers are proved for all between. centre: proved at x. least: of a number, or of the way that
-    is left, a step that ends a proof. steps: at most. report: is called with each number that is
-    reached, and the percentage of the way.
-    """
-    start = x
-    for _ in range(steps):
-        if x == goal or centre.work > work:
-            break
-        left = abs(goal - x)
-        target = goal
-        step = None
-        while step is None:
-            try:
-                ahead, at = advanced(centre, search.at, x, target)
-                ahead = ahead.rounded()
-            except np.linalg.LinAlgError:  # singular to rounding
-                break
-            if at == x or abs(at - x) < least * min(left, max(abs(x), 1e-3 * left)):
-                break
-            if search.proved((x, centre), (at, ahead)):
-                step = ahead, at
-            target = (x + at) / 2
-        if step is None:
-            break
-        centre, x = step
-        report(x, 100 * (x - start) / (goal - start))
-    return centre, x
-
-
 def decide_ring(family: RingFrames, x: float = 0.0, work: float = WORK) -> Decision:
-    """Decide whether all patterns decay at x; as `joint.decide`, whose norms and errors it has."""
+    """Decide whether all patterns decay at x; as `decide`, whose norms and errors it has."""
     if family.gain.proved(x, x):
         return Decision(PROVED, by=BY_GAIN)
     word = _refuting(family, x, SHORT)
@@ -187,7 +57,7 @@ def bracket_ring(
     work: float = WORK,
     report: Callable[[float, float, float], None] = lambda *_: None,
 ) -> Bracket | None:
-    """Return what is proved and refuted within an interval of a number, as `joint.bracket`; None if
+    """Return what is proved and refuted within an interval of a number, as `bracket`; None if
     no start of a proof is found."""
     low, high = about
     fails, word = np.nan, ()
@@ -210,35 +80,10 @@ def bracket_ring(
             centre = replace(centre, work=0.0)
             _, end = walked(search, centre, start, goal, work, report=partial(report, below))
             above = max(above, end)
-    fails_below, first = np.nan, ()
+    refuted_below, first = np.nan, ()
     reached_low = below <= max(low, tolerance**2 * above)
     if not reached_low:
-        fails_below, first = nearest_pattern(family, below, low)
+        refuted_below, first = nearest_pattern(family, below, low)
     end = fails if word else high
     settled = reached_low and abs(end - above) <= tolerance * abs(end)
-    return Bracket(below, above, fails_below, fails, (first, word), settled, ())
-
-
-def units_of_ring(A: np.ndarray) -> np.ndarray | None:
-    """Return units at each place of a ring, `z = to x`, in which its matrices `(places, n, n)` shrink
-    every z by nearly the same share, that of the slowest mode; None if the loop is not stable."""
-    from scipy.linalg import matrix_balance
-
-    places, n, _ = A.shape
-    one = np.eye(n)
-    round_ring = np.zeros((places, n, places, n))
-    for place in range(places):
-        round_ring[(place + 1) % places, :, place] = A[place]
-    _, (sizes, _) = matrix_balance(round_ring.reshape(places * n, -1), permute=False, separate=True)
-    sizes = sizes.reshape(places, n)
-    A = A * sizes[:, None] / np.roll(sizes, -1, axis=0)[..., None]
-    whole = reduce(lambda before, each: each @ before, A)
-    radius = np.abs(np.linalg.eigvals(whole)).max() if np.isfinite(whole).all() else np.inf
-    if radius >= 1:
-        return None
-    forms = periodic_forms(A / ((1 + radius) / 2) ** (1 / places))
-    if forms is None:
-        return None
-    # Of a form: more than rounding may take off.
-    floor = 1e-12 * np.trace(forms, axis1=-2, axis2=-1)[:, None, None]
-    return np.linalg.cholesky(forms + floor * one).mT / sizes[:, None]
+    return Bracket(below, above, refuted_below, fails, (first, word), settled, ())

@@ -13,11 +13,15 @@ from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
+from wavesweep.engine.switched import (
+    UNKNOWN,
+    brackets_on_average,
+    grows_everywhere,
+    parts_that_decay,
+)
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
-from wavesweep.for_all.joint import UNKNOWN
-from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
 from wavesweep.for_all.members import claims_hold, nowhere
 from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import PROVED_FROM_ZERO, Case, Part, proofs, searched

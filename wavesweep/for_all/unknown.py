@@ -18,8 +18,15 @@ from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
 from wavesweep.engine.sets import Side
-from wavesweep.for_all.average import ALONE, OnAverage
-from wavesweep.for_all.climb import climb, constant_growth, contradicted, corners_of, on_edges_of
+from wavesweep.engine.switched import (
+    ALONE,
+    OnAverage,
+    climb,
+    constant_growth,
+    contradicted,
+    corners_of,
+    on_edges_of,
+)
 from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.sides import (

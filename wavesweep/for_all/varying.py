@@ -18,18 +18,34 @@ from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
+from wavesweep.engine.switched import (
+    OPERATIONS_OF_SEARCH,
+    PROVED,
+    REFUTED,
+    UNKNOWN,
+    Bracket,
+    Chances,
+    LoopFrames,
+    OnAverage,
+    Symbol,
+    Word,
+    bracket,
+    constant_growth,
+    corners_of,
+    decays,
+    decide,
+    growing_of,
+    growth_in_words,
+    growth_on_average,
+    is_refuted,
+    joined,
+    short_words,
+)
 from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
-from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.channel_families import (
     Sent,
     members_with_messages,
     messages_over,
-)
-from wavesweep.for_all.climb import (
-    constant_growth,
-    corners_of,
-    growth_in_words,
-    growth_on_average,
 )
 from wavesweep.for_all.frame_families import (
     DELAY,
@@ -42,21 +58,15 @@ from wavesweep.for_all.frame_families import (
     plan_of,
     refuse,
 )
-from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
-from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.mean_square import (
-    Chances,
     Losses,
     chain_of,
     chances,
-    decays,
     frames_at_random,
     losses_at_random,
 )
 from wavesweep.for_all.message_patterns import messages_of
 from wavesweep.for_all.message_rings import RingFrames, frames_of_messages, gain_over
-from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
-from wavesweep.for_all.patterns import Word, growing_of, is_refuted, joined, short_words
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.ring_search import BY_GAIN, bracket_ring, decide_ring
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
@@ -304,7 +314,7 @@ class Over:
     @staticmethod
     def of_family(family: LoopFrames | RingFrames | Chances, found: Bracket) -> "Over":
         """The bracket of a family."""
-        fails = (found.fails_below, found.fails_from)
+        fails = (found.refuted_below, found.refuted_above)
         ends = []
         for x, word in zip(fails, found.words, strict=True):
             ends.append(End(x, (), word, text_of_pattern(family, word)))

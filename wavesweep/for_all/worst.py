@@ -7,26 +7,29 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wavesweep.engine.sets import Side
-from wavesweep.for_all.average import OnAverage
-from wavesweep.for_all.climb import OPERATIONS_OF_CLIMB, Growth, climb, contradicted
-from wavesweep.for_all.frames_over import FramesOver
-from wavesweep.for_all.graph import Family
-from wavesweep.for_all.jitter_margin import SmallGain
-from wavesweep.for_all.joint import nearest_refuted
-from wavesweep.for_all.mean_square import nearest_growing
-from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
-from wavesweep.for_all.norms import first_centre
-from wavesweep.for_all.patterns import (
+from wavesweep.engine.switched import (
+    OPERATIONS_OF_CLIMB,
+    Family,
+    Growth,
+    OnAverage,
     Word,
+    climb,
+    contradicted,
     crossing,
+    first_centre,
     following,
     growing,
     growth,
     is_refuted,
     nearest,
+    nearest_growing,
+    nearest_refuted,
     refuted_beyond,
     written,
 )
+from wavesweep.for_all.frames_over import FramesOver
+from wavesweep.for_all.jitter_margin import SmallGain
+from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
 from wavesweep.for_all.ranges import Box, Covering, cover, units_of
 from wavesweep.for_all.sides import INWARD, LeftOpen, as_numbers, as_sides, left_open
 

@@ -3,8 +3,7 @@
 Nodes of a graph are the places of ticks in a frame, perhaps with the cells of lengths that the last
 ticks were in; each has a form of degree two, or of four or eight as one of `squares`. An edge is a
 control point of a cell, and all control points of a cell lead from a node to the same node: so the
-form decreases in every tick of the cell, see `tick_curves`. `norm_check` of [for_all] proves what is
-found here.
+form decreases in every tick of the cell, see `tick_curves`. `norm_check` proves what is found here.
 """
 
 from __future__ import annotations
@@ -17,8 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import offered
 from wavesweep.engine.doubles import UNIT_ROUNDING
+from wavesweep.engine.switched import (
+    Centre,
+    Graph,
+    Norms,
+    is_refuted,
+    opened,
+    recentred,
+    shrink_along,
+    units_of_ring,
+    walked,
+)
 from wavesweep.late_ticks.patterns import (
     Pattern,
     growing,
@@ -105,7 +114,7 @@ class Search:
             target = (place + 1) % places * len(number) + number[(*history, cell)[1:]]
             first = (place * cells + cell) * self.points
             edges += [(source, first + point, target) for point in range(self.points)]
-        return offered("switched").Graph(*np.array(edges).T)
+        return Graph(*np.array(edges).T)
 
     @cached_property
     def follows(self) -> np.ndarray:
@@ -153,20 +162,18 @@ class Search:
     def alike(self, x: float) -> Forms | None:
         """Forms for ticks that are all alike, the mean of those at a place, in units of their own;
         None if these ticks are not stable."""
-        switched = offered("switched")
-        to = switched.units_of_ring(self.at(x, 0.0)[:: self.ticks.cells * self.points])
+        to = units_of_ring(self.at(x, 0.0)[:: self.ticks.cells * self.points])
         if to is None:
             return None
         search = replace(self, to=to)
         one = np.eye(to.shape[-1])
         P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
-        start = switched.Centre(P, self.graph, one, one).rounded()
-        return Forms(search, x, switched.recentred(start, search.at(x, 0.0), 60))
+        start = Centre(P, self.graph, one, one).rounded()
+        return Forms(search, x, recentred(start, search.at(x, 0.0), 60))
 
     def proved(self, *ends: tuple[float, Any]) -> bool:
         """Whether forms at one number, or those between the forms at two, are proved to decrease
         for it, or for all numbers between."""
-        switched = offered("switched")
         low, high = min(ends, key=_first), max(ends, key=_first)
         points = self.ticks.family.hull(low[0], high[0])
         if points is None:
@@ -190,8 +197,8 @@ class Search:
         norms = []
         for _, centre in several:
             P = to.mT @ centre.norms.P @ to
-            norms.append(switched.Norms((P + P.mT) / 2, self.graph))
-        return switched.shrink_along(norms, E.reshape(shape), dE.reshape(shape), self.follows)
+            norms.append(Norms((P + P.mT) / 2, self.graph))
+        return shrink_along(norms, E.reshape(shape), dE.reshape(shape), self.follows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +218,7 @@ class Forms:
 
     def opened(self) -> Forms:
         """The forms of ticks that are less and less alike, until the search stalls."""
-        centre, width = offered("switched").opened(
+        centre, width = opened(
             self.centre,
             lambda wider: self.search.at(self.x, wider),
             self.width,
@@ -222,7 +229,7 @@ class Forms:
     def walked(self, goal: float) -> Forms:
         """The last forms of a proof without a gap towards a goal."""
         # Steps of a hundredth of a number lead to a thousandth of it within 1000.
-        centre, x = offered("switched").walked(
+        centre, x = walked(
             self.search, self.centre, self.x, goal, OPERATIONS_OF_BRACKET, LEAST_STEP, 1000
         )
         return replace(self, centre=centre, x=x)
@@ -235,7 +242,6 @@ class Forms:
         ticks of a cell are in no convex hull of the wider ones.
         """
         before = self.search
-        recentred = offered("switched").recentred
         width = self.width if before.remembered else 0.9 * self.width
         cells = before.ticks.cells
         ratio = search.ticks.cells // cells
@@ -298,7 +304,7 @@ def decided(ticks_with: TicksWith) -> tuple[str, str]:
     """
     ticks = ticks_with(1)
     rate, pattern = growing(ticks, 0.0)
-    if rate >= 1 and offered("switched").is_refuted(ticks.family, word_of(ticks, pattern), 0.0):
+    if rate >= 1 and is_refuted(ticks.family, word_of(ticks, pattern), 0.0):
         return REFUTED, in_words(ticks, pattern)
     return (UNKNOWN if started(ticks_with, [0.0]) is None else PROVED), ""
 
@@ -323,7 +329,7 @@ def bracket(
             rate, pattern = growing(ticks, start)
             if rate < 1:
                 yield start
-            elif offered("switched").is_refuted(ticks.family, word_of(ticks, pattern), start):
+            elif is_refuted(ticks.family, word_of(ticks, pattern), start):
                 refuted.append(End(start, start, pattern, in_words(ticks, pattern)))
 
     forms = started(ticks_with, possible())

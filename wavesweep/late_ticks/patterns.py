@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wavesweep.capabilities import offered
+from wavesweep.engine.switched import is_refuted, refuted_beyond
 from wavesweep.late_ticks.tick_curves import LateTicks
 from wavesweep.program.tables.refuters import repeated
 
@@ -87,10 +87,9 @@ def proved_to_grow(
 ) -> tuple[float, Pattern]:
     """Return the number next to an unstable one at which a pattern is proved to grow, and the
     pattern; NaN and () if there is none."""
-    switched = offered("switched")
     word = word_of(ticks, pattern)
-    at = switched.refuted_beyond(ticks.family, word, unstable, limit)
-    if at is None and switched.is_refuted(ticks.family, word, unstable):
+    at = refuted_beyond(ticks.family, word, unstable, limit)
+    if at is None and is_refuted(ticks.family, word, unstable):
         at = unstable
     return (np.nan, ()) if at is None else (float(at), pattern)
 

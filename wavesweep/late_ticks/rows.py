@@ -45,7 +45,7 @@ class LateTicksGuarantee(Guarantee):
     own_felt = False
     status = Status.PROVED
     dtype: np.dtype = field(
-        default_factory=lambda: offered("switched").FOR_ALL_RECORD, repr=False, compare=False
+        default_factory=lambda: offered("rules").FOR_ALL_RECORD, repr=False, compare=False
     )
     method = (
         "quadratic norms at each tick of a frame, in which ticks of all lengths shrink, proved by Cholesky with bounds on all "
@@ -87,7 +87,7 @@ def records_for_ticks(
 
     A row lies within an interval of the loop whose ticks are all on time.
     """
-    switched = offered("switched")
+    asked = offered("rules")
     ticks_with = lru_cache(lambda cells: late_ticks(loop, along, interval, cells))
     nominal = records_of_loop(loop, along, span)
     certified = bool(nominal["certified"].all())
@@ -107,7 +107,7 @@ def records_for_ticks(
             within += f", refuted at {in_all_digits(found.above.fails)} by {found.above.text}"
         unproved.append(within)
     nowhere = not nominal["intervals"].any()
-    records = switched.recorded(rows, certified, agreed=True, none=nowhere)
+    records = asked.recorded(rows, certified, agreed=True, none=nowhere)
     if refuted and not rows:
         records["fails_from"] = refuted[0].fails
         records["counterexample"] = shorten(refuted[0].text, TEXT, placeholder=" ...")
@@ -121,7 +121,7 @@ def records_for_ticks(
 def _row(found: Bracket, about, span, along, on_time: str):
     """What is proved along a number; on_time: what refutes the ends of the interval of ticks that are all on
     time, empty if it is not known."""
-    switched = offered("switched")
+    asked = offered("rules")
     low, high = found.below, found.above
     if not low.text and about[0] > span[0]:
         low = replace(low, fails=about[0], text=on_time)
@@ -129,7 +129,7 @@ def _row(found: Bracket, about, span, along, on_time: str):
         high = replace(high, fails=about[1], text=on_time)
     below = low.fails if low.text else low.reached
     above = high.fails if high.text else high.reached
-    part = switched.Part(below, above, low.text or None, high.text or None)
+    part = asked.Part(below, above, low.text or None, high.text or None)
     # Of the high end, from which on proved counts as proved from 0.
     from_zero = not low.text and low.reached <= 1e-3 * high.reached
     near_low = from_zero or _is_near(low, span[0])
@@ -140,7 +140,7 @@ def _row(found: Bracket, about, span, along, on_time: str):
             places.append(span_around(*sorted((edge, end.reached)), 4))
     left_open = f"within {name_of(along)} {' and '.join(places)}" if places else ""
     text = Refuters(low.text, high.text).written(TEXT)
-    return switched.Row(low.reached, high.reached, part, settled, text, left_open)
+    return asked.Row(low.reached, high.reached, part, settled, text, left_open)
 
 
 def _is_near(end: End, edge: float) -> bool:

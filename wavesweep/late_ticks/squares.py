@@ -14,8 +14,8 @@ from math import comb
 
 import numpy as np
 
-from wavesweep.capabilities import offered
 from wavesweep.engine.doubles import UNIT_ROUNDING
+from wavesweep.engine.switched import acting
 
 ROUNDINGS = 64  # of a product in an entry of a square and of its bound, beside those of sums
 
@@ -36,7 +36,7 @@ def square_of_curves(A: np.ndarray) -> np.ndarray:
     weights = _weights(k, l)
     pairs = vectors.mT[..., None, :, :] @ (weights @ vectors[..., None, :, :])
     pairs = (pairs + pairs.mT) / 2
-    acts = offered("switched").acting(pairs.reshape(-1, n**4), n)
+    acts = acting(pairs.reshape(-1, n**4), n)
     surface = acts.reshape(*several, 2 * k - 1, 2 * l - 1, *acts.shape[-2:])
     return np.moveaxis(surface, -4, 0)
 

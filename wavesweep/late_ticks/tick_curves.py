@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import offered
 from wavesweep.engine.blocks import FACTOR, PRODUCT, Block, MultirateLoop
 from wavesweep.engine.doubles import ENTRY_ROUNDING, UNIT_ROUNDING
 from wavesweep.engine.drawing import Drawing, name_of
@@ -32,6 +31,7 @@ from wavesweep.engine.expressions import ONE, Tree
 from wavesweep.engine.frames import OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Polynomials, Side, UnresolvedError
+from wavesweep.engine.switched import LoopFrames, WrittenFrames
 
 LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enclosed
 DEGREE = 4  # of the curves
@@ -232,11 +232,10 @@ def _family(loops, along, points):
     samples = [point * different + int(kinds[place]) for place, point in symbols]
     places = np.array([place for place, _ in symbols])
     follows = (places[:, None] + 1) % len(kinds) == places
-    switched = offered("switched")
-    written = switched.WrittenFrames([()] * len(symbols), samples, tuple(symbols), follows)
+    written = WrittenFrames([()] * len(symbols), samples, tuple(symbols), follows)
     varying = drift if drift.varying else None
     ticks = Ticks(maps, np.arange(len(maps)))
-    return switched.LoopFrames.of(ticks, drift.remaining, written, varying), len(kinds)
+    return LoopFrames.of(ticks, drift.remaining, written, varying), len(kinds)
 
 
 def _moved(

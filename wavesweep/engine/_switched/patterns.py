@@ -5,10 +5,11 @@ from itertools import combinations
 
 import numpy as np
 
-from wavesweep.engine.frames import both, products_of_rows
-from wavesweep.engine.poles import count_outside
-from wavesweep.for_all.graph import Family, Graph
-from wavesweep.for_all.norm_check import Norms
+from wavesweep.engine._monodromy.periodic import products_of_rows
+from wavesweep.engine._monodromy.rounding import both
+from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine._switched.graph import Family, Graph
+from wavesweep.engine._switched.norm_check import Norms
 
 WORDS_KEPT = 60  # words of each length that are extended
 RUN_OF_WORD = 12  # matrices of each of the two runs of a word

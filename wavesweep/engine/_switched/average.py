@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.sets import Polynomials
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.mean_square import SIZING, operator_of
-from wavesweep.for_all.norm_check import cholesky_of_each
-from wavesweep.for_all.norms import CALLS, Centre, packed, unpacked
+from wavesweep.engine._sets.taylor_models import Polynomials
+from wavesweep.engine._switched.graph import Graph
+from wavesweep.engine._switched.mean_square import SIZING, operator_of
+from wavesweep.engine._switched.norm_check import cholesky_of_each
+from wavesweep.engine._switched.norms import CALLS, Centre, packed, unpacked
 
 ALONE = Graph.least(np.ones((1, 1), bool))  # the graph of a single matrix
 DOUBLINGS = 60  # of a sum of powers

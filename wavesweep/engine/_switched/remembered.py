@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.engine._switched.graph import Family
+from wavesweep.engine._switched.norm_check import Norms
+from wavesweep.engine._switched.norms import Centre, rough_basis
 from wavesweep.engine.doubles import NEXT_TO_ZERO
-from wavesweep.for_all.graph import Family
-from wavesweep.for_all.norm_check import Norms
-from wavesweep.for_all.norms import Centre, rough_basis
 
 # of the largest singular value, below which a direction counts as one that is set to zero
 FORGOTTEN = 1e-9

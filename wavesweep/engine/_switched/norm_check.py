@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine._sets.taylor_models import Polynomials, monomials
+from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine.doubles import UNIT_ROUNDING
-from wavesweep.engine.sets import Polynomials, monomials
-from wavesweep.for_all.graph import Graph
 
 # times the bounds: what is computed in doubles of bounds is known to far better than that
 BOUNDS_OF_DOUBLES = 4.0

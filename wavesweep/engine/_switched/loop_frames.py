@@ -9,17 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.open_ticks import OpenTicks
+from wavesweep.engine._monodromy.periodic import Ticks, products_of_rows
+from wavesweep.engine._monodromy.product import pattern_of
+from wavesweep.engine._monodromy.rounding import both
+from wavesweep.engine._sets.taylor_models import Polynomials
+from wavesweep.engine._switched.folded import counted_from_rest, shift_of
 from wavesweep.engine.doubles import ENTRY_ROUNDING
-from wavesweep.engine.frames import (
-    MarginalModes,
-    OpenTicks,
-    Ticks,
-    both,
-    pattern_of,
-    products_of_rows,
-)
-from wavesweep.engine.sets import Polynomials
-from wavesweep.for_all.folded import counted_from_rest, shift_of
 
 # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
 SOLVABLE = 1e-6
@@ -86,7 +83,12 @@ class LoopFrames:
     drift: MarginalModes | None = None
 
     @staticmethod
-    def of(ticks, kept, written: WrittenFrames, drift=None) -> LoopFrames:
+    def of(
+        ticks: Ticks,
+        kept: np.ndarray | Sequence[int],
+        written: WrittenFrames,
+        drift: MarginalModes | None = None,
+    ) -> LoopFrames:
         """Return the frames that consist of these ticks. kept: the states without drift. drift:
         if it depends on numbers."""
         rows, samples, symbols, follows = written

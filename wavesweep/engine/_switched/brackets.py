@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.for_all.graph import Family
-from wavesweep.for_all.norm_check import Norms, shrink_along
-from wavesweep.for_all.norms import (
+from wavesweep.engine._switched.graph import Family
+from wavesweep.engine._switched.norm_check import Norms, shrink_along
+from wavesweep.engine._switched.norms import (
     OPERATIONS_OF_SEARCH,
     Centre,
     advanced,
@@ -16,7 +16,7 @@ from wavesweep.for_all.norms import (
     finer,
     first_centre,
 )
-from wavesweep.for_all.patterns import (
+from wavesweep.engine._switched.patterns import (
     Word,
     crossing,
     growing,
@@ -28,7 +28,7 @@ from wavesweep.for_all.patterns import (
     short_words,
     shortest_through,
 )
-from wavesweep.for_all.remembered import Remembered
+from wavesweep.engine._switched.remembered import Remembered
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 # an end counts as at least this part of its distance from the start, where relative sizes are
@@ -77,7 +77,7 @@ class Bracket:
     """The numbers around a start for which a family decays in every order.
 
     low, high: every number from low to high, both included, is proved; NaN if nothing is, and then
-    nothing else is known. fails_below, fails_from: the nearest refuted numbers below low and above
+    nothing else is known. refuted_below, refuted_above: the nearest refuted numbers below low and above
     high, NaN if there is none. words: the patterns that refute them, or (). settled: whether each
     end is within the tolerance of the refuted number, or of the limit that was asked for, the low
     one also if it is within the square of the tolerance, relative to the high one, since at 0 many
@@ -86,8 +86,8 @@ class Bracket:
 
     low: float
     high: float
-    fails_below: float
-    fails_from: float
+    refuted_below: float
+    refuted_above: float
     words: tuple[Word, Word]
     settled: bool
     stretches: tuple[ProvedStretch, ...]

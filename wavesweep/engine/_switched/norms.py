@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.norm_check import Norms
+from wavesweep.engine._switched.graph import Graph
+from wavesweep.engine._switched.norm_check import Norms
 
 STEP_SHARE = 0.8  # part of the way to where the prediction fails that is taken
 CENTRED_DECREMENT = 0.6  # Newton decrement below which a point counts as the centre

@@ -11,8 +11,9 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.engine._monodromy.drift import MarginalModes, consistent_solution
+from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine.doubles import UNIT_ROUNDING
-from wavesweep.engine.frames import MarginalModes, Ticks, consistent_solution
 
 
 def lasting(
@@ -34,7 +35,9 @@ def lasting(
     return replace(drift, varying=(int(states[np.argmax(moved.min(0))]),))
 
 
-def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
+def counted_from_rest(
+    E: np.ndarray, dE: np.ndarray, V: np.ndarray, dV: np.ndarray, drift: MarginalModes
+) -> tuple[np.ndarray, np.ndarray]:
     """Return `E_RR - V E_SR`, the changes of the states counted from the rest, and bounds on their
     errors; V, dV: of `shift_of`."""
     R = np.array(drift.remaining, int)
@@ -53,7 +56,7 @@ def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, n
         return E_RR - V @ E_SR, np.where(np.isnan(dE_RR), np.inf, dE_RR)
 
 
-def shift_of(E, dE, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
+def shift_of(E: np.ndarray, dE: np.ndarray, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return V, `(..., rest, leads)`, and a bound on its error, from the changes of all kinds of
     ticks `(kinds, ..., n, n)`.
 

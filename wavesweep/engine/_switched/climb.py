@@ -13,11 +13,11 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.engine._switched.graph import Graph
+from wavesweep.engine._switched.mean_square import operator_of
+from wavesweep.engine._switched.patterns import short_words
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.mean_square import operator_of
-from wavesweep.for_all.patterns import short_words
 
 SCATTERED, LEAST_SCATTERED = 256, 32  # members that are tried first, beside those that are given
 BEST, OTHERS = 4, 4  # of those, from which the climb goes on: the worst, and some of the next

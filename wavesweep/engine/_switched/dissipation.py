@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.frames import balance
-from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.norms import Centre, find_norms, hessian_of, packed, unpacked
+from wavesweep.engine._monodromy.rounding import balance
+from wavesweep.engine._switched.graph import Graph
+from wavesweep.engine._switched.norms import Centre, find_norms, hessian_of, packed, unpacked
 
 OPTIMUM_DISTANCE = 1e-7  # of the damping: distance from the optimum at which the program ends
 NEWTON_STEPS_OF_ENERGY = 400  # of Newton's method

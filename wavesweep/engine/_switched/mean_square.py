@@ -1,0 +1,485 @@
+"""Loops whose messages are lost at random, or whose frames are at random: whether the mean square
+of all states decays, and the interval for which it does.
+
+Both are Markov chains. Of frames, the nodes are the length of the last one, where anything depends
+on it. Of messages, they are the moments at which channels send, together with whether each channel
+is in a burst of losses (E. N. Gilbert, Capacity of a burst-noise channel, Bell Syst. Tech. J. 39,
+1960; E. O. Elliott, the same, 42, 1963). Edges carry a matrix and its probability. Second moments
+`X_i = E[x x'; node i]` become `X_j = sum w A X_i A'` over the edges from i to j. They decay if the
+spectral radius of this operator is below 1, and if and only if there are forms P_i > 0 with `P_i -
+sum w A' P_j A > 0`, the sum over the edges that leave i (O. L. V. Costa, M. D. Fragoso, R. P.
+Marques, Discrete-time Markov jump linear systems, Springer 2005, theorem 3.9). Such forms, checked
+in `norm_check`, are a proof; an eigenvalue of the operator outside the unit circle for all matrices
+within the errors is a refutation.
+"""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import pairwise
+from math import comb
+
+import numpy as np
+from numpy.polynomial.chebyshev import Chebyshev, chebpts2
+
+from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine._switched.brackets import NEAR_START, Bracket, ProvedStretch
+from wavesweep.engine._switched.graph import Graph
+from wavesweep.engine._switched.loop_frames import LoopFrames
+from wavesweep.engine._switched.norm_check import Norms, shrink_on_average
+from wavesweep.engine._switched.norms import acting, packed, unpacked
+from wavesweep.engine.doubles import EPS
+
+MOMENT_BISECTIONS = 60  # more halve no interval of doubles
+# Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its
+# largest last coefficient, and the least size at all of its points but two, relative to the
+# largest.
+DEGREE, PANELS, NARROWEST, RESOLVED, EVEN = 24, 200, 1e-9, 1e-9, 1e-5
+# of a number where moments stop to decay, how far beyond it is refuted
+BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)
+# of the whole way and of the number, how near to the refuted one the proof goes
+PROOF_DISTANCE = 1e-5
+LEAST_AWAY = 0.01  # of half of an interval, how near at least
+TRIES = 1000  # stretches that are tried where moments grow
+WORK = 10**9  # entries of all of these, times their rows
+SIZING = 6  # rounds in which sizes of states are found
+CHANCE_ROUNDING = 64 * EPS  # of a probability that is a product of a few numbers
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chances:
+    """A family whose matrices have probabilities, along a number that either matrices or
+    probabilities depend on.
+
+    family: along the number if matrices depend on it. graph: the chain; edges whose probability is
+    always 0 are left out. factors: of the probability of each edge, at values 0 and 1 of the number
+    if it is one of them, `(edges, factors, 2)`.
+    """
+
+    family: LoopFrames
+    graph: Graph
+    factors: np.ndarray
+    in_matrices: bool
+
+    def weights(self, low: float, high: float) -> np.ndarray:
+        """The probabilities from low to high as control points of polynomials in the number,
+        `(points, edges)`.
+
+        Each factor is linear, so that their product is a convex combination of the products'
+        control points.
+        """
+        slope = self.factors[..., 1] - self.factors[..., 0]
+        ends = np.clip(
+            np.stack([self.factors[..., 0] + x * slope for x in (low, high)], -1), 0.0, 1.0
+        )
+        if low == high or self.in_matrices:
+            return ends[..., 0].prod(-1)[None]
+        count = ends.shape[1]
+        weights = np.ones((len(ends), 1))
+        for i in range(count):
+            longer = np.zeros((len(ends), weights.shape[1] + 1))
+            longer[:, :-1] += weights * ends[:, i, :1]
+            longer[:, 1:] += weights * ends[:, i, 1:]
+            weights = longer
+        return (weights / [comb(count, k) for k in range(count + 1)]).T
+
+    def probable(self, low: float, high: float) -> tuple[float, float]:
+        """The part of an interval in which all probabilities are at least 0 and at most 1."""
+        first = self.factors[..., 0].ravel()
+        slope = np.diff(self.factors).ravel()
+        moves = slope != 0
+        first = first[moves]
+        slope = slope[moves]
+        ends = np.sort([-first / slope, (1 - first) / slope], axis=0)
+        return float(ends[0].max(initial=low)) + 0.0, float(ends[1].min(initial=high))
+
+    def at(self, x: float) -> tuple[np.ndarray, np.ndarray]:
+        """The matrices of the symbols and the probabilities of the edges at x, in plain doubles."""
+        return self.family.at(x if self.in_matrices else 0.0), self.weights(x, x)[0]
+
+    def proves(self, P: np.ndarray, low: float, high: float) -> bool:
+        """Whether these forms are proved to decay on average for all numbers from low to high."""
+        points = self._hull(low, high)
+        if points is None:
+            return False
+        weights = self.weights(low, high)
+        norms = Norms(P, self.graph)
+        for weight in weights:
+            for E, dE in zip(*points, strict=True):
+                if not shrink_on_average(norms, weight, E, dE):
+                    return False
+        return True
+
+    def _hull(self, low, high):
+        """Control points of the matrices from low to high, and bounds on their errors; or None."""
+        if self.in_matrices:
+            return self.family.hull(low, high)
+        E, dE = self.family.enclosed(0.0)
+        return E[None], dE[None]
+
+    def operator(self, x: float) -> np.ndarray:
+        """What becomes of second moments at x, as a matrix for vectors of their entries."""
+        A, weight = self.at(x)
+        return operator_of(A, self.graph, weight)
+
+    def decays(self, x: float) -> bool:
+        """Whether second moments decay at x, in plain doubles: only then are the forms definite."""
+        try:
+            np.linalg.cholesky(self.forms(x, np.ones(self.family.kept.size)))
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    def refuted(self, x: float) -> bool:
+        """Whether second moments are proved to grow at x."""
+        enclosed = self._enclosed(x, x)
+        return enclosed is not None and _grow(enclosed[0], enclosed[2])
+
+    def grow(self, low: float, high: float) -> bool:
+        """Whether second moments are proved to grow at all numbers from low to high.
+
+        The spectral radius of the operator is one of its eigenvalues, see `parts_that_decay`. It is
+        above m at all of them if it is in the middle, and if no operator `L + s D` within its
+        errors, s from -1 to 1, has the eigenvalue m. With an approximate inverse C of `m - L` that
+        is so if the spectral radius of `|1 - C (m - L)| + |C D| + |C| errors` is below 1 (S. M.
+        Rump, Verification methods, Acta Numerica 19, 2010). m is half-way to the next real
+        eigenvalue, but at least 1.
+        """
+        enclosed = self._enclosed(low, high)
+        if enclosed is None:
+            return False
+        value, slope, off = enclosed
+        identity = np.eye(len(value))
+        eigenvalues = np.linalg.eigvals(value)
+        is_real = np.abs(eigenvalues.imag) < 1e-9 * np.abs(eigenvalues)
+        *_, next_, radius = np.sort(np.append(eigenvalues.real[is_real], [0, 0]))
+        m = (radius + max(next_, 1.0)) / 2
+        rounding = 4 * len(identity) * EPS
+        middle = self._enclosed((low + high) / 2, (low + high) / 2)
+        if radius <= 1 or middle is None or not _grow(middle[0] / m, middle[2] / m):
+            return False
+        with suppress(np.linalg.LinAlgError):  # singular
+            C = np.linalg.inv(m * identity - value)
+            size = np.abs(identity - C @ (m * identity - value)) + np.abs(C @ slope)
+            size += np.abs(C) @ (off + rounding * (m * identity + np.abs(value) + np.abs(slope)))
+            u = np.linalg.solve((1 - rounding) * identity - size, np.ones(len(identity)))
+            return bool((u > 0).all() and (size @ u < (1 - rounding) * u).all())
+        return False
+
+    def _enclosed(self, low, high):
+        """The operator from low to high as `L + s D` and bounds on the rest, s from -1 to 1;
+        None if it is not known."""
+        points = self._hull(low, high)
+        if points is None:
+            return None
+        E, dE = points
+        A, D, rest = _line(E + np.eye(E.shape[-1]))
+        weight, weight_slope, change = _line(self.weights(low, high))
+        A_size = np.abs(A)
+        moved = np.abs(D)
+        off = rest + dE.max(0)
+        acting = _acting(A)
+        larger = _acting(A_size + moved + off)
+        slope = _acting(A + D) - acting - _acting(D)
+        error = larger - _acting(A_size + moved) + _acting(moved) + CHANCE_ROUNDING * larger
+        weight = weight[:, None, None]
+        weight_slope = weight_slope[:, None, None]
+        change = change[:, None, None]
+        of_edges = self.graph.symbol
+        acting = acting[of_edges]
+        slope = slope[of_edges]
+        error = error[of_edges]
+        larger = larger[of_edges]
+        rest = weight * error + change * larger
+        rest += np.abs(weight_slope) * (larger - np.abs(acting))
+        L = _summed(weight * acting, self.graph)
+        D = _summed(weight * slope + weight_slope * acting, self.graph)
+        return L, D, _summed(rest, self.graph)
+
+    def forms(self, x: float, size: np.ndarray) -> np.ndarray:
+        """Forms that decay at x, on average by the squares of the states over their sizes, NaN
+        where there are none."""
+        return self._solved(self.operator(x).T, size**-2.0)
+
+    def sizes(self, x: float) -> np.ndarray:
+        """Sizes of the states, `(n,)`, in whose units second moments under noise and forms have
+        similar entries."""
+        size = np.ones(self.family.kept.size)
+        operator = self.operator(x)
+        for _ in range(SIZING):
+            moments = self._solved(operator, size**2)
+            forms = self._solved(operator.T, size**-2.0)
+            with np.errstate(
+                all="ignore"
+            ):  # next to where moments do not decay rounding makes them negative
+                size = (np.diagonal(moments.sum(0)) / np.diagonal(forms.sum(0))) ** 0.25
+        return size
+
+    def _solved(self, operator, diagonal):
+        """The matrices at the nodes that the operator changes by this diagonal matrix."""
+        nodes = self.graph.nodes
+        n = diagonal.size
+        right_side = np.tile(packed(np.diag(diagonal)), nodes)
+        solution = np.full((nodes, n, n), np.nan)
+        with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
+            solution = unpacked(
+                np.linalg.solve(np.eye(right_side.size) - operator, right_side).reshape(nodes, -1),
+                n,
+            )
+        return solution
+
+
+def operator_of(A: np.ndarray, graph: Graph, weight: np.ndarray) -> np.ndarray:
+    """Return what becomes of second moments, as a matrix for vectors of their entries.
+
+    A: of each symbol; weight: of each edge.
+    """
+    return _summed(weight[:, None, None] * _acting(A)[graph.symbol], graph)
+
+
+def _summed(parts, graph):
+    size = parts.shape[-1]
+    nodes = graph.nodes
+    total = np.zeros((nodes, size, nodes, size))
+    np.add.at(total, (graph.target, slice(None), graph.source), parts)
+    return total.reshape(nodes * size, nodes * size)
+
+
+def _grow(operator, off) -> bool:
+    """Whether an operator within these errors has an eigenvalue outside the unit circle."""
+    identity = np.eye(len(operator))
+    count, clear = count_outside(
+        (operator - identity)[None], (off + CHANCE_ROUNDING * identity)[None]
+    )
+    return bool(count[0] > 0 and clear[0])
+
+
+def _line(points):
+    """What is on a Bezier curve: `middle + s slope`, s from -1 to 1, and bounds on the rest;
+    points: control points."""
+    n = len(points) - 1
+    if not n:
+        return points[0], 0 * points[0], 0 * points[0]
+    middle = (points[-1] + points[0]) / 2
+    slope = (points[-1] - points[0]) / 2
+    line = middle + np.multiply.outer(np.linspace(-1, 1, n + 1), slope)
+    return middle, slope, np.abs(points - line).max(0)
+
+
+def _acting(A):
+    """The maps `X -> A X A'` of symmetric matrices, as matrices for vectors of `packed`."""
+    return acting(A[:, :, :, None, None] * A[:, None, None], A.shape[-1])
+
+
+def decays(loop: Chances) -> str:
+    """Whether second moments decay: "proved", "refuted" or "unknown"."""
+    if not loop.decays(0.0):
+        if loop.refuted(0.0):
+            return "refuted"
+        return "unknown"
+    P = loop.forms(0.0, loop.sizes(0.0))
+    if loop.proves(P, 0.0, 0.0):
+        return "proved"
+    return "unknown"
+
+
+def brackets_on_average(
+    loop: Chances, limits: tuple[float, float], tolerance: float = 0.01
+) -> list[Bracket]:
+    """Return the numbers within limits for which second moments decay, an element for each
+    interval; see `bracket`.
+
+    An interval's proof holds for every number of it, by forms on stretches without a gap. `words`
+    are (0,) where a number is refuted. Intervals are searched in plain doubles: one that is much
+    narrower than a panel of `_zeros` may be missed.
+    """
+    limits = loop.probable(*limits)
+    rows = []
+    for stretch in parts_that_decay(loop, *limits):
+        row = _bracket(loop, stretch, limits, tolerance)
+        if row.low < row.high:
+            rows.append(row)
+    return rows
+
+
+def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float, float]]:
+    """Return the parts of an interval in which second moments decay, in plain doubles.
+
+    The operator maps semidefinite matrices to such. So its spectral radius is one of its
+    eigenvalues (M. G. Krein and M. A. Rutman, Linear operators leaving invariant a cone, Uspekhi
+    Mat. Nauk 3, 1948), and passes 1 only where `I - operator` is singular.
+    """
+
+    def distance(x):
+        operator = loop.operator(x)
+        return np.linalg.slogdet(np.eye(len(operator)) - operator)
+
+    zeros = sorted(_zeros(distance, low, high))
+    edges = [low, *(x for x in zeros if low < x < high), high]
+    middles = [(first + second) / 2 for first, second in pairwise(edges)]
+    stable = [loop.decays(x) for x in middles]
+    stretches = []
+    for i, inside in enumerate(stable):
+        if inside and stretches and stretches[-1][1] == edges[i] and loop.decays(edges[i]):
+            stretches[-1] = stretches[-1][0], edges[i + 1]
+        elif inside:
+            stretches.append((edges[i], edges[i + 1]))
+    outside = [x for x, inside in zip(middles, stable, strict=True) if not inside]
+    polished = []
+    for stretch in stretches:
+        ends = []
+        for end in stretch:
+            if end in (low, high):
+                ends.append(end)
+            else:
+                ends.append(_polished(loop, stretch, end, outside))
+        polished.append(tuple(ends))
+    return polished
+
+
+def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
+    """Return whether second moments are proved to grow at all numbers of an interval in which
+    probabilities can be."""
+    open_ = [loop.probable(low, high)]
+    for _ in range(min(TRIES, WORK // len(loop.operator(open_[0][0])) ** 3)):
+        if not open_:
+            return True
+        left, right = open_.pop()
+        middle = (left + right) / 2
+        if left < right and not loop.grow(left, right):
+            if loop.decays(middle):
+                return False
+            open_ += [(middle, right), (left, middle)]
+    return False
+
+
+def nearest_growing(
+    loop: Chances,
+    start: float,
+    limit: float,
+    scanned: int = 24,  # numbers at which the nearest one is looked for where moments grow
+) -> tuple[float, tuple[int, ...]]:
+    """Return the refuted number closest to the start, towards a limit, that a scan finds, and
+    (0,); NaN and () without one."""
+    inside = start
+    for outside in [
+        start,
+        *(start + (limit - start) * np.geomspace(1e-4, 1.0, scanned)[-scanned:]),
+    ]:
+        if not loop.decays(outside):
+            break
+        inside = outside
+    else:
+        return np.nan, ()
+    for _ in range(MOMENT_BISECTIONS if inside != outside else 0):
+        middle = (inside + outside) / 2
+        if loop.decays(middle):
+            inside = middle
+        else:
+            outside = middle
+    beyond = (
+        outside + step * np.sign(limit - start) * max(abs(outside), 1e-6 * abs(limit - start))
+        for step in BEYOND
+    )
+    fails = next((float(x) for x in beyond if loop.refuted(x)), np.nan)
+    return fails, () if np.isnan(fails) else (0,)
+
+
+def _polished(loop, part, end, outside):
+    """An end of a part by bisection, between its middle and the next one outside."""
+    inside = sum(part) / 2
+    beyond = min(
+        (x for x in outside if (x - end) * (end - inside) > 0),
+        key=lambda x: abs(x - end),
+        default=end,
+    )
+    for _ in range(MOMENT_BISECTIONS):
+        middle = (inside + beyond) / 2
+        if loop.decays(middle):
+            inside = middle
+        else:
+            beyond = middle
+    return inside
+
+
+def _zeros(function, low, high):
+    """The zeros of an analytic function within an interval, given as sign and logarithm of its
+    size.
+
+    They are those of Chebyshev interpolants. A panel is halved until the coefficients fall, and
+    until the function is of similar size at most of its points, after an exponential between two of
+    them is divided out.
+    """
+    points = chebpts2(DEGREE + 1)
+    found = []
+    panels = [(low, high)]
+    for _ in range(PANELS):
+        if not panels:
+            break
+        left, right = panels.pop(0)
+        with np.errstate(all="ignore"):
+            sign, size = np.array(
+                [function(x) for x in (left + right) / 2 + (right - left) / 2 * points]
+            ).T
+            size = size - (size[-4] - size[3]) / (points[-4] - points[3]) * points
+            values = sign * np.exp(size - size.max())
+            series = Chebyshev.fit(points, values, DEGREE, domain=(-1, 1))
+        tail = np.abs(series.coef[-2:]).max()
+        if right - left > NARROWEST * (high - low) and not (
+            tail < RESOLVED and np.sort(np.abs(values))[2] > EVEN
+        ):
+            panels += [(left, (left + right) / 2), ((left + right) / 2, right)]
+        elif np.isfinite(values).all():
+            zeros = series.roots()
+            zeros = zeros.real[(np.abs(zeros.imag) < 1e-3) & (np.abs(zeros.real) <= 1)]
+            found += ((left + right) / 2 + (right - left) / 2 * zeros).tolist()
+    return found
+
+
+def _bracket(loop, part, limits, tolerance):
+    """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
+    sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
+    (low, below, down), (high, above, up) = sides
+    first = limits[0] if np.isnan(below) else below
+    last = limits[1] if np.isnan(above) else above
+    near = []
+    for end, reached in ((first, low), (last, high)):
+        size = max(abs(end), NEAR_START * (high - low))
+        near.append(abs(end - reached) <= tolerance * size)
+    words = tuple(() if np.isnan(end) else (0,) for end in (below, above))
+    stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
+    return Bracket(low, high, below, above, words, all(near), stretches)
+
+
+def _side(loop, start, end, limit):
+    """The number that the proof reaches towards an end, the refuted one beyond it, NaN without,
+    and the stretches."""
+    fails = np.nan
+    goal = end
+    distance = limit - start
+    if end != limit:
+        beyond = [
+            end + step * np.sign(distance) * max(abs(end), 1e-6 * abs(distance)) for step in BEYOND
+        ]
+        fails = next(
+            (float(x) for x in beyond if abs(x - start) <= abs(distance) and loop.refuted(x)),
+            np.nan,
+        )
+        goal -= np.sign(distance) * min(
+            PROOF_DISTANCE * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start)
+        )
+    stretches = []
+    at = start
+    step = goal - start
+    failed = False
+    while at != goal and len(stretches) < 200 and abs(step) > 1e-9 * abs(goal - start):  # stretches
+        to = goal if abs(goal - at) <= abs(step) else at + step
+        P = loop.forms(to, loop.sizes(to))
+        if loop.proves(P, min(at, to), max(at, to)):
+            stretches.append(ProvedStretch(min(at, to), max(at, to), (Norms(P, loop.graph),)))
+            at = to
+            step = step if failed else 2 * step
+            failed = False
+        else:
+            step = step / 2
+            failed = True
+    return float(at), fails, stretches

@@ -1,0 +1,156 @@
+"""Switched systems: matrices in any order that a graph allows, and norms in which all shrink."""
+
+from typing import TYPE_CHECKING
+
+from wavesweep.engine import on_demand
+
+if TYPE_CHECKING:
+    from wavesweep.engine._switched.average import ALONE, OnAverage, forms_of_each, forms_on_average
+    from wavesweep.engine._switched.brackets import (
+        PROVED,
+        REFUTED,
+        UNKNOWN,
+        Bracket,
+        Decision,
+        bracket,
+        decide,
+        nearest_refuted,
+    )
+    from wavesweep.engine._switched.climb import (
+        OPERATIONS_OF_CLIMB,
+        Growth,
+        climb,
+        constant_growth,
+        contradicted,
+        corners_of,
+        growth_in_words,
+        growth_on_average,
+        on_edges_of,
+    )
+    from wavesweep.engine._switched.dissipation import automaton, least_damping
+    from wavesweep.engine._switched.folded import counted_from_rest, lasting, shift_of
+    from wavesweep.engine._switched.graph import Family, Graph
+    from wavesweep.engine._switched.loop_frames import LoopFrames, Symbol, WrittenFrames, alive
+    from wavesweep.engine._switched.mean_square import (
+        Chances,
+        brackets_on_average,
+        decays,
+        grows_everywhere,
+        nearest_growing,
+        parts_that_decay,
+    )
+    from wavesweep.engine._switched.norm_check import (
+        Norms,
+        definite,
+        in_its_units,
+        shrink_along,
+        shrink_each,
+        shrink_over,
+    )
+    from wavesweep.engine._switched.norms import (
+        CALLS,
+        OPERATIONS_OF_SEARCH,
+        Centre,
+        acting,
+        find_norms,
+        first_centre,
+        recentred,
+        sloped,
+        units_of_places,
+    )
+    from wavesweep.engine._switched.patterns import (
+        Word,
+        crossing,
+        following,
+        growing,
+        growing_of,
+        growth,
+        improved,
+        is_refuted,
+        joined,
+        nearest,
+        product_of,
+        rates_of,
+        refuted_beyond,
+        short_words,
+        shortest_through,
+        written,
+    )
+    from wavesweep.engine._switched.ring_search import RingSearch, opened, units_of_ring, walked
+else:
+    __getattr__ = on_demand(
+        {
+            "_switched.average": ("ALONE", "OnAverage", "forms_of_each", "forms_on_average"),
+            "_switched.brackets": (
+                "Bracket",
+                "Decision",
+                "PROVED",
+                "REFUTED",
+                "UNKNOWN",
+                "bracket",
+                "decide",
+                "nearest_refuted",
+            ),
+            "_switched.climb": (
+                "Growth",
+                "OPERATIONS_OF_CLIMB",
+                "climb",
+                "constant_growth",
+                "contradicted",
+                "corners_of",
+                "growth_in_words",
+                "growth_on_average",
+                "on_edges_of",
+            ),
+            "_switched.dissipation": ("automaton", "least_damping"),
+            "_switched.folded": ("counted_from_rest", "lasting", "shift_of"),
+            "_switched.graph": ("Family", "Graph"),
+            "_switched.loop_frames": ("LoopFrames", "Symbol", "WrittenFrames", "alive"),
+            "_switched.mean_square": (
+                "Chances",
+                "brackets_on_average",
+                "decays",
+                "grows_everywhere",
+                "nearest_growing",
+                "parts_that_decay",
+            ),
+            "_switched.norm_check": (
+                "Norms",
+                "definite",
+                "in_its_units",
+                "shrink_along",
+                "shrink_each",
+                "shrink_over",
+            ),
+            "_switched.norms": (
+                "CALLS",
+                "Centre",
+                "OPERATIONS_OF_SEARCH",
+                "acting",
+                "find_norms",
+                "first_centre",
+                "recentred",
+                "sloped",
+                "units_of_places",
+            ),
+            "_switched.patterns": (
+                "Word",
+                "crossing",
+                "following",
+                "growing",
+                "growing_of",
+                "growth",
+                "improved",
+                "is_refuted",
+                "joined",
+                "nearest",
+                "product_of",
+                "rates_of",
+                "refuted_beyond",
+                "short_words",
+                "shortest_through",
+                "written",
+            ),
+            "_switched.ring_search": ("RingSearch", "opened", "units_of_ring", "walked"),
+        }
+    )

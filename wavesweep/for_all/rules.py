@@ -1,0 +1,23 @@
+"""What a spec's [for_all] asks for, and rows that answer it: for capabilities that read a key of it."""
+
+from wavesweep.for_all.claimed import scope_of
+from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
+from wavesweep.for_all.unknown import Part
+from wavesweep.for_all.varying import Rules, bracketed, decided_over, text_of_pattern
+from wavesweep.for_all.wall_frames import UnfitWallError, WallFrames, wall_frames
+
+__all__ = [
+    "FOR_ALL_RECORD",
+    "Part",
+    "Row",
+    "Rules",
+    "UnfitWallError",
+    "WallFrames",
+    "bracketed",
+    "cases_of",
+    "decided_over",
+    "recorded",
+    "scope_of",
+    "text_of_pattern",
+    "wall_frames",
+]
