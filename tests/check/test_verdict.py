@@ -9,6 +9,7 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.check import room_of_numbers as judging
 from wavesweep.check.verdict import verdict_lines
+from wavesweep.program.analyses.claim_words import walls_in_words
 from wavesweep.program.analyses.claims import own_scope
 from wavesweep.program.spec import SYMBOLS, load
 
@@ -251,4 +252,4 @@ def test_what_a_simulation_adds_and_the_answers_leave_out_is_said(effect, size, 
     one, other = (loop.simulate(np.ones(50))["x"].to_numpy() for loop in loops)
     assert abs(one - other).max() > 1e-3 * abs(one).max()
     assert len({float(loop.spectral_radius()) for loop in loops}) == 1
-    assert word in own_scope(loops[1].spec).walls_in_words()
+    assert word in walls_in_words(own_scope(loops[1].spec))

@@ -18,6 +18,7 @@ from wavesweep.contact.stored_search import find_stored
 from wavesweep.contact.verdict import of_wall
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded
+from wavesweep.program.analyses.claim_words import scope_in_words
 from wavesweep.program.analyses.claims import PUSHES
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
@@ -252,7 +253,7 @@ def test_the_verdict_on_a_wall_while_frames_vary(stiffness, said):
     assert (found["counterexample"] or found["verdict"]).startswith(said)
     (claim,) = told["claims"]
     assert claim.status.name.lower() == found["verdict"]
-    assert f"16, 20, 25, 33 ticks in any order with {PUSHES}" in claim.scope.in_words()
+    assert f"16, 20, 25, 33 ticks in any order with {PUSHES}" in scope_in_words(claim.scope)
     if said == "the linear":
         linear = np.array([-1e9, 1e9]), np.array([-1e9, 1e9])
         pattern = [int(each) for each in found["counterexample"].rpartition("frames ")[2].split(", ")]

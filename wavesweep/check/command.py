@@ -269,7 +269,7 @@ def _folded(line: str) -> list[str]:
 
 def _within(line: str) -> list[str]:
     """A line as lines of at most WIDEST letters."""
-    from wavesweep.program.analyses.claims import WIDEST
+    from wavesweep.program.analyses.claim_words import WIDEST
 
     indent = " " * (len(line) - len(line.lstrip()) + 4)
     return wrap(line, WIDEST, subsequent_indent=indent, break_on_hyphens=False)

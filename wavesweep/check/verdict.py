@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.capabilities import asked
 from wavesweep.program.analyses.assumptions import of_axes
+from wavesweep.program.analyses.claim_words import as_json
 from wavesweep.program.analyses.claims import Claim, Verdict
 from wavesweep.program.analyses.own_design import is_first, own_claim, own_design
 from wavesweep.program.spec import Spec
@@ -38,7 +39,7 @@ def written(spec: Spec, found: Facts) -> dict[str, Any]:
     judged = of_spec(spec, found)
     claims = {
         "answer": judged.status.answer,
-        "questions": [claim.written() for claim in judged.answers],
+        "questions": [as_json(claim) for claim in judged.answers],
     }
     return {name: value for name, value in found.items() if name != "claims"} | claims
 

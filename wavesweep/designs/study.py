@@ -27,6 +27,7 @@ from wavesweep.designs.table import fields_of_design, wish_units
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.designs.wishes import evaluate
 from wavesweep.engine.errors import SpecError, UsageError, WavesweepError
+from wavesweep.program.analyses.claim_words import in_words, scope_in_words
 from wavesweep.program.analyses.claims import (
     STABLE,
     Claim,
@@ -635,8 +636,8 @@ def _notices(job):
         yield f"each design was tried with {several}, those of the front with {len(study.finest)}"
     if spec.for_all:
         for name, claim in claims_of(job).items():
-            if claim.scope.in_words():
-                yield f"{name}: {claim.words()}"
+            if scope_in_words(claim.scope):
+                yield f"{name}: {in_words(claim)}"
         if any(wish.word == "z_width" for wish in spec.design.wishes):
             share = spec.for_all.proof(spec).from_share
             yield f"walls are proved from {100 * share:g} % of z_width on"

@@ -34,6 +34,7 @@ from wavesweep.explore.limited_time import within
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.haptics.controllers import WALL
+from wavesweep.program.analyses.claim_words import form_of, scope_in_words
 from wavesweep.program.analyses.claims import asks_more, questions
 from wavesweep.program.plots.figure_marks import facts_of_marks
 from wavesweep.program.reading.keys import readable
@@ -94,7 +95,8 @@ class Page:
             "name": spec.name,
             "kind": spec.kind,
             "asked": [
-                f"{each.what.worded().question} {each.scope.in_words()}".strip() for each in asked
+                f"{form_of(each.what).question} {scope_in_words(each.scope)}".strip()
+                for each in asked
             ],
             "version": __version__,
             "sliders": [{**asdict(slider), "unit": _unit(slider.unit)} for slider in self.sliders],

@@ -47,6 +47,7 @@ def _every_hand(spec: Spec, damping: Mapping[str, Any]) -> str:
     from wavesweep.for_all.every_hand import EveryHandGuarantee
     from wavesweep.for_all.rows import CONTRADICTED
     from wavesweep.for_all.varying import Rules
+    from wavesweep.program.analyses.claim_words import in_words
     from wavesweep.program.analyses.claims import STABLE, Claim, Status
     from wavesweep.program.number_words import rounded_up
 
@@ -63,8 +64,8 @@ def _every_hand(spec: Spec, damping: Mapping[str, Any]) -> str:
         reason = damping["by"]
     claim = Claim(STABLE, EveryHandGuarantee(Rules.of(spec)).scope(spec), status, reason)
     if damping.get("doubt"):
-        return claim.words()
+        return in_words(claim)
     enough = "no damping is proved to suffice"
     if needed is not None:
         enough = f"{rounded_up(needed, 4)} N*s/m of damping suffice"
-    return f"{claim.words()}; {enough}, the device has {device:g}"
+    return f"{in_words(claim)}; {enough}, the device has {device:g}"

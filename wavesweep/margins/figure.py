@@ -11,6 +11,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.response import Step
 from wavesweep.margins.marked_steps import MARK, draw_others, draw_step
+from wavesweep.program.analyses.claim_words import scope_in_words
 from wavesweep.program.analyses.claims import of_rows
 from wavesweep.program.columns import Columns
 from wavesweep.program.number_words import rounded_down, rounded_up
@@ -142,7 +143,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         if len(proved) and proved[0] < np.inf:
             rim = disk_of(proved[0])
             disk = rounded_down(tables["for_all"]["disk"][0], 3)
-            said = f"disk margin {disk}, proved {of_rows(facts, 'for_all').scope.in_words()}"
+            said = f"disk margin {disk}, proved {scope_in_words(of_rows(facts, 'for_all').scope)}"
             panels["nyquist"].plot(
                 rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said
             )

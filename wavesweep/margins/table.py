@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.claim_words import in_words
 from wavesweep.program.analyses.claims import Claim, Property, Status, own_scope
 from wavesweep.program.columns import RATIO, Columns, joined
 from wavesweep.program.number_words import rounded_down, rounded_up
@@ -174,7 +175,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
     said = ""
     if of_all:
         claim = Claim.read(found["claim"])
-        said = f"{claim.words()} (for_all)"
+        said = f"{in_words(claim)} (for_all)"
         if claim.status is Status.REFUTED:  # what is refuted comes first
             yield said, True
             of_all = {}

@@ -22,6 +22,7 @@ from wavesweep.program.analyses.asked import (
     frequencies_asked,
     key_named,
 )
+from wavesweep.program.analyses.claim_words import fact_of
 from wavesweep.program.analyses.claims import Claim, own_figures
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
@@ -516,7 +517,7 @@ class Loop:
         columns = kind_named(kind).ordered(columns)
         along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
         units = _units(self.spec, kind, tuple(columns), along)
-        return columns, units, {word: claim.fact() for word, claim in claims.items()}
+        return columns, units, {word: fact_of(claim) for word, claim in claims.items()}
 
     def _read(self, spec: Spec) -> frozenset[str]:
         if spec is self.spec:

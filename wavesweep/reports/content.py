@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.program.analyses.claims import Claim, Property, Status, beyond_the_ends, known
+from wavesweep.program.analyses.claim_words import (
+    beyond_the_ends,
+    claimed,
+    known_in_words,
+    of_intervals,
+    verdict_lines,
+    walls_in_words,
+)
+from wavesweep.program.analyses.claims import Claim, Property, Status
 from wavesweep.program.columns import whose_column
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
@@ -184,7 +192,7 @@ def _found(title: str, table: Table, command: str) -> ReportSection:
         svg = ""
     lines = (*kind.lines(tally.numbers(table.facts)), *notices)
     claims = [Claim.read(fact) for fact in table.facts["claims"].values()]
-    how_known = "" if title == INTERVALS else known(claims)
+    how_known = "" if title == INTERVALS else known_in_words(claims)
     return ReportSection(title, how_known, table, lines, svg, command, sha256(csv).hexdigest())
 
 
@@ -216,7 +224,7 @@ def _own_lines(spec: Spec, swept: Columns) -> tuple[list[Line], Verdict, str]:
     status = Status.CERTIFIED if certified else Status.COMPUTED
     figures = [replace(own, what=ranges, status=status, reason="")]
     figures.append(replace(own, what=modes, status=Status.COMPUTED, reason=""))
-    return marked, Verdict.of(spec, [own, *claims]), known(figures)
+    return marked, Verdict.of(spec, [own, *claims]), known_in_words(figures)
 
 
 def _picture_of_time(spec: Spec) -> str:
@@ -242,8 +250,8 @@ def _assumed(facts: Mapping[str, Any]) -> Iterator[str]:
     claims = {word: Claim.read(fact) for word, fact in facts["claims"].items()}
     for word, claim in claims.items():
         subject = f"Rows of {row_kind(word).legend}" if len(claims) > 1 else "Rows"
-        yield f"{subject}: {claim.said()}."
-    for wall in dict.fromkeys(claim.scope.walls_in_words() for claim in claims.values()):
+        yield f"{subject}: {claimed(claim)}."
+    for wall in dict.fromkeys(walls_in_words(claim.scope) for claim in claims.values()):
         yield f"{wall}."
 
 
@@ -256,7 +264,7 @@ def _answer(
     own: the first line about the spec's own numbers; judged: the verdict.
     """
     yield html.element("h2", "Answer")
-    title, *others = judged.lines(_own_place(spec))
+    title, *others = verdict_lines(judged, _own_place(spec))
     good = judged.status > Status.UNKNOWN
     lines = [(line.strip(), not good) for line in others]
     if not intervals:
@@ -297,7 +305,7 @@ def _known(table: Table, *, doubtful: bool) -> str:
     if doubtful:
         return "Not all of the intervals are certified."
     claims = [Claim.read(fact) for fact in table.facts["claims"].values()]
-    said = [claim.of_intervals() for claim in claims]
+    said = [of_intervals(claim) for claim in claims]
     if len({*said}) == 1:
         return said[0]
     return "How the intervals are known stands in each row."
@@ -312,7 +320,7 @@ def _wishes(spec: Spec) -> list[str]:
     return [
         html.element("h2", WISHES),
         html.table(("wish", "asked", "reached by the spec's own numbers", "met"), rows),
-        html.element("p", known(claims), "small"),
+        html.element("p", known_in_words(claims), "small"),
     ]
 
 

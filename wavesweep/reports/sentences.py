@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.errors import SpecError, WavesweepError
+from wavesweep.program.analyses.claim_words import doubted_as, scope_in_words, vouched_for
 from wavesweep.program.analyses.claims import Claim, Question, Status, of_rows, questions
 from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
 from wavesweep.program.number_words import lasting, rounded_down, rounded_up
@@ -71,7 +72,7 @@ def question(spec: Spec) -> str:
 def _clause(asked: Question) -> str:
     """What is asked of which loops, with chances, contact and all that varies."""
     what, scope = asked
-    return f"{CLAUSES[what.form].format(what.words)} {scope.in_words(whole=True)}".rstrip()
+    return f"{CLAUSES[what.form].format(what.words)} {scope_in_words(scope, whole=True)}".rstrip()
 
 
 def _values(spec: Spec, axis: Axis) -> str:
@@ -137,12 +138,12 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
 def _proof(row: Columns, claim: Claim) -> str:
     """Whether a row is certified or proved."""
     if row["certified"]:
-        return "proved" if claim.status is Status.PROVED else claim.vouched
+        return "proved" if claim.status is Status.PROVED else vouched_for(claim)
     reason = row["doubt"]
     places = open_places({name: [value] for name, value in row.items()}, 0)
     if places:
         reason = f"{reason}, {open_in_words(places)}"
-    return f"{claim.in_doubt}: {reason}"
+    return f"{doubted_as(claim)}: {reason}"
 
 
 def counterexamples(spec: Spec, table: Table) -> list[list[str]]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from wavesweep.program.analyses.claim_words import brief, fact_of, frames_in_words, in_words, messages_in_words, scope_in_words
 from wavesweep.program.analyses.claims import (
     AT_REST,
     MEAN_SQUARE,
@@ -104,7 +105,7 @@ def test_what_is_at_random_is_said_with_its_probabilities():
     def said(table):
         asked = questions(load({"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}, "for_all": table}))
         assert [each.scope.frames.order for each in asked][-1] is Order.AT_RANDOM
-        return ", ".join(asked[-1].scope.frames.in_words())
+        return ", ".join(frames_in_words(asked[-1].scope.frames))
 
     def lengths(values, **chances):
         return {"rates.ratio": {"values": values, "varying": True, **chances}}
@@ -115,20 +116,20 @@ def test_what_is_at_random_is_said_with_its_probabilities():
     assert said(lengths([33, 16], next=[[3, 1], [1, 1]])) == f"frames of 16, 33 ticks at random {after}"
     delays = {"environment.delay": {"values": [5, 1], "varying": True, "shares": [1, 2]}, "loss": 0.25}
     assert said(delays) == "results 1 (2 of 3) and 5 ticks late at random, results lost with probability 0.25"
-    assert lossy(0.6).in_words() == "messages of net lost with probability 0.6"
+    assert messages_in_words(lossy(0.6)) == "messages of net lost with probability 0.6"
     burst = "messages of net lost with probability 0.01, 0.9 in bursts (begun with 0.02, ended with 0.1)"
-    assert lossy(0.01, 0.02, 0.1, 0.9).in_words() == burst
+    assert messages_in_words(lossy(0.01, 0.02, 0.1, 0.9)) == burst
 
 
 def test_what_some_loops_do_not_have_is_not_said_as_if_none_had_it():
     frames = "for all frames of 16, 20, 33 ticks in any order"
     hands = Claim(STABLE, Scope(frames=VARYING, hands=PASSIVE_HANDS), Status.REFUTED, "frames 33")
-    assert hands.words() == f"not stable {frames} and all passive hands: frames 33"
+    assert in_words(hands) == f"not stable {frames} and all passive hands: frames 33"
     walls = Claim(AT_REST, Scope(walls=PUSHES), Status.REFUTED, "a wall")
-    assert walls.words() == "does not come to rest for all walls up to K_VE, B_VE that push and never pull: a wall"
-    assert walls.brief() == "does not come to rest for all of these"
+    assert in_words(walls) == "does not come to rest for all walls up to K_VE, B_VE that push and never pull: a wall"
+    assert brief(walls) == "does not come to rest for all of these"
     one = Claim(STABLE, Scope((Range("K", 3.0, 3.0, (3.0,)),)), Status.REFUTED)
-    assert one.words() == "not stable for K = 3"
+    assert in_words(one) == "not stable for K = 3"
 
 
 @pytest.mark.parametrize(
@@ -148,9 +149,9 @@ def test_what_some_loops_do_not_have_is_not_said_as_if_none_had_it():
     ],
 )
 def test_a_claim_is_read_from_the_facts_of_a_table_as_it_was_written(claim):
-    fact = json.loads(json.dumps(claim.fact()))
+    fact = json.loads(json.dumps(fact_of(claim)))
     assert Claim.read(fact) == claim
-    assert fact["said"].endswith(claim.scope.in_words())
+    assert fact["said"].endswith(scope_in_words(claim.scope))
 
 
 @pytest.mark.asks("for_all", "contact")
@@ -158,7 +159,7 @@ def test_what_a_spec_asks_beyond_the_claims_of_a_table_is_named():
     varying = {"for_all": {"rates.ratio": {"values": [16, 20], "varying": True}}}
     spec = load({"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}} | varying)
     (beyond,) = uncovered(spec, [own_scope(spec)])
-    assert beyond.in_words() == "for frames of 16, 20 ticks in any order"
+    assert scope_in_words(beyond) == "for frames of 16, 20 ticks in any order"
     assert not [*uncovered(spec, [beyond])]
     alone = load({"controller": {"kind": "dc-slow"}, "for_all": {"contact": True}})
     assert [each.walls for each in uncovered(alone, [own_scope(alone)])] == [PUSHES]

@@ -10,6 +10,7 @@ from wavesweep.engine.keys import LARGEST
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import GONE, damping_ratio, lines_in_loops, named_modes, radius_of
 from wavesweep.program.analyses.assumptions import FAVOURABLE, MOST_AXES, model_in_words
+from wavesweep.program.analyses.claim_words import verdict_lines
 from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope, questions
 from wavesweep.program.analyses.feel import felt_at_rest
 from wavesweep.program.analyses.mode_in_the_way import (
@@ -165,7 +166,7 @@ def own_lines(
         why += ", but for rounding" if radius == 1 else ""
     subject = f"{spec.name}, {spec.kind}"
     if verdict:
-        yield from verdict.lines(subject)
+        yield from verdict_lines(verdict, subject)
         subject = f"  {_own_in_words(spec)}"
     yield f"{subject}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):

@@ -173,12 +173,13 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
 def _uncovered(spec: Spec, claims: Sequence[Claim]) -> Iterator[str]:
     """Yield a notice for each of the scopes that a spec asks about and no claim of its tables
     covers; without one, what a table with a single claim is of, beside the spec's own numbers."""
+    from wavesweep.program.analyses.claim_words import claimed, scope_in_words
     from wavesweep.program.analyses.claims import LINEAR, uncovered
 
     if not claims:
         return
     scopes = [claim.scope for claim in claims]
-    beyond = [scope for scope in uncovered(spec, scopes) if scope.in_words()]
+    beyond = [scope for scope in uncovered(spec, scopes) if scope_in_words(scope)]
     for scope in beyond:
         able: Sequence[str] = FOR_ALL_NUMBERS
         if scope.walls != LINEAR:  # of blocks that saturate there are no rows, but a verdict
@@ -186,9 +187,9 @@ def _uncovered(spec: Spec, claims: Sequence[Claim]) -> Iterator[str]:
         elif scope.messages or spec.changing or scope.tick:  # for which there are no margins
             able = FOR_ALL_MESSAGES
         answer = "answers" if len(able) == 1 else "answer"
-        yield f"{spec.name}: {claims[0].said()}; {listed(able)} {answer} {scope.in_words()}"
-    if not beyond and len(claims) == 1 and scopes[0].in_words():
-        yield f"{spec.name}: {claims[0].said()}"
+        yield f"{spec.name}: {claimed(claims[0])}; {listed(able)} {answer} {scope_in_words(scope)}"
+    if not beyond and len(claims) == 1 and scope_in_words(scopes[0]):
+        yield f"{spec.name}: {claimed(claims[0])}"
 
 
 def _refuse_to_overwrite(
@@ -254,7 +255,7 @@ def _lines(
 ) -> list[Line]:
     """The lines of a summary and whether they are warnings; assumptions that favour stability come first, others last."""
     from wavesweep.program.analyses.assumptions import FAVOURABLE
-    from wavesweep.program.analyses.claims import WIDEST
+    from wavesweep.program.analyses.claim_words import WIDEST
 
     folded = partial(wrap, width=WIDEST, subsequent_indent="    ", break_on_hyphens=False)
     assumed = []

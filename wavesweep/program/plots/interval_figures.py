@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import offered
+from wavesweep.program.analyses.claim_words import nothing
 from wavesweep.program.analyses.plane_columns import PlaneCurve, incomplete, smooth_axes
 from wavesweep.program.columns import Columns, axes_of, joined, whose_column
 from wavesweep.program.plots.figure_layout import MOST_BARS, best_of, best_row, lay_out, rows_with
@@ -344,8 +345,8 @@ def _nothing_stable(columns: Columns, members: Sequence[Member]) -> str:
     """What a panel without stable intervals says."""
     best = max(members, key=lambda member: member.claim.status)
     if incomplete(columns).any():
-        return best.claim.nothing(False)
-    return best.claim.nothing(True) + " at the swept values"
+        return nothing(best.claim, known=False)
+    return nothing(best.claim, known=True) + " at the swept values"
 
 
 def _unknown_spans(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.claim_words import extreme
 from wavesweep.program.analyses.claims import Status
 from wavesweep.program.analyses.plane_columns import incomplete
 from wavesweep.program.columns import FELT_ALIKE
@@ -183,13 +184,13 @@ def _best(shown: Shown, members: Sequence[Member]) -> str:
     felt = best["merit"]
     alike = abs(felt - best["value"]) <= 0.005 * best["value"]
     if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):
-        largest = claim.extreme("largest", rows, certified=certified)
+        largest = extreme(claim, "largest", rows, certified=certified)
         said = f"{largest}: {value} {unit(shown.along, shown.facts)}".rstrip()
         above_a_hole = best.get("interval", 0) > 0  # and perhaps thin
         if above_a_hole:
             return f"{said}, from {rounded_up(best['low'], 5)}"
         return said
-    stiffest = claim.extreme("stiffest felt", rows, certified=certified)
+    stiffest = extreme(claim, "stiffest felt", rows, certified=certified)
     return f"{stiffest}: {rounded_down(felt, 4)} N/m at rest,\nof a wall of {value} N/m"
 
 

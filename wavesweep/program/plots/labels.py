@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from wavesweep.program.analyses.claim_words import form_of, scope_in_words
 from wavesweep.program.analyses.claims import NOBODY, of_rows
 from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.keys import readable
@@ -143,9 +144,9 @@ def claimed(facts: Mapping[str, Any]) -> str:
         claim = of_rows(facts, word)
         kind = row_kinds().get(word)  # none of a wish, whose claim begins with its name
         name = kind.legend if len(claims) > 1 and kind else ""
-        said = f"{claim.what.worded().holds} {claim.scope.in_words()}".rstrip()
+        said = f"{form_of(claim.what).holds} {scope_in_words(claim.scope)}".rstrip()
         in_legend = name and (claim.scope.hands == NOBODY or said.endswith(name))
-        if (claim.scope.in_words() or claim.what.required) and not in_legend:
+        if (scope_in_words(claim.scope) or claim.what.required) and not in_legend:
             sentences.append(f"{name}: {said}" if name else said)
     said = "; ".join(sentences)
     return _in_caption(f"{said[:1].upper()}{said[1:]}." if said else "")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.claim_words import nothing
 from wavesweep.program.analyses.claims import OPERATOR, Claim, Status, of_rows
 from wavesweep.program.analyses.plane_columns import (
     KNOWN,
@@ -251,7 +252,7 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
         stable = np.flatnonzero(rows["intervals"] > 0)
         if not stable.size:
             known = bool(rows["certified"].all()) if member.proved else not unknown
-            said = member.claim.nothing(known)
+            said = nothing(member.claim, known=known)
             at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():

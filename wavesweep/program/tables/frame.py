@@ -29,7 +29,7 @@ def frame(
     columns: Columns, units: Mapping[str, str], claims: Mapping[str, Mapping[str, Any]]
 ) -> DataFrame:
     """Columns as a DataFrame, whose `.attrs` has their `units` and the `claims` of the rows: what
-    these say of which loops, by the word of their kind, see `Claim.fact`.
+    these say of which loops, by the word of their kind, see `claim_words.fact_of`.
     """
     import pandas
 

@@ -5,7 +5,18 @@ from textwrap import wrap
 
 import numpy as np
 
-from wavesweep.program.analyses.claims import WIDEST, Claim, Status
+from wavesweep.program.analyses.claim_words import (
+    WIDEST,
+    claimed,
+    doubted_as,
+    everywhere,
+    no_value,
+    unless,
+    value_of_rows,
+    value_with,
+    vouched_for,
+)
+from wavesweep.program.analyses.claims import Claim, Status
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.number_words import (
@@ -61,7 +72,7 @@ class Sentences:
             said += f" ({slices['skipped']} skipped)"
         number = numbers["stable_intervals"]
         intervals = "interval" if number == 1 else "intervals"
-        said += f": {number} {self._claim.what.value(intervals)}"
+        said += f": {number} {value_with(self._claim.what, intervals)}"
         for name, gap in (
             ("slices_with_a_hole", "a hole"),
             ("slices_with_open_places", "open places"),
@@ -84,13 +95,13 @@ class Sentences:
         # Rows and not slices: an uncertified row names the interval that a user should not rely on.
         rows = self._numbers["rows"]
         doubts = self._numbers["doubts"]
-        vouched = self._claim.vouched
+        vouched = vouched_for(self._claim)
         if not doubts:
             said = "the only row is" if rows == 1 else f"all {count(rows, 'row')}"
             return f"{said} {vouched}", False
         reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
         doubted = sum(doubts.values())
-        said = f"{doubted} of {count(rows, 'row')} {self._claim.in_doubt} ({reasons})"
+        said = f"{doubted} of {count(rows, 'row')} {doubted_as(self._claim)} ({reasons})"
         if doubted < rows and vouched != "certified":
             said += f", the others {vouched}"
         return said, True
@@ -125,10 +136,12 @@ class Sentences:
         claim = self._claim.of_row(certified=largest["certified"])
         # An end that is exact may itself be refuted.
         below = "just below " * (largest.get("refuted_from", np.inf) <= largest["value"])
-        value = f"largest {claim.value(self._along)}: {below}{rounded_down(largest['value'])}{self._unit}"
+        value = f"largest {value_of_rows(claim, self._along)}: {below}{rounded_down(largest['value'])}{self._unit}"
         open_places = None if self._numbers["few_slices"] else largest["open"]
         gap = self._gap(claim, largest["from"], open_places)
-        return f"{value}{gap}{self._place(largest)}{ended}{claim.unless(largest['certified'])}"
+        return (
+            f"{value}{gap}{self._place(largest)}{ended}{unless(claim, known=largest['certified'])}"
+        )
 
     def _none(self) -> str:
         """That there is no interval, or none that could be found."""
@@ -137,7 +150,7 @@ class Sentences:
         if undecided:
             of_loop = self._numbers.get("conserves") and not self._numbers["required"]
             reason = where_nothing_decides() if of_loop else ""
-        return self._claim.none(self._along, reason, undecided=undecided)
+        return no_value(self._claim, self._along, reason, undecided=undecided)
 
     def of_one_without(self) -> str:
         """What keeps a slice from what is required, if others have it; empty otherwise."""
@@ -164,12 +177,12 @@ class Sentences:
         if least["value"] == largest["from"] and largest["ended_by"] == "stability":
             return ""
         claim = self._claim.of_row(certified=least["certified"])
-        said = f"smallest {claim.value(self._along)}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
+        said = f"smallest {value_of_rows(claim, self._along)}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
         if "refuted_below" in least:
             said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         elif least["unknown_below"]:
             said += ", below which it is not known"
-        said += claim.unless(least["certified"])
+        said += unless(claim, known=least["certified"])
         if upwards:
             if self._numbers["stable_intervals"] > 1:
                 goes = "every interval goes"
@@ -184,9 +197,9 @@ class Sentences:
         if without is None or without["value"] == self._numbers["largest"]["value"]:
             return ""
         claim = self._claim.of_row(certified=without["certified"])
-        first = f"{claim.everywhere()} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
+        first = f"{everywhere(claim)} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
         number = rounded_down(without["value"])
-        return f"{first} {number}{self._unit}{self._place(without)}{claim.unless(without['certified'])}"
+        return f"{first} {number}{self._unit}{self._place(without)}{unless(claim, known=without['certified'])}"
 
     def stiffest_felt(self) -> str:
         """The largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
@@ -202,7 +215,7 @@ class Sentences:
             said += ", at an end of an interval"
         said += f": {rounded_down(felt['value'])} {felt['unit']}"
         said += f" with {self._along} = {self._inside(felt)}{self._unit}{self._gap(self._claim, felt['from'])}"
-        return f"{said}{self._place(felt)}{self._claim.of_row(certified=felt['certified']).unless(felt['certified'])}"
+        return f"{said}{self._place(felt)}{unless(self._claim.of_row(certified=felt['certified']), known=felt['certified'])}"
 
     def _inside(self, felt: Numbers) -> str:
         """An end of an interval, rounded into it."""
@@ -213,7 +226,7 @@ class Sentences:
 
     def title(self) -> str:
         """What the rows of a kind say of which loops, with the word of the kind."""
-        return f"{self._claim.said()} ({self._hand}):"
+        return f"{claimed(self._claim)} ({self._hand}):"
 
     def parts(self) -> Iterator[Line]:
         """Yield all of it but the slices, a line each."""
@@ -246,7 +259,7 @@ class Sentences:
             at_start |= low <= BEGINS_NEAR_ZERO * self._numbers["largest"]["value"]
         said = []
         if not at_start:
-            begins = "met" if self._numbers["required"] else claim.everywhere()
+            begins = "met" if self._numbers["required"] else everywhere(claim)
             said.append(f"{begins} from {rounded_up(low)} on")
         if open_places:
             said.append(open_in_words(open_places, self._unit))

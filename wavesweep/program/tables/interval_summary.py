@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.claim_words import fact_of, vouched_for
 from wavesweep.program.analyses.claims import Claim, Status, of_rows
 from wavesweep.program.columns import FELT_ALIKE, Columns, axes_of, open_places, whose_column
 from wavesweep.program.row_kinds import COMPUTED
@@ -168,7 +169,7 @@ class LoopSummary:
         drawn = bool(numbers_of(self._facts))
         numbers = {
             "along": self._along,
-            "claim": self.claim.fact(),
+            "claim": fact_of(self.claim),
             "unit": self._unit(self._along),
             "units": {name: self._unit(name) for name in dict.fromkeys(names)},
             "range": [end if np.isfinite(end) else None for end in self._range],
@@ -178,7 +179,7 @@ class LoopSummary:
             "slices_with_a_hole": self._split,
             "slices_with_open_places": self._open,
             "rows": self._rows,
-            "vouched": self.claim.vouched,
+            "vouched": vouched_for(self.claim),
             "certified_rows": self._rows - self._doubts.total(),
             "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
             "largest": self._largest_numbers(),

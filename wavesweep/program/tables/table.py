@@ -87,6 +87,7 @@ def facts_of(
     specs.
     """
     from wavesweep.program.analyses.assumptions import solved_within_ticks
+    from wavesweep.program.analyses.claim_words import fact_of
 
     specs = specs if isinstance(specs, (list, tuple)) else (specs,)
     several = len(specs) > 1
@@ -100,7 +101,7 @@ def facts_of(
     if several:
         facts["specs"] = {spec.name: spec.tables() for spec in specs}
     facts["assumes"] = _assumed(specs, swept, claims)
-    facts["claims"] = {word: claim.over(specs, swept).fact() for word, claim in claims.items()}
+    facts["claims"] = {word: fact_of(claim.over(specs, swept)) for word, claim in claims.items()}
     facts["methods"] = dict(methods)
     facts["slices"] = dict(slices)
     facts["notices"] = list(notices)

@@ -52,6 +52,7 @@ def export(
     from wavesweep.program import results
     from wavesweep.program import spec as specs
     from wavesweep.program.analyses.assumptions import model_in_words, over_preset
+    from wavesweep.program.analyses.claim_words import fact_of
     from wavesweep.program.atomic_files import made_folder
     from wavesweep.program.cli.file_places import (
         own_folder,
@@ -88,7 +89,7 @@ def export(
         "specs": [loaded.name],
         "spec_sha256": simulated.sha256,
         "assumes": model_in_words(loaded, told=claim.scope.paths()),
-        "claims": {"spec": claim.fact()},
+        "claims": {"spec": fact_of(claim)},
         "notices": [
             *([floats_in_words(loaded)] if floats else []),
             *over_preset(loaded),
@@ -132,7 +133,9 @@ def _lines(facts: Mapping[str, Any], claim: Claim) -> Iterator[tuple[str, bool]]
     if facts["assumes"]:
         yield f"assumes: {facts['assumes']}", False
     if claim.scope.run:
-        yield f"vectors: {claim.said()}", False
+        from wavesweep.program.analyses.claim_words import claimed
+
+        yield f"vectors: {claimed(claim)}", False
     for notice in facts["notices"]:
         yield notice, False
 
