@@ -7,11 +7,12 @@ import re
 import tomllib
 from collections import Counter
 
-from meaning import controllers, drawings
-from meaning.controllers import Keys
-from meaning.drawings import DEVICES, PLANTS
+from meaning import doubles
 from meaning.required import KEYS
 from meaning.specs import linkage, spec_text
+
+from wavesweep.checker.reader import loop_of
+from wavesweep.checker.reader.drawings import DEVICES, PLANTS
 
 QUESTIONS = {
     "bode",
@@ -48,14 +49,14 @@ def drawn(specs: int) -> tuple[Counter[str], Counter[str]]:
     texts = [tomllib.loads(spec_text(number, quick=True)) for number in range(specs)]
     texts += [linkage(seed, kind) for seed in range(specs // 20) for kind in DEVICES]
     for tables in texts:
-        Keys.asked.clear()
-        (controllers.read if "controller" in tables else drawings.read)(tables)
+        loop = loop_of(tables, doubles)
+        loop.schedule()
         own = {path for table, inside in tables.items() if table not in ("block", "sweep") for path in _paths(table, inside)}
         for inside in (tables, *(inside for table, inside in tables.items() if table.startswith("type."))):
             for keys in inside.get("block", {}).values():
                 own |= {f"block.{keys.get('type')}.{key}" for key in keys}
         given.update(own)
-        left_out.update(Keys.asked - own)
+        left_out.update(loop.key.asked - own)
     return given, left_out
 
 

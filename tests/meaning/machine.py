@@ -1,62 +1,17 @@
-"""A loop as a list of instants in exact time, marched over its period.
+"""A loop of the reader's instants, marched over its period in double precision."""
 
-Between two instants the plants move by the exponential of their matrix, with everything else held.
-At an instant the equations of what happens there are solved together, and the memory is written anew.
-
-A form is a dict from names to coefficients. Names that begin with "@" are memory, those that begin
-with "!" are inputs from outside, all others are variables of one instant.
-"""
-
-from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
 from scipy.linalg import expm
+
+from wavesweep.checker.reader.loops import Instant, Schedule
 
 REST = 1e-7  # turns in a period for what is at rest: what cancels leaves nine digits
 
 
 class NoSolution(Exception):
     """The equations of an instant have no solution, or not one alone."""
-
-
-def exact(number) -> Fraction:
-    """The decimal number that a spec has, not the double nearest to it."""
-    return Fraction(str(number))
-
-
-def form(*terms, **named) -> dict[str, float]:
-    """The sum of (coefficient, name) and of forms."""
-    total = dict(named)
-    for term in terms:
-        pairs = term.items() if isinstance(term, dict) else [(term[1], term[0])]
-        for name, coefficient in pairs:
-            total[name] = total.get(name, 0.0) + coefficient
-    return total
-
-
-def scaled(factor, terms) -> dict[str, float]:
-    return {name: factor * coefficient for name, coefficient in terms.items()}
-
-
-@dataclass
-class Instant:
-    """What happens at once: variables from equations, and memory that is written afterwards."""
-
-    equations: dict[str, dict] = field(default_factory=dict)
-    writes: dict[str, dict] = field(default_factory=dict)
-
-
-@dataclass
-class Schedule:
-    """The instants of one period in order: (time in s, kind), and what each kind is."""
-
-    period: Fraction
-    kinds: dict[object, Instant]
-    times: list[tuple[Fraction, object]]
-    ticks: dict[int, int]  # place in `times` -> number of the tick whose instant it is
-    motion: dict[str, dict]  # derivative of each memory that moves between instants
-    shown: dict[str, str]  # name of a signal -> variable of a tick's instant
 
 
 class Machine:
@@ -67,6 +22,10 @@ class Machine:
         self.memory = _memory_of(schedule)
         self.inputs = _names("!", schedule)
         self.solved = {kind: self._solve(instant) for kind, instant in schedule.kinds.items()}
+        moved = self._solve(schedule.motion)[0]
+        still = [place for name, place in self.memory.items() if name not in schedule.motion.writes]
+        moved[still] = 0.0
+        self.generator = moved
         self.flows: dict[Fraction, np.ndarray] = {}
         self.periods: dict[tuple[str, ...], tuple] = {}
 
@@ -109,11 +68,7 @@ class Machine:
 
     def _flow(self, duration: Fraction):
         if duration not in self.flows:
-            generator = np.zeros((len(self.memory), len(self.memory)))
-            for name, terms in self.schedule.motion.items():
-                for other, coefficient in terms.items():
-                    generator[self.memory[name], self.memory[other]] += coefficient
-            self.flows[duration] = expm(generator * float(duration))
+            self.flows[duration] = expm(self.generator * float(duration))
         return self.flows[duration]
 
     def steps(self):
@@ -227,7 +182,7 @@ def at_one(monodromy: np.ndarray) -> int:
 
 def _names(mark: str, schedule: Schedule) -> dict[str, int]:
     found: dict[str, int] = {}
-    for instant in schedule.kinds.values():
+    for instant in _instants(schedule):
         for terms in (*instant.equations.values(), *instant.writes.values()):
             for name in terms:
                 if name.startswith(mark):
@@ -235,13 +190,13 @@ def _names(mark: str, schedule: Schedule) -> dict[str, int]:
     return found
 
 
+def _instants(schedule: Schedule) -> list[Instant]:
+    return [*schedule.kinds.values(), schedule.motion]
+
+
 def _memory_of(schedule: Schedule) -> dict[str, int]:
     found = _names("@", schedule)
-    for instant in schedule.kinds.values():
+    for instant in _instants(schedule):
         for name in instant.writes:
             found.setdefault(name, len(found))
-    for name, terms in schedule.motion.items():
-        found.setdefault(name, len(found))
-        for other in terms:
-            found.setdefault(other, len(found))
     return found

@@ -3,16 +3,16 @@
 from copy import deepcopy
 
 import numpy as np
-from meaning import controllers, drawings
+from meaning import doubles
 from meaning.machine import Machine, at_one, radius
 from meaning.specs import PATHS
+
+from wavesweep.checker.reader import loop_of
 
 
 def machine_of(tables: dict, cut: str = "") -> Machine:
     """Of a drawing perhaps with an input "cut", which is added to the signal `cut` where it is read."""
-    if "controller" in tables:
-        return Machine(controllers.read(tables))
-    return Machine(drawings.read(tables, cut))
+    return Machine(loop_of(tables, doubles, cut).schedule())
 
 
 def with_value(tables: dict, axis: str, value: float) -> dict:

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from meaning import responses
-from meaning.drawings import PLANTS
-from meaning.expressions import names_in
 from meaning.machine import radius
 from meaning.modes import beyond, of_modes, period_of
 from meaning.reading import drift_of, machine_of, radius_of, with_value
 from meaning.specs import toml
+
+from wavesweep.checker.reader.drawings import PLANTS
+from wavesweep.checker.reader.expressions import names_in
 
 KEYS = {  # of `[sweep] require`, which this reads
     "radius", "settling", "time_constant", "damping_ratio", "modes", "slower_than", "bounded",

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator
 from copy import deepcopy
 
 import numpy as np
-from meaning.classes import written_out
 from meaning.judge import compiled
 from meaning.required import Found
 from meaning.specs import Draw, controller, drawing, toml
+
+from wavesweep.checker.reader.classes import written_out
 
 SAME = 1e-7  # relative: of answers that other roundings give as well
 SAME_PLACE = 1e-4  # the same of frequencies: that of a peak is known to the root of its bound

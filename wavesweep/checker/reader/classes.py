@@ -2,6 +2,10 @@
 
 import ast
 
+from wavesweep.checker.reader.loops import Unreadable
+
+MOST = 2000  # blocks: a class that has itself as a block would never end
+
 
 def written_out(tables: dict) -> dict:
     """The same spec without classes: blocks `left.motor`, numbers `left_kp`, signals `left.angle`."""
@@ -9,15 +13,20 @@ def written_out(tables: dict) -> dict:
     whole = dict(tables)
     while True:
         blocks = whole.get("block", {})
-        left = [name for name, block in blocks.items() if block["type"] in classes]
+        left = [name for name, block in blocks.items() if block.get("type") in classes]
         if not left:
             whole.pop("type", None)
             return whole
+        if len(blocks) > MOST:
+            raise Unreadable(f"more than {MOST} blocks")
         whole = _one(whole, left[0], classes[blocks[left[0]]["type"]])
 
 
 def _one(tables: dict, name: str, drawing: dict) -> dict:
     """The block `name` replaced by the blocks of its class."""
+    unknown = drawing.keys() - {"numbers", "block", "signals", "wire", "ports"}
+    if unknown:
+        raise Unreadable(f"the key {min(unknown)} of a class is not known")
     blocks = dict(tables["block"])
     given = dict(blocks.pop(name))
     given.pop("type")
@@ -40,6 +49,8 @@ def _one(tables: dict, name: str, drawing: dict) -> dict:
         changed |= given.pop(block, {})
         blocks[f"{name}.{block}"] = {"type": keys["type"], **changed}
     for number, value in given.items():
+        if number not in own:
+            raise Unreadable(f"block.{name}.{number} is no number and no block of its class")
         numbers[f"{name}_{number}"] = value
     for number, value in list(numbers.items()):
         if number in own.values() and number.removeprefix(f"{name}_") not in given:

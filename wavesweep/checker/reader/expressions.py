@@ -1,27 +1,42 @@
 """Arithmetic of a spec as sums: a form over names of signals, its number under the name ""."""
 
 import ast
-import math
 from collections.abc import Callable
 
-FUNCTIONS = {"sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "exp": math.exp, "log": math.log}
+from wavesweep.checker.reader.loops import Unreadable, form, scaled
+
+FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")
+LONGEST = 10_000  # characters of an expression
+
+
+def parsed(text) -> ast.expr:
+    """The node of an expression."""
+    text = str(text).strip()
+    if len(text) > LONGEST:
+        raise Unreadable(f"an expression of {len(text)} characters; at most {LONGEST}")
+    try:
+        return ast.parse(text, mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise Unreadable(f"{text[:60]!r} is no expression") from None
 
 
 def dotted(node) -> str:
     """The name `a.b.c` of a node of names and attributes."""
     if isinstance(node, ast.Attribute):
         return f"{dotted(node.value)}.{node.attr}"
+    if not isinstance(node, ast.Name):
+        raise Unreadable(f"{ast.unparse(node)[:60]!r} is no name")
     return node.id
 
 
-def terms_of(node, meanings=None) -> list[tuple[float, ast.expr]]:
+def terms_of(node, meanings=None) -> list[tuple[int, ast.expr]]:
     """The terms of a sum as (sign, part); a name in `meanings` is its text in brackets."""
-    return list(_terms(node, 1.0, meanings or {}))
+    return list(_terms(node, 1, meanings or {}))
 
 
 def _terms(node, sign, meanings):
     if isinstance(node, str):
-        node = ast.parse(node.strip(), mode="eval").body
+        node = parsed(node)
     if isinstance(node, (ast.Name, ast.Attribute)) and dotted(node) in meanings:
         yield from _terms(meanings[dotted(node)], sign, meanings)
     elif isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
@@ -33,17 +48,25 @@ def _terms(node, sign, meanings):
         yield sign, node
 
 
-def multiplied_out(node, meanings, numbers) -> list[tuple[float, tuple[str, ...], str]]:
+def multiplied_out(node, meanings, numbers) -> list[tuple[int, tuple[str, ...], str]]:
     """The products that a term is the sum of, as (sign, factors, signal); "prev NAME" is a signal, "" none."""
     products = []
     for sign, part in terms_of(node, meanings):
         if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Mult):
             for one, factors, signal in multiplied_out(part.left, meanings, numbers):
                 for other, further, behind in multiplied_out(part.right, meanings, numbers):
-                    products.append((sign * one * other, tuple(sorted((*factors, *further))), signal + behind))
+                    products.append(
+                        (sign * one * other, tuple(sorted((*factors, *further))), signal + behind)
+                    )
         elif isinstance(part, ast.BinOp) and isinstance(part.op, ast.Div):
             for one, factors, signal in multiplied_out(part.left, meanings, numbers):
-                products.append((sign * one, tuple(sorted((*factors, f"1/({ast.unparse(part.right)})"))), signal))
+                products.append(
+                    (
+                        sign * one,
+                        tuple(sorted((*factors, f"1/({ast.unparse(part.right)})"))),
+                        signal,
+                    )
+                )
         elif isinstance(part, ast.Call) and part.func.id == "prev":
             for one, factors, signal in multiplied_out(part.args[0], meanings, numbers):
                 products.append((sign * one, factors, f"prev {signal}"))
@@ -54,45 +77,52 @@ def multiplied_out(node, meanings, numbers) -> list[tuple[float, tuple[str, ...]
     return products
 
 
-def linear(node, value_of: Callable[[str], dict]) -> dict[str, float]:
+def linear(node, value_of: Callable[[str], dict], arithmetic) -> dict:
     """The form of a node; `value_of` gives that of a name, and of `prev(...)` by the name "prev NAME"."""
     if isinstance(node, str):
-        node = ast.parse(node.strip(), mode="eval").body
+        node = parsed(node)
     if isinstance(node, ast.Constant):
-        return {"": float(node.value)}
+        return {"": arithmetic.number(node.value)}
     if isinstance(node, (ast.Name, ast.Attribute)):
         return value_of(dotted(node))
     if isinstance(node, ast.UnaryOp):
-        inside = linear(node.operand, value_of)
-        return _times(-1.0 if isinstance(node.op, ast.USub) else 1.0, inside)
+        inside = linear(node.operand, value_of, arithmetic)
+        return scaled(-1, inside) if isinstance(node.op, ast.USub) else inside
     if isinstance(node, ast.Call):
-        if node.func.id == "prev":
-            return linear(node.args[0], lambda name: value_of(f"prev {name}"))
-        return {"": FUNCTIONS[node.func.id](number(node.args[0], value_of))}
-    left = linear(node.left, value_of)
-    right = linear(node.right, value_of)
+        function = dotted(node.func)
+        if len(node.args) != 1 or node.keywords or function not in (*FUNCTIONS, "prev"):
+            raise Unreadable(f"{ast.unparse(node)[:60]!r} is no function of expressions")
+        if function == "prev":
+            return linear(node.args[0], lambda name: value_of(f"prev {name}"), arithmetic)
+        return {"": getattr(arithmetic, function)(number(node.args[0], value_of, arithmetic))}
+    if not isinstance(node, ast.BinOp):
+        raise Unreadable(f"{ast.unparse(node)[:60]!r} is no arithmetic")
+    left = linear(node.left, value_of, arithmetic)
+    right = linear(node.right, value_of, arithmetic)
     if isinstance(node.op, ast.Add):
-        return _sum(left, right)
+        return form(left, right)
     if isinstance(node.op, ast.Sub):
-        return _sum(left, _times(-1.0, right))
+        return form(left, scaled(-1, right))
     if isinstance(node.op, ast.Mult) and set(left) <= {""}:
-        return _times(left.get("", 0.0), right)
-    divisor = right.get("", 0.0)
+        return scaled(left.get("", 0), right)
     if not set(right) <= {""}:
-        raise ValueError("not linear")
+        raise Unreadable(f"{ast.unparse(node)[:60]!r} is not linear in signals")
+    factor = right.get("", 0)
     if isinstance(node.op, ast.Mult):
-        return _times(divisor, left)
+        return scaled(factor, left)
     if isinstance(node.op, ast.Div):
-        return {name: coefficient / divisor for name, coefficient in left.items()}
-    return {"": left.get("", 0.0) ** divisor}
+        return {name: coefficient / factor for name, coefficient in left.items()}
+    if not isinstance(node.op, ast.Pow) or not set(left) <= {""}:
+        raise Unreadable(f"{ast.unparse(node)[:60]!r} is no arithmetic")
+    return {"": left.get("", 0) ** factor}
 
 
-def number(node, value_of) -> float:
+def number(node, value_of, arithmetic):
     """The value of what has no signals."""
-    terms = linear(node, value_of)
+    terms = linear(node, value_of, arithmetic)
     if not set(terms) <= {""}:
-        raise ValueError("a number is wanted")
-    return terms.get("", 0.0)
+        raise Unreadable("a number is wanted and not a signal")
+    return terms.get("", 0)
 
 
 def names_in(node) -> set[str]:
@@ -104,14 +134,3 @@ def names_in(node) -> set[str]:
         if isinstance(child, ast.expr) and not (isinstance(node, ast.Call) and child is node.func):
             found |= names_in(child)
     return found
-
-
-def _sum(left, right):
-    total = dict(left)
-    for name, coefficient in right.items():
-        total[name] = total.get(name, 0.0) + coefficient
-    return total
-
-
-def _times(factor, terms):
-    return {name: factor * coefficient for name, coefficient in terms.items()}

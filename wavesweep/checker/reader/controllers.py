@@ -2,88 +2,107 @@
 
 import math
 from fractions import Fraction
-from typing import ClassVar
 
-from meaning import filters
-from meaning.machine import Instant, Schedule, exact, form, scaled
+from wavesweep.checker.reader import filters
+from wavesweep.checker.reader.loops import Instant, Keys, Schedule, Unreadable, form, scaled
 
 PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m), where they are known
-    "paper": (0.1, 1.5),
-    "touch": (0.045, 0.5),
-    "omni": (0.045, 0.5),
-    "desktop": (0.045, None),
-    "falcon": (0.2, 2.0),
+    "paper": ("0.1", "1.5"),
+    "touch": ("0.045", "0.5"),
+    "omni": ("0.045", "0.5"),
+    "desktop": ("0.045", None),
+    "falcon": ("0.2", "2"),
     "omega": (None, None),
     "sigma": (None, None),
     "lambda": (None, None),
 }
-FILTERS = {"lp1": (1, 10.0, "low"), "hp": (1, 10.0, "high"), "lp2": (2, 20.0, "low")}
+FILTERS = {"lp1": (1, "10", "low"), "hp": (1, "10", "high"), "lp2": (2, "20", "low")}
+EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 SHOWN = {"x": "x", "v": "v", "v_hat": "v_hat", "f_m": "f_m now", "F_s": "held F"}
 WAVES = {"u_m": "u_m", "v_m": "v_m"}
-
-
-class Keys:
-    """The tables of a spec; remembers which keys were asked for."""
-
-    asked: ClassVar[set[str]] = set()
-
-    def __init__(self, tables: dict):
-        self.tables = tables
-
-    def __call__(self, path: str, default=None):
-        Keys.asked.add(path)
-        table = self.tables
-        for name in path.split("."):
-            if not isinstance(table, dict) or name not in table:
-                return default
-            table = table[name]
-        return table
-
-
-def read(tables: dict) -> Schedule:
-    """The schedule of a spec that has a [controller]."""
-    return Controller(Keys(tables)).schedule()
+SYMBOLS = {  # axes of a sweep by their short names
+    "K_VE": "environment.K_VE",
+    "B_VE": "environment.B_VE",
+    "b": "controller.b",
+    "Kp": "controller.Kp",
+    "K_VC": "controller.K_VC",
+    "B_VC": "controller.B_VC",
+    "K_LM": "local_model.K_LM",
+    "B_LM": "local_model.B_LM",
+}
+KINDS = ("dc", "dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-mean", "pmw-lm")
+METHODS = ("explicit", "implicit", "trapezoidal")
+KEYS = {  # all that a loop may have, read or not by its kind
+    "controller": ("kind", "b", "Kp", "K_VC", "B_VC"),
+    "rates": ("fast_hz", "slow_hz", "ratio"),
+    "device": ("preset", "mass", "damping", "velocity", "delay", "dead_time"),
+    "operator": ("mass", "damping", "stiffness"),
+    "environment": ("K_VE", "B_VE", "integration", "delay", "step"),
+    "local_model": ("K_LM", "B_LM", "integration", "delay"),
+    **{f"filters.{name}": ("order", "cutoff_hz", *EDGES) for name in FILTERS},
+}
+MOST_TICKS = 20_000  # of a period
 
 
 class Controller:
     """One spec's numbers, and the equations that its kind makes of them."""
 
-    def __init__(self, key: Keys):
-        self.key = key
+    def __init__(self, tables: dict, arithmetic):
+        self.arithmetic = arithmetic
+        self.key = key = Keys(tables)
         self.kind = key("controller.kind")
-        fast = exact(key("rates.fast_hz", 1000.0))
+        if self.kind not in KINDS:
+            raise Unreadable(f"the controller {self.kind!r} is not known")
+        exact = self.arithmetic.exact
+        fast = exact(key("rates.fast_hz", 1000))
         self.T = 1 / fast
         ratio = key("rates.ratio")
         slow = key("rates.slow_hz")
         if slow is not None:
             self.ratio = fast / exact(slow)
         else:
-            self.ratio = Fraction(20 if ratio is None else ratio)
+            self.ratio = exact(20 if ratio is None else ratio)
         if self.kind == "dc":
             self.ratio = Fraction(1)
-        self.Ts = float(self.ratio * self.T)
+        self.Ts = self.ratio * self.T
         self.read_device()
-        self.K = float(key("environment.K_VE", 500.0))
-        self.B = float(key("environment.B_VE", 1.0))
-        self.integration = key("environment.integration", "implicit")
+        self.K = self.number("environment.K_VE", 500)
+        self.B = self.number("environment.B_VE", 1)
+        self.integration = self.choice("environment.integration", "implicit", *METHODS)
         self.delay = 0 if self.kind == "dc" else key("environment.delay", 0)
-        self.b = float(key("controller.b", 25.0))
-        self.Kp = float(key("controller.Kp", 0.0))
-        self.K_VC = float(key("controller.K_VC", 1000.0))
-        self.B_VC = float(key("controller.B_VC", 5.0))
-        self.K_LM = float(key("local_model.K_LM", 500.0))
-        self.B_LM = float(key("local_model.B_LM", 0.0))
-        self.local_integration = key("local_model.integration", "implicit")
-        self.local_delay = key("local_model.delay", 1)
+        if self.delay != "frame":
+            self.delay = self.arithmetic.whole(self.delay)
+        self.b = self.number("controller.b", 25)
+        self.Kp = self.number("controller.Kp", 0)
+        self.K_VC = self.number("controller.K_VC", 1000)
+        self.B_VC = self.number("controller.B_VC", 5)
+        self.K_LM = self.number("local_model.K_LM", 500)
+        self.B_LM = self.number("local_model.B_LM", 0)
+        self.local_integration = self.choice("local_model.integration", "implicit", *METHODS)
+        self.local_delay = self.arithmetic.whole(key("local_model.delay", 1))
+
+    def number(self, path, default):
+        given = self.key(path, default)
+        if given is None:
+            raise Unreadable(f"{path} is missing")
+        return self.arithmetic.number(given)
+
+    def choice(self, path, default, *known):
+        given = self.key(path, default)
+        if given not in known:
+            raise Unreadable(f"{path} = {given!r} is not known")
+        return given
 
     def read_device(self):
         key = self.key
-        mass, damping = PRESETS[key("device.preset", "paper")]
-        self.mass = float(key("device.mass", mass)) + float(key("operator.mass", 0.0))
-        self.damping = float(key("device.damping", damping)) + float(key("operator.damping", 0.0))
-        self.stiffness = float(key("operator.stiffness", 0.0))
-        self.velocity = key("device.velocity", "exact")
-        dead = exact(key("device.dead_time", 0.0)) + key("device.delay", 0) * self.T
+        preset = self.choice("device.preset", "paper", *PRESETS)
+        mass, damping = PRESETS[preset]
+        self.mass = self.number("device.mass", mass) + self.number("operator.mass", 0)
+        self.damping = self.number("device.damping", damping) + self.number("operator.damping", 0)
+        self.stiffness = self.number("operator.stiffness", 0)
+        self.velocity = self.choice("device.velocity", "exact", "exact", "difference")
+        exact = self.arithmetic.exact
+        dead = exact(key("device.dead_time", 0)) + exact(key("device.delay", 0)) * self.T
         self.late_ticks = math.floor(dead / self.T)
         self.late_rest = dead - self.late_ticks * self.T
 
@@ -98,6 +117,8 @@ class Controller:
         """
         ticks = self.ratio.numerator
         frames = self.ratio.denominator
+        if ticks > MOST_TICKS:
+            raise Unreadable(f"a period of {ticks} ticks; at most {MOST_TICKS}")
         aligned = {}
         between = []
         arrives: dict[int, list[int]] = {}
@@ -107,19 +128,25 @@ class Controller:
                 aligned[int(place)] = event
             else:
                 between.append((place, event))
-            shown = math.ceil(place + self.ratio) if self.delay == "frame" else math.ceil(place) + self.delay
+            shown = (
+                math.ceil(place + self.ratio)
+                if self.delay == "frame"
+                else math.ceil(place) + self.delay
+            )
             arrives.setdefault(shown % ticks, []).append(event)
         kinds: dict[object, Instant] = {}
         times: list[tuple[Fraction, object]] = []
         rank: list[tuple[Fraction, int, object]] = []
         for tick in range(ticks):
-            come = tuple(event for event in arrives.get(tick, []) if not self.at_once(event, aligned, tick))
+            come = tuple(
+                event for event in arrives.get(tick, []) if not self.at_once(event, aligned, tick)
+            )
             kind = ("tick", come, aligned.get(tick))
             if kind not in kinds:
                 kinds[kind] = self.tick(come, aligned.get(tick))
             rank.append((tick * self.T, 1, kind))
             if self.late_rest:
-                kinds["motor"] = Instant({}, {"@f": {f"@m{self.late_ticks}": 1.0}})
+                kinds["motor"] = Instant({}, {"@f": {f"@m{self.late_ticks}": 1}})
                 rank.append((tick * self.T + self.late_rest, 2, "motor"))
         for place, event in between:
             kinds["slow", event] = self.slow_between(event)
@@ -131,7 +158,7 @@ class Controller:
                 ticks_at[at] = len(ticks_at)
             times.append((time, kind))
         motion = {
-            "@x": {"@v": 1.0},
+            "@x": {"@v": 1},
             "@v": {
                 "@x": -self.stiffness / self.mass,
                 "@v": -self.damping / self.mass,
@@ -142,7 +169,7 @@ class Controller:
         shown = dict(SHOWN)
         if self.kind.startswith("pmw"):
             shown |= WAVES
-        return Schedule(ticks * self.T, kinds, times, ticks_at, motion, shown)
+        return Schedule(ticks * self.T, kinds, times, ticks_at, Instant({}, motion), shown)
 
     def at_once(self, event, aligned, tick) -> bool:
         """Whether the result is in place in the tick that it is computed from."""
@@ -153,23 +180,23 @@ class Controller:
     def tick(self, come, event) -> Instant:
         """The fast loop; results `come` are in place before it, slow event `event` is in it."""
         equations = {
-            "x": {"@x": 1.0},
-            "v": {"@v": 1.0},
-            "v_hat": {"@v": 1.0},
+            "x": {"@x": 1},
+            "v": {"@v": 1},
+            "v_hat": {"@v": 1},
         }
-        writes = {"@hand": {"!hand": 1.0}, "@read x": {"x": 1.0}, "@read v": {"v_hat": 1.0}}
+        writes = {"@hand": {"!hand": 1}, "@read x": {"x": 1}, "@read v": {"v_hat": 1}}
         if self.velocity == "difference":
-            rate = 1 / float(self.T)
+            rate = 1 / self.T
             equations["v_hat"] = {"@x": rate, "@x before": -rate}
-            writes["@x before"] = {"x": 1.0}
+            writes["@x before"] = {"x": 1}
         for name in self.results():
             if event is not None and self.delay == 0:
-                equations[f"held {name}"] = {f"new {name}": 1.0}
+                equations[f"held {name}"] = {f"new {name}": 1}
             elif come:
-                equations[f"held {name}"] = {f"@{come[-1]} {name}": 1.0}
+                equations[f"held {name}"] = {f"@{come[-1]} {name}": 1}
             else:
-                equations[f"held {name}"] = {f"@held {name}": 1.0}
-            writes[f"@held {name}"] = {f"held {name}": 1.0}
+                equations[f"held {name}"] = {f"@held {name}": 1}
+            writes[f"@held {name}"] = {f"held {name}": 1}
         getattr(self, "fast_" + self.kind.replace("-", "_"))(equations, writes)
         if event is not None:
             self.slow(equations, writes, event, "x", "v_hat", self.sampled(equations, "u_s"))
@@ -186,14 +213,14 @@ class Controller:
     def motors(self, equations, writes):
         """The force of tick k acts from k T on, plus delay and dead time; `f_m now` is what acts as a tick begins."""
         if self.late_ticks == 0 and not self.late_rest:
-            equations["f_m now"] = {"f_m": 1.0}
-            writes["@f"] = {"f_m": 1.0}
+            equations["f_m now"] = {"f_m": 1}
+            writes["@f"] = {"f_m": 1}
             return
-        equations["f_m now"] = {"@f": 1.0} if self.late_rest else {f"@m{self.late_ticks - 1}": 1.0}
-        writes["@f"] = {"f_m now": 1.0}
-        writes["@m0"] = {"f_m": 1.0}
+        equations["f_m now"] = {"@f": 1} if self.late_rest else {f"@m{self.late_ticks - 1}": 1}
+        writes["@f"] = {"f_m now": 1}
+        writes["@m0"] = {"f_m": 1}
         for number in range(self.late_ticks):
-            writes[f"@m{number + 1}"] = {f"@m{number}": 1.0}
+            writes[f"@m{number + 1}"] = {f"@m{number}": 1}
 
     def results(self) -> list[str]:
         """What a slow event gives to the fast loop."""
@@ -223,43 +250,46 @@ class Controller:
             if self.kind in {"dc-vc", "dc-vc-lm"}:
                 # B_VC (v - x_s') + K_VC (x - x~) = F
                 equations["slow speed"] = form(
-                    (1.0, v),
+                    (1, v),
                     (self.K_VC / self.B_VC, x),
                     scaled(-self.K_VC / self.B_VC, spring),
                     (-1 / self.B_VC, "slow F"),
                 )
                 new = {"F": "slow F", "x_s": "slow place", "v_s": "slow speed"}
             else:
-                equations["slow speed"] = {wave: math.sqrt(2 * self.b) / self.b, "slow F": -1 / self.b}
-                equations["slow wave"] = {wave: 1.0, "slow F": -math.sqrt(2 / self.b)}
+                equations["slow speed"] = {
+                    wave: self.arithmetic.sqrt(2 * self.b) / self.b,
+                    "slow F": -1 / self.b,
+                }
+                equations["slow wave"] = {wave: 1, "slow F": -self.arithmetic.sqrt(2 / self.b)}
                 new = {"F": "slow F", "w": "slow wave", "x_s": "slow place"}
         for name in self.results():
-            equations[f"new {name}"] = {new[name]: 1.0}
-            writes[f"@{event} {name}"] = {f"new {name}": 1.0}
+            equations[f"new {name}"] = {new[name]: 1}
+            writes[f"@{event} {name}"] = {f"new {name}": 1}
 
     def avatar(self, equations, writes, name, integration, step) -> dict:
         """The position moves with `name speed`; the place that the spring reads."""
         before = f"@{name} place"
-        moved = {before: 1.0, f"{name} speed": step}
+        moved = {before: 1, f"{name} speed": step}
         if integration == "trapezoidal":
-            moved = {before: 1.0, f"{name} speed": step / 2, f"@{name} speed": step / 2}
-            writes[f"@{name} speed"] = {f"{name} speed": 1.0}
+            moved = {before: 1, f"{name} speed": step / 2, f"@{name} speed": step / 2}
+            writes[f"@{name} speed"] = {f"{name} speed": 1}
         equations[f"{name} place"] = moved
-        writes[before] = {f"{name} place": 1.0}
-        return {before: 1.0} if integration == "explicit" else {f"{name} place": 1.0}
+        writes[before] = {f"{name} place": 1}
+        return {before: 1} if integration == "explicit" else {f"{name} place": 1}
 
     # What the fast loop computes
 
     def fast_dc(self, equations, writes):
         del writes
-        equations["f_m"] = {"held F": 1.0}
+        equations["f_m"] = {"held F": 1}
 
     fast_dc_slow = fast_dc
 
     def fast_dc_lm(self, equations, writes):
         del writes
         equations["f_m"] = {
-            "held F": 1.0,
+            "held F": 1,
             "x": self.K_LM,
             "held x_ref": -self.K_LM,
             "v_hat": self.B_LM,
@@ -276,85 +306,95 @@ class Controller:
         }
 
     def fast_dc_vc_lm(self, equations, writes):
-        spring = self.avatar(equations, writes, "local", self.local_integration, float(self.T))
+        spring = self.avatar(equations, writes, "local", self.local_integration, self.T)
         equations["local F"] = form(
-            (1.0, "held F"),
+            (1, "held F"),
             scaled(self.K_LM, spring),
             (-self.K_LM, "held x_s"),
             (self.B_LM, "local speed"),
             (-self.B_LM, "held v_s"),
         )
         equations["local speed"] = form(
-            (1.0, "v_hat"),
+            (1, "v_hat"),
             (self.K_VC / self.B_VC, "x"),
             scaled(-self.K_VC / self.B_VC, spring),
             (-1 / self.B_VC, "local F"),
         )
-        equations["f_m"] = {"local F": 1.0}
+        equations["f_m"] = {"local F": 1}
 
     def waves(self, equations, returned):
-        root = math.sqrt(2 * self.b)
+        root = self.arithmetic.sqrt(2 * self.b)
         equations["v_m"] = form(returned, (self.Kp, "held x_s"), (-self.Kp, "x"))
-        equations["u_m"] = {"v_hat": root, "v_m": -1.0}
+        equations["u_m"] = {"v_hat": root, "v_m": -1}
         equations["f_m"] = {"v_hat": self.b, "v_m": -root}
 
     def fast_pmw(self, equations, writes):
-        self.waves(equations, {"held w": 1.0})
+        self.waves(equations, {"held w": 1})
         self.filter(equations, writes, "lp1", "u_m", "u_s")
-        writes["@read u_s"] = {"u_s": 1.0}
+        writes["@read u_s"] = {"u_s": 1}
 
     def fast_pmw_mean(self, equations, writes):
-        self.waves(equations, {"held w": 1.0})
+        self.waves(equations, {"held w": 1})
         count = round(self.ratio)
-        mean = {"u_m": 1 / count}
+        mean = {"u_m": Fraction(1, count)}
         for number in range(count - 1):
-            mean[f"@u{number}"] = 1 / count
-            writes[f"@u{number}"] = {f"@u{number - 1}": 1.0} if number else {"u_m": 1.0}
+            mean[f"@u{number}"] = Fraction(1, count)
+            writes[f"@u{number}"] = {f"@u{number - 1}": 1} if number else {"u_m": 1}
         equations["u_s"] = mean
-        writes["@read u_s"] = {"u_s": 1.0}
+        writes["@read u_s"] = {"u_s": 1}
 
     def fast_pmw_lm(self, equations, writes):
-        local = {"@v_2": 1.0} if self.local_delay else {"lp2 out": 1.0}
-        self.waves(equations, form((1.0, "held w"), local))
+        local = {"@v_2": 1} if self.local_delay else {"lp2 out": 1}
+        self.waves(equations, form((1, "held w"), local))
         self.filter(equations, writes, "lp1", "u_m", "u_s")
-        writes["@read u_s"] = {"u_s": 1.0}
+        writes["@read u_s"] = {"u_s": 1}
         self.filter(equations, writes, "hp", "u_m", "u_l")
-        spring = self.avatar(equations, writes, "local", self.local_integration, float(self.T))
+        spring = self.avatar(equations, writes, "local", self.local_integration, self.T)
         equations["local F"] = form(scaled(self.K_LM, spring), (self.B_LM, "local speed"))
-        equations["local speed"] = {"u_l": math.sqrt(2 * self.b) / self.b, "local F": -1 / self.b}
-        equations["v_l"] = {"u_l": 1.0, "local F": -math.sqrt(2 / self.b)}
+        equations["local speed"] = {
+            "u_l": self.arithmetic.sqrt(2 * self.b) / self.b,
+            "local F": -1 / self.b,
+        }
+        equations["v_l"] = {"u_l": 1, "local F": -self.arithmetic.sqrt(2 / self.b)}
         self.filter(equations, writes, "lp2", "v_l", "lp2 out")
-        writes["@v_2"] = {"lp2 out": 1.0}
+        writes["@v_2"] = {"lp2 out": 1}
 
     def filter(self, equations, writes, name, source, out):
         """Sections in series; order 0 is none."""
         order, cutoff, side = FILTERS[name]
-        rate = float(1 / self.T)
-        edges = {}
-        for edge in ("passband_hz", "stopband_hz", "passband_db", "stopband_db"):
-            edges[edge] = self.key(f"filters.{name}.{edge}")
-        order = self.key(f"filters.{name}.order", order)
-        cutoff = float(self.key(f"filters.{name}.cutoff_hz", cutoff))
-        if None not in edges.values():
-            order, cutoff = filters.order_and_cutoff(edges, rate, side)
-        sections = filters.butterworth(order, cutoff, rate, side) if order else []
+        edges = {edge: self.key(f"filters.{name}.{edge}") for edge in EDGES}
+        order = self.arithmetic.whole(self.number(f"filters.{name}.order", order))
+        cutoff = self.key(f"filters.{name}.cutoff_hz", cutoff)
+        given = [edge for edge in EDGES if edges[edge] is not None]
+        if given and len(given) < len(EDGES):
+            raise Unreadable(f"filters.{name} has {given[0]} without all of {', '.join(EDGES)}")
+        if not given:
+            warped = self.warped(cutoff)
+        else:
+            order, warped = filters.order_and_cutoff(edges, self.warped, side, self.arithmetic)
+        sections = filters.butterworth(order, warped, side, self.arithmetic) if order else []
         add_sections(equations, writes, name, sections, source, out)
+
+    def warped(self, hertz):
+        return self.arithmetic.tan(self.arithmetic.pi * self.arithmetic.number(hertz) * self.T)
 
 
 def add_sections(equations, writes, name, sections, source, out):
     """Models of one input and one output in series, from variable `source` to `out`."""
     for number, model in enumerate(sections):
         into = source if number == 0 else f"{name} section {number - 1}"
-        add_model(equations, writes, f"{name} {number}", model, {into: 1.0}, f"{name} section {number}")
+        add_model(
+            equations, writes, f"{name} {number}", model, {into: 1}, f"{name} section {number}"
+        )
     last = f"{name} section {len(sections) - 1}" if sections else source
-    equations[out] = {last: 1.0}
+    equations[out] = {last: 1}
 
 
 def add_model(equations, writes, name, model, source, out):
     """x+ = A x + B u, out = C x + D u with u = `source`."""
     A, B, C, D = model
     states = [f"@{name} state {number}" for number in range(len(A))]
-    equations[out] = form(scaled(D, source), *((float(C[at]), state) for at, state in enumerate(states)))
+    equations[out] = form(scaled(D, source), *((C[at], state) for at, state in enumerate(states)))
     for at, state in enumerate(states):
-        inside = [(float(A[at, other]), states[other]) for other in range(len(states))]
-        writes[state] = form(scaled(float(B[at]), source), *inside)
+        inside = [(A[at][other], states[other]) for other in range(len(states))]
+        writes[state] = form(scaled(B[at], source), *inside)

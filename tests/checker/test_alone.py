@@ -1,0 +1,39 @@
+"""The checker is alone: what it shares with the package would be wrong in both."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import wavesweep.checker
+
+FOLDER = Path(wavesweep.checker.__file__).parent
+SOURCES = sorted(FOLDER.rglob("*.py"))
+
+
+def test_it_imports_the_standard_library_and_itself():
+    for source in SOURCES:
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [node.module]
+            else:
+                continue
+            for name in names:
+                own = name == "wavesweep.checker" or name.startswith("wavesweep.checker.")
+                assert own or name.split(".")[0] in sys.stdlib_module_names, (source, name)
+
+
+def test_an_import_loads_nothing_of_the_package():
+    """`python -I -S` has no place where other packages could be found."""
+    names = [".".join(("wavesweep.checker", *path.relative_to(FOLDER).with_suffix("").parts)) for path in SOURCES]
+    modules = [name.removesuffix(".__init__") for name in names if not name.endswith("__main__")]
+    code = f"import sys; sys.path.insert(0, {str(FOLDER.parents[1])!r}); import {', '.join(modules)}; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name for name in run.stdout.split() if name.startswith("wavesweep")}
+    assert loaded == {"wavesweep", "wavesweep.checker", *modules}
+
+
+def test_an_assessor_can_read_it():
+    assert sum(len(source.read_text(encoding="utf-8").splitlines()) for source in SOURCES) <= 2500

@@ -1,0 +1,91 @@
+"""Digital filters from their analog ones by the bilinear transform, as (A, B, C, D): lists, and D a coefficient."""
+
+from wavesweep.checker.reader.loops import Unreadable, dot
+
+MOST = 64  # poles of a filter
+
+
+def butterworth(order: int, warped, side: str, arithmetic) -> list[tuple]:
+    """Sections in series: for each pair of poles of 1/(1 + s^2n) one of second order, in its normal form.
+
+    warped: tan(pi cutoff/rate), with which s = (z - 1)/(z + 1)/warped in units of the cutoff.
+    """
+    if order > MOST:
+        raise Unreadable(f"a filter of order {order}")
+    sections = []
+    for number in range(order // 2):
+        angle = arithmetic.pi * (2 * number + order + 1) / (2 * order)
+        real = arithmetic.cos(angle)
+        turn = arithmetic.sin(angle)
+        A = [[real, turn], [-turn, real]]  # poles real +- j turn, of modulus 1
+        low = [1 / turn, 0]  # low (s - A)^-1 B = 1/(s^2 - 2 real s + 1)
+        last = 0
+        if side != "low":  # s^2/(...) = 1 + (2 real s - 1)/(...), and s/(...) = (0, 1) + real low
+            low = [2 * real * real * low[0] - low[0], 2 * real]
+            last = 1
+        along = 1 - warped * real
+        aside = warped * turn
+        size = along * along + aside * aside
+        inverse = [[along / size, aside / size], [-aside / size, along / size]]
+        sections.append(_bilinear(A, [0, 1], low, last, warped, inverse, arithmetic))
+    if order % 2:
+        share = 1 if side == "low" else -1
+        inverse = [[1 / (1 + warped)]]
+        sections.append(
+            _bilinear([[-1]], [1], [share], 0 if side == "low" else 1, warped, inverse, arithmetic)
+        )
+    return sections
+
+
+def _bilinear(A, B, C, D, a, inverse, arithmetic):
+    """C (s - A)^-1 B + D with s = (z - 1)/(z + 1)/a; inverse: (1 - a A)^-1."""
+    places = range(len(B))
+    right = [[(at == other) + a * A[at][other] for other in places] for at in places]
+    root = arithmetic.sqrt(2 * a)
+    moved = [dot(inverse[at], B) for at in places]
+    seen = [dot(C, [inverse[at][other] for at in places]) for other in places]
+    turned = [
+        [dot(inverse[at], [right[of][other] for of in places]) for other in places] for at in places
+    ]
+    return turned, [root * x for x in moved], [root * x for x in seen], D + a * dot(C, moved)
+
+
+def order_and_cutoff(edges: dict, warped, side: str, arithmetic) -> tuple[int, object]:
+    """The least order that keeps both edges, and tan(pi cutoff/rate) of the cutoff with which the passband is met exactly.
+
+    warped: tan(pi hertz/rate) of a frequency.
+    """
+    passing = warped(edges["passband_hz"])
+    stopping = warped(edges["stopband_hz"])
+    wide = stopping / passing if side == "low" else passing / stopping
+    lost = _power_of_ten(edges["passband_db"], arithmetic) - 1
+    kept = _power_of_ten(edges["stopband_db"], arithmetic) - 1
+    order = 1
+    while not arithmetic.at_least(wide ** (2 * order) * lost, kept):
+        order += 1
+        if order > MOST:
+            raise Unreadable("edges of a filter that no order keeps")
+    shift = arithmetic.exp(arithmetic.log(lost) / (2 * order))
+    return order, passing / shift if side == "low" else passing * shift
+
+
+def _power_of_ten(decibels, arithmetic):
+    return arithmetic.exp(arithmetic.log(arithmetic.number(10)) * arithmetic.number(decibels) / 10)
+
+
+def transfer(numerator, denominator) -> tuple:
+    """A state-space model of a transfer function in descending powers, in controllable form."""
+    while denominator and not denominator[0]:
+        denominator = denominator[1:]
+    if not denominator:
+        raise Unreadable("a transfer function over 0")
+    order = len(denominator) - 1
+    numerator = [0] * (order + 1 - len(numerator)) + numerator
+    if any(numerator[: -order - 1]):
+        raise Unreadable("a transfer function with more zeros than poles")
+    b = [entry / denominator[0] for entry in numerator[-order - 1 :]]
+    a = [entry / denominator[0] for entry in denominator]
+    A = [[-entry for entry in a[1:]]] if order else []
+    A += [[int(other == at) for other in range(order)] for at in range(order - 1)]
+    B = [int(at == 0) for at in range(order)]
+    return A, B, [b[at + 1] - b[0] * a[at + 1] for at in range(order)], b[0]

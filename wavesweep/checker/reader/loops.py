@@ -1,0 +1,142 @@
+"""A loop as a list of instants in exact time.
+
+Between two instants the plants move by the exponential of their matrix, with everything else held. At an instant the equations
+of what happens there are solved together, and the memory is written anew.
+
+A form is a dict from names to coefficients. Names that begin with "@" are memory, those that begin with "!" are inputs from
+outside, all others are variables of one instant.
+"""
+
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, Protocol
+
+
+class Unreadable(Exception):
+    """What a spec says is not known here, or has no meaning."""
+
+
+class Arithmetic(Protocol):
+    """What coefficients are computed with: values with + - * / ** and a truth that is False of an exact 0 alone."""
+
+    pi: Any
+
+    def number(self, given): ...
+    def whole(self, value) -> int: ...
+    def exact(self, value) -> Fraction: ...
+    def sqrt(self, value): ...
+    def sin(self, value): ...
+    def cos(self, value): ...
+    def tan(self, value): ...
+    def exp(self, value): ...
+    def log(self, value): ...
+    def at_least(self, value, other) -> bool: ...
+
+
+def exact(number) -> Fraction:
+    """The decimal number that a spec has, not the double nearest to it."""
+    return Fraction(str(number))
+
+
+def form(*terms, **named) -> dict[str, Any]:
+    """The sum of (coefficient, name) and of forms."""
+    total = dict(named)
+    for term in terms:
+        pairs = term.items() if isinstance(term, dict) else [(term[1], term[0])]
+        for name, coefficient in pairs:
+            total[name] = total[name] + coefficient if name in total else coefficient
+    return total
+
+
+def scaled(factor, terms) -> dict[str, Any]:
+    return {name: factor * coefficient for name, coefficient in terms.items()}
+
+
+@dataclass
+class Instant:
+    """What happens at once: variables from equations, and memory that is written afterwards."""
+
+    equations: dict[str, dict] = field(default_factory=dict)
+    writes: dict[str, dict] = field(default_factory=dict)
+
+
+@dataclass
+class Schedule:
+    """The instants of one period in order: (time in s, kind), and what each kind is."""
+
+    period: Fraction
+    kinds: dict[object, Instant]
+    times: list[tuple[Fraction, object]]
+    ticks: dict[int, int]  # place in `times` -> number of the tick whose instant it is
+    motion: Instant  # its writes are the derivatives of the memory that moves between instants
+    shown: dict[str, str]  # name of a signal -> variable of a tick's instant
+
+
+class Keys:
+    """The tables of a spec; remembers which keys were asked for."""
+
+    def __init__(self, tables: dict):
+        self.tables = tables
+        self.asked: set[str] = set()
+
+    def __call__(self, path: str, default=None):
+        self.asked.add(path)
+        table = self.tables
+        for name in path.split("."):
+            if not isinstance(table, dict) or name not in table:
+                return default
+            table = table[name]
+        return table
+
+
+# Small matrices as lists of rows, of coefficients of any kind.
+
+
+def product(left, right):
+    columns = transposed(right)
+    return [[dot(row, column) for column in columns] for row in left]
+
+
+def dot(left, right):
+    return sum((a * b for a, b in zip(left[1:], right[1:], strict=True)), start=left[0] * right[0])
+
+
+def transposed(matrix):
+    return [list(column) for column in zip(*matrix, strict=True)]
+
+
+def plus(left, right):
+    pairs = zip(left, right, strict=True)
+    return [[a + b for a, b in zip(row, other, strict=True)] for row, other in pairs]
+
+
+def times(factor, matrix):
+    return [[factor * entry for entry in row] for row in matrix]
+
+
+def outer(left, right):
+    return [[a * b for b in right] for a in left]
+
+
+def diagonal(entries):
+    size = range(len(entries))
+    return [[entries[at] if at == other else 0 for other in size] for at in size]
+
+
+def identity(size):
+    return diagonal([1] * size)
+
+
+def inverse(matrix):
+    """Of a positive definite matrix, by elimination along its diagonal."""
+    size = len(matrix)
+    rows = [[*row, *unit] for row, unit in zip(matrix, identity(size), strict=True)]
+    for at in range(size):
+        pivot = rows[at][at]
+        rows[at] = [entry / pivot for entry in rows[at]]
+        for other in range(size):
+            if other != at:
+                factor = rows[other][at]
+                pairs = zip(rows[other], rows[at], strict=True)
+                rows[other] = [entry - factor * own for entry, own in pairs]
+    return [row[size:] for row in rows]
