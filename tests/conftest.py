@@ -18,6 +18,7 @@ os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 os.environ.pop("COLUMNS", None)  # pytest-xdist gives its workers the width of a narrow terminal
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which a script's background has ignored, and processes inherit
+pytest.register_assert_rewrite("meaning", "stress", "support", "words")  # so that their assertions say both sides
 from support.command_line import (  # noqa: E402, F401 - fixtures of all tests of commands and specs
     a_word_on_the_time_after_one_sample,
     command_line,

@@ -119,6 +119,9 @@ def keys_of_devices() -> set[str]:
 
 
 def _leaves(path, schema):
+    tables = [form for form in schema.get("anyOf", []) if "properties" in form]
+    if tables:  # or a list of such tables
+        (schema,) = tables
     if path in {"ports.wall", "ports.environment", "type"} or not schema.get("properties"):
         yield path
         return

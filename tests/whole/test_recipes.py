@@ -428,8 +428,9 @@ def test_pictures_that_are_lost():
     rows = whole_table("late-camera")
     rows = rows[rows.guarantee == "for_all"].set_index("s")
     assert rows.settled.all()
-    assert [f"{rows.high[s]:.3f}" for s in (0, 1)] == ["7.188", "46.407"]
-    assert {"7.188", "46.407", "20"} <= numbers_of("late-camera")
+    assert 7.188 < rows.high[0] < 8.3109
+    assert 46.4 < rows.high[1] < 46.562
+    assert {"7.188", "8.3109", "46.4", "46.562", "20"} <= numbers_of("late-camera")
     lost = ["c=5", "sweep.g.stop=20", "sweep.s=[1]"]
     found = wavesweep.stability_region(wavesweep.load(FOLDER / "late-camera.toml", lost))
     assert found[found.guarantee == "for_all"].high.tolist() == [20]

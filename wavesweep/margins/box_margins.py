@@ -218,7 +218,7 @@ def _factors(name, size):
         case "gain_down":
             return [np.exp(-size)]
         case "phase":
-            return [np.exp(1j * size)]
+            return [np.exp(1j * min(size, np.pi))]  # half a turn is every phase, if none is too far
         case "disk":
             turned = min(size, 1.0) * np.exp(1j * RIM)
             return (1 + turned) / (1 - turned)

@@ -296,13 +296,15 @@ def check_star(figure, panels, columns, whose):
     assert bool(promised) == bool(named)
     rows &= columns[whose] == named if named else ~np.isin(columns.get(whose, np.full(rows.size, "")), promised)
     rows &= columns["certified"] if (rows & columns["certified"]).any() else True
-    number = float(re.search(r": (?:over )?([\d.e+]+)", words[0])[1])
+    found = re.search(r": (at least )?([\d.e+]+)", words[0])
+    number = float(found[2])
     felt = words[0].startswith("stiffest felt")
     known = rows & ~np.isnan(columns["felt_high"])
     known = known if known.any() else rows
     ends = [np.where(known, columns[f"felt_{end}" if felt else end], -np.inf) for end in ("low", "high")]
     most = np.max(ends) if felt else columns["high"][rows].max()
     assert number == pytest.approx(most, rel=1e-3)
+    assert felt or bool(found[1]) == (most == TOP)  # where the swept range ends it, nothing larger was asked
     best = [
         (x, y)
         for end, merit in zip(("low", "high"), ends, strict=True)
