@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wavesweep.engine.sets import Side, UnresolvedError
+from wavesweep.engine.switched import FramesOver, constant_frames
 from wavesweep.for_all import ranges
-from wavesweep.for_all.frames_over import FramesOver, constant_frames
 from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop

@@ -15,9 +15,9 @@ from wavesweep.engine._sets.taylor_models import Polynomials, monomials
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.norm_check import shrink_over
 from wavesweep.engine._switched.patterns import following, joined, written
+from wavesweep.engine.switched import Enclosed
 from wavesweep.for_all import ranges
 from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
-from wavesweep.for_all.frames_over import Enclosed
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load

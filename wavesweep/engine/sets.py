@@ -6,6 +6,7 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
+    from wavesweep.engine._sets.sides import LOGARITHMIC_SIDE, as_numbers, as_sides, side_of
     from wavesweep.engine._sets.taylor_models import (
         Polynomials,
         UnresolvedError,
@@ -15,6 +16,7 @@ else:
     __getattr__ = on_demand(
         {
             "_sets.enclosed_loop": ("EnclosedLoop", "Side"),
+            "_sets.sides": ("LOGARITHMIC_SIDE", "as_numbers", "as_sides", "side_of"),
             "_sets.taylor_models": (
                 "Polynomials",
                 "UnresolvedError",

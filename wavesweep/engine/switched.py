@@ -29,6 +29,14 @@ if TYPE_CHECKING:
     )
     from wavesweep.engine._switched.dissipation import automaton, least_damping
     from wavesweep.engine._switched.folded import counted_from_rest, lasting, shift_of
+    from wavesweep.engine._switched.frames_over import (
+        TOTAL_DEGREE,
+        Enclosed,
+        FramesOver,
+        TickPlace,
+        constant_frames,
+        inside_of,
+    )
     from wavesweep.engine._switched.graph import Family, Graph
     from wavesweep.engine._switched.loop_frames import LoopFrames, Symbol, WrittenFrames, alive
     from wavesweep.engine._switched.mean_square import (
@@ -43,8 +51,8 @@ if TYPE_CHECKING:
         Norms,
         definite,
         in_its_units,
+        outside_each,
         shrink_along,
-        shrink_each,
         shrink_over,
     )
     from wavesweep.engine._switched.norms import (
@@ -104,6 +112,14 @@ else:
             ),
             "_switched.dissipation": ("automaton", "least_damping"),
             "_switched.folded": ("counted_from_rest", "lasting", "shift_of"),
+            "_switched.frames_over": (
+                "Enclosed",
+                "FramesOver",
+                "TOTAL_DEGREE",
+                "TickPlace",
+                "constant_frames",
+                "inside_of",
+            ),
             "_switched.graph": ("Family", "Graph"),
             "_switched.loop_frames": ("LoopFrames", "Symbol", "WrittenFrames", "alive"),
             "_switched.mean_square": (
@@ -118,8 +134,8 @@ else:
                 "Norms",
                 "definite",
                 "in_its_units",
+                "outside_each",
                 "shrink_along",
-                "shrink_each",
                 "shrink_over",
             ),
             "_switched.norms": (

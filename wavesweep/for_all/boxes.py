@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import Side
+from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
+from wavesweep.engine.switched import constant_frames
 from wavesweep.for_all.asked_ranges import values_of_range
-from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
-from wavesweep.for_all.sides import as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import ALWAYS, drift_over, frames_over
 from wavesweep.program.spec import Spec
 

@@ -27,9 +27,15 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
-from wavesweep.engine.switched import LoopFrames, WrittenFrames
+from wavesweep.engine.switched import (
+    TOTAL_DEGREE,
+    FramesOver,
+    LoopFrames,
+    TickPlace,
+    WrittenFrames,
+    inside_of,
+)
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
-from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.plan import ANY_NUMBER, TWO_VALUES
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late

@@ -27,6 +27,7 @@ from wavesweep.engine.norms import START, TickMaps, then, tick
 from wavesweep.engine.sets import Polynomials, Side
 from wavesweep.engine.switched import (
     Centre,
+    FramesOver,
     Graph,
     LoopFrames,
     Norms,
@@ -34,7 +35,6 @@ from wavesweep.engine.switched import (
     units_of_places,
 )
 from wavesweep.for_all.channel_families import NOTHING, SENT
-from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.open_channels import OpenLoop, taken_from
 
 LEAST_STEP = 0.02  # of a number, a stretch that ends a proof

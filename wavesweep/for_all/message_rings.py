@@ -20,14 +20,13 @@ import numpy as np
 from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.sets import Side
-from wavesweep.engine.switched import Graph, LoopFrames
+from wavesweep.engine.switched import Graph, LoopFrames, inside_of
 from wavesweep.for_all.channel_families import (
     Channel,
     NotByWordsError,
     channels_of,
     frames_with_messages,
 )
-from wavesweep.for_all.frames_over import inside_of
 from wavesweep.for_all.jitter_margin import SmallGain
 from wavesweep.for_all.open_channels import OpenLoop, taken_from
 

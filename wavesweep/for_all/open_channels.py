@@ -14,7 +14,7 @@ from wavesweep.engine.expressions import Tree
 from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
-from wavesweep.engine.switched import LoopFrames, WrittenFrames
+from wavesweep.engine.switched import TOTAL_DEGREE, FramesOver, LoopFrames, WrittenFrames
 from wavesweep.for_all.channel_families import (
     NOTHING,
     SENT,
@@ -25,7 +25,6 @@ from wavesweep.for_all.channel_families import (
     refuse_moved,
     ticks_of,
 )
-from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver
 from wavesweep.for_all.plan import TWO_VALUES
 
 

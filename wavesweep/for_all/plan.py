@@ -14,9 +14,17 @@ from wavesweep.engine.expressions import Tree
 from wavesweep.engine.frames import MarginalModes, OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
-from wavesweep.engine.switched import LoopFrames, Symbol, WrittenFrames, lasting
+from wavesweep.engine.switched import (
+    TOTAL_DEGREE,
+    FramesOver,
+    LoopFrames,
+    Symbol,
+    TickPlace,
+    WrittenFrames,
+    inside_of,
+    lasting,
+)
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
-from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
 
 TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is

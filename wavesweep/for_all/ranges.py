@@ -23,6 +23,7 @@ from wavesweep.engine.switched import (
     ALONE,
     CALLS,
     Centre,
+    Enclosed,
     OnAverage,
     Word,
     find_norms,
@@ -30,12 +31,11 @@ from wavesweep.engine.switched import (
     forms_on_average,
     growing,
     growth,
+    outside_each,
     recentred,
-    shrink_each,
     shrink_over,
     sloped,
 )
-from wavesweep.for_all.frames_over import Enclosed
 from wavesweep.for_all.jitter_margin import SmallGain
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much,
@@ -457,11 +457,11 @@ def _judged_each(A, found):
     forms = Polynomials((P + P.mT) / 2, np.zeros(P.shape[1:]), A.numbers, A.order)
     basis = np.stack([centre.basis for centre, _ in found])
     inverse = np.stack([centre.inverse for centre, _ in found])
-    shrinks, slack = shrink_each(forms, A.similar(basis, inverse))
+    outside, slack = outside_each(forms, A.similar(basis, inverse))
     pairs = monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + 3 * EACH * pairs * P.shape[-1] ** 2
     judged = []
-    for part, proved in enumerate(shrinks):
+    for part, proved in enumerate((outside == 0).tolist()):
         size = np.sqrt(
             _largest_sum(slack.terms[:, part], -1) * _largest_sum(slack.terms[:, part], -2)
         )

@@ -17,27 +17,19 @@ from wavesweep.engine.intervals import Resolution, Search
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
-from wavesweep.engine.sets import Side
+from wavesweep.engine.sets import LOGARITHMIC_SIDE, Side, as_numbers, as_sides, side_of
 from wavesweep.engine.switched import (
     ALONE,
     OnAverage,
     climb,
+    constant_frames,
     constant_growth,
     contradicted,
     corners_of,
     on_edges_of,
 )
-from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover
-from wavesweep.for_all.sides import (
-    INWARD,
-    LOGARITHMIC_SIDE,
-    LeftOpen,
-    as_numbers,
-    as_sides,
-    left_open,
-    side_of,
-)
+from wavesweep.for_all.sides import INWARD, LeftOpen, left_open
 from wavesweep.program.reading.axes import Axis
 
 # what a proof has reached, which a command shows

@@ -17,7 +17,7 @@ from wavesweep.engine.errors import SpecError
 from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import Side
+from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
 from wavesweep.engine.switched import (
     OPERATIONS_OF_SEARCH,
     PROVED,
@@ -69,7 +69,7 @@ from wavesweep.for_all.message_patterns import messages_of
 from wavesweep.for_all.message_rings import RingFrames, frames_of_messages, gain_over
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.ring_search import BY_GAIN, bracket_ring, decide_ring
-from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
+from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.for_all.worst import FROM_ZERO, LoopsOver, Refuted, bracket_over, decide_over
 from wavesweep.for_all.worst import OPERATIONS_OF_PROOFS as WORK_OVER

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from wavesweep.engine.sets import Side
+from wavesweep.engine.sets import Side, as_numbers, as_sides
 from wavesweep.engine.switched import (
     OPERATIONS_OF_CLIMB,
     Family,
+    FramesOver,
     Growth,
     OnAverage,
     Word,
@@ -27,11 +28,10 @@ from wavesweep.engine.switched import (
     refuted_beyond,
     written,
 )
-from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.jitter_margin import SmallGain
 from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
 from wavesweep.for_all.ranges import Box, Covering, cover, units_of
-from wavesweep.for_all.sides import INWARD, LeftOpen, as_numbers, as_sides, left_open
+from wavesweep.for_all.sides import INWARD, LeftOpen, left_open
 
 # distance of proof and refutation that is aimed at, relative to the refuted number
 BRACKET_TOLERANCE = 0.01

@@ -210,38 +210,39 @@ def shrink_over(
     # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
     if not (allowed and _symmetric(P) and definite(P[0], np.zeros_like(P[0]))):
         return False, slack
-    return _exceeds(slack, A.numbers), slack
+    return bool(_exceeds_each(slack, A.numbers).all()), slack
 
 
-def shrink_each(forms: Polynomials, A: Polynomials) -> tuple[list[bool], Slack]:
-    """Return for each of some single matrices, `(cells, n, n)`, whether its powers are proved to
-    shrink in its own form, and what the slack of each consists of: `shrink_over` for the graphs
-    of one node that all of them have."""
+def outside_each(forms: Polynomials, A: Polynomials) -> tuple[np.ndarray, Slack]:
+    """Return for each of some single matrices, `(cells, n, n)`, how many of its eigenvalues its own
+    form proves to be outside the unit circle all over its box, -1 if it proves nothing; and what the
+    slack of each consists of.
+
+    If `F(s) = P(s) - A(s)' P(s) A(s)` is positive definite for every s, no eigenvalue is on the
+    circle, P(s) is regular, and as many are outside as P(s) has negative eigenvalues, which are as
+    many as P(0) has (A. Ostrowski, H. Schneider, J. Math. Anal. Appl. 4, 72-84, 1962). P(0) has so
+    many if it is negative definite on that many states, and positive definite on all others.
+    """
     cells = np.arange(len(A.rest))
     slack = _slack_over(forms, Graph(cells, cells, cells), A, None)
     P = forms.terms
-    shrinks = []
-    for cell in cells.tolist():
-        # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
-        positive = _symmetric(P[:, cell]) and definite(P[0, cell], np.zeros_like(P[0, cell]))
-        of_cell = Slack(
-            slack.terms[:, cell], slack.errors[cell : cell + 1], slack.higher[cell : cell + 1]
-        )
-        shrinks.append(positive and _exceeds(of_cell, A.numbers))
-    return shrinks, slack
+    side = np.where(np.diagonal(P[0], axis1=-2, axis2=-1) < 0, -1.0, 1.0)
+    alike = side[:, :, None] == side[:, None, :]
+    on_each_side = np.where(alike, side[:, :, None] * P[0], 0.0)
+    proved = definite_each(on_each_side, np.zeros_like(on_each_side))
+    proved &= (np.isfinite(P) & (P.mT == P)).all((0, -1, -2)) & _exceeds_each(slack, A.numbers)
+    return np.where(proved, (side < 0).sum(-1), -1), slack
 
 
-def _exceeds(slack, numbers):
-    """Whether a slack is positive definite in all of a box."""
+def _exceeds_each(slack, numbers):
+    """Whether the slack on each edge is positive definite in all of a box."""
     # "Unknown numbers": terms up to degree two are a convex combination of control points.
     low = slack.terms[: len(monomials(numbers, 2)[0])]
     control = np.tensordot(_control(numbers), low, (1, 0))
     rounding = 4 * len(low) * UNIT_ROUNDING * np.abs(low).sum(0)
     # "Unknown numbers": each exceeds all other terms and all errors, with rounding taken off.
     off = slack.errors + slack.higher
-    if not np.isfinite(off).all():
-        return False
-    return definite(control, np.broadcast_to(rounding, control.shape), off)
+    return definite_each(control, np.broadcast_to(rounding, control.shape), off).all(0)
 
 
 def _slack_over(forms, graph, A, weight) -> Slack:
@@ -294,44 +295,58 @@ def _slack_over(forms, graph, A, weight) -> Slack:
 
 
 def cholesky_of_each(F: np.ndarray) -> np.ndarray:
-    """Return the Cholesky factors of matrices `(cells, n, n)`, NaN for those that are not
-    positive definite."""
+    """Return the Cholesky factors of matrices `(..., n, n)`, NaN for those that are not positive
+    definite."""
     try:
         return np.linalg.cholesky(F)
     except np.linalg.LinAlgError:
-        if len(F) == 1:
+        if F.ndim == 2:
             return np.full_like(F, np.nan)
-        return np.concatenate([cholesky_of_each(each[None]) for each in F])
+    factors = np.full_like(F, np.nan)
+    # Where they fail, one by one; eigenvalues say of nearly all that do.
+    for place in np.argwhere(np.linalg.eigvalsh(F)[..., 0] > 0).tolist():
+        factors[*place] = cholesky_of_each(F[*place])
+    return factors
 
 
 def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> bool:
     """Return whether all symmetric matrices within R of F, entry by entry, and within a norm `off`,
-    are positive definite.
+    are positive definite."""
+    known, less = _less_errors(F, R, off)
+    try:
+        np.linalg.cholesky(less)
+    except np.linalg.LinAlgError:
+        return False
+    return bool(known.all())
 
-    In units of the states, powers of 2, that make its diagonal about 1, F is positive definite if
-    the Cholesky decomposition of `F - (|R| + c) I` runs to its end. Here `|R|` is the largest sum
-    of a row, and c is what rounding may do to the decomposition itself (S. M. Rump, Verification of
-    positive definiteness, BIT 46, 2006, Theorem 2.3).
+
+def definite_each(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return the same of each matrix `(..., n, n)`."""
+    known, less = _less_errors(F, R, off)
+    return known & np.isfinite(cholesky_of_each(less)).all((-1, -2))
+
+
+def _less_errors(F, R, off):
+    """Which matrices have bounds and a positive diagonal, and what is left of them, in units of the
+    states, powers of 2, that make their diagonal about 1.
+
+    F is positive definite if the Cholesky decomposition of `F - (|R| + c) I` runs to its end. Here
+    `|R|` is the largest sum of a row, and c is what rounding may do to the decomposition itself (S.
+    M. Rump, Verification of positive definiteness, BIT 46, 2006, Theorem 2.3).
     """
     n = F.shape[-1]
-    F = (F + F.mT) / 2
-    R = (R + R.mT) / 2
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
-    if not (
-        np.isfinite(F).all() and np.isfinite(R).all() and (diagonal > LEAST_POSITIVE_ENTRY).all()
-    ):
-        return False
-    units = np.exp2(-np.round(np.log2(diagonal) / 2))
+    known = (np.isfinite(F) & np.isfinite(R)).all((-1, -2)) & np.isfinite(off)
+    known &= (diagonal > LEAST_POSITIVE_ENTRY).all(-1)
+    F = np.where(known[..., None, None], (F + F.mT) / 2, np.eye(n))
+    R = np.where(known[..., None, None], (R + R.mT) / 2, 0.0)
+    units = np.exp2(-np.round(np.log2(np.diagonal(F, axis1=-2, axis2=-1)) / 2))
     F = F * units[..., None, :] * units[..., :, None]
     R = R * units[..., None, :] * units[..., :, None]
     c = BOUNDS_OF_DOUBLES * (n + 2) * UNIT_ROUNDING * np.trace(F, axis1=-2, axis2=-1)
     size_of_R = BOUNDS_OF_DOUBLES / 2 * R.sum(-1).max(-1)
-    less = size_of_R + c + off * units.max(-1) ** 2
-    try:
-        np.linalg.cholesky(F - less[..., None, None] * np.eye(n))
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    less = size_of_R + c + np.where(known, off, 0.0) * units.max(-1) ** 2
+    return known, F - less[..., None, None] * np.eye(n)
 
 
 def _root(weight):

@@ -12,18 +12,15 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.blocks import MultirateLoop
+from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.periodic import Ticks
+from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
+from wavesweep.engine._sets.taylor_models import Polynomials, UnresolvedError, monomials
+from wavesweep.engine._switched.folded import lasting
+from wavesweep.engine._switched.loop_frames import Symbol, alive
 from wavesweep.engine.doubles import NEXT_TO_ZERO, UNIT_ROUNDING
-from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import (
-    EnclosedLoop,
-    Polynomials,
-    Side,
-    UnresolvedError,
-    monomials,
-)
-from wavesweep.engine.switched import Symbol, alive, lasting
 
 TOTAL_DEGREE = 5  # total degree of the polynomials
 # the same for so many numbers where frames are all alike, whose forms are of that degree too
