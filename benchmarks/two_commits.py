@@ -2,9 +2,9 @@
 
     python benchmarks/two_commits.py BEFORE [AFTER] [--specs FILE ...] [--commands WORD ...]
 
-Every spec, all shipped ones without --specs, goes through the commands, each in a process of its own. Numbers may differ by 1e-9
-of themselves; what differs by more is printed, row by row. What both commits refuse with the same words is the same. AFTER is the
-checkout as it is, unless a commit is named. The exit code is 1 if anything differs.
+Every spec, all shipped ones without --specs, goes through the commands, each in a process of its own. Numbers may differ by
+1e-9 of themselves; what differs by more is printed, row by row. What both commits refuse with the same words is the same.
+AFTER is the checkout as it is, unless a commit is named. The exit code is 1 if anything differs.
 """
 
 import argparse
