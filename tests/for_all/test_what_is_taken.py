@@ -87,3 +87,31 @@ def test_numbers_with_which_no_loop_can_be_built_are_refused_and_not_cut_off(cha
     spec = load(DRAWN | changes | {"for_all": {"n": ranges}})
     with pytest.raises(UsageError, match=said):
         wavesweep.compile(spec).stable_intervals()
+
+
+@pytest.mark.parametrize(
+    ("tables", "ranges", "said"),
+    [
+        (
+            WALL,
+            {"device.mass": {"start": 0.08, "stop": 0.125, "varying": True}},
+            "environment.delay as numbers that vary, found device.mass",
+        ),
+        (
+            WALL,
+            {"device": {"mass": {"start": 1.08, "stop": 1.125, "varying": True}}},
+            "as numbers that vary, found device.mass",
+        ),
+        (WALL, {"device.mass": {"values": [0.1], "varying": True}}, "as numbers that vary, found device.mass"),
+        (
+            DRAWN,
+            {"k": {"start": 0.8, "stop": 0.9, "varying": True}},
+            "one number that varies, which `every` of blocks reads, found k",
+        ),
+        (DRAWN, {"numbers": {"k": {"values": [0.8, 0.9], "varying": True}}}, "which `every` of blocks reads, found numbers.k"),
+    ],
+)
+def test_a_constant_number_that_varies_is_refused_when_the_spec_is_read(tables, ranges, said):
+    """Also one whose range has no whole number, or a single one, within it."""
+    with pytest.raises(SpecError, match=said):
+        load(tables | {"for_all": ranges, "sweep": {}})

@@ -197,8 +197,7 @@ class _Reader:
             elif axis.stop - axis.start >= MOST_CHOICES:
                 self.refuse(path, f"fewer than {MOST_CHOICES} whole numbers", "more")
             else:
-                choices = tuple(range(int(axis.start), int(axis.stop) + 1))
-                yield replace(axis, values=choices, scale=None)
+                yield replace(axis, values=tuple(axis.choices), scale=None)
 
     def wished(self) -> Iterator[Wish]:
         named: set[str] = set()

@@ -135,7 +135,7 @@ class Loops(NamedTuple):
 
     def in_common_tick(self) -> "Loops":
         """The loops drawn with the longest tick that they have in common, for analyses that look at whole frames alone."""
-        return Loops(with_common_tick(self.drawing, self.values), self.values)
+        return Loops(*with_common_tick(self.drawing, self.values))
 
     def in_whole_ticks(self, along: str) -> "Loops | None":
         """One loop with a tick of which its dead times are whole numbers, for exact arithmetic; None if there is none."""

@@ -57,9 +57,7 @@ class ForAllRanges(TableValue):
     def changing(self) -> tuple[Axis, ...]:
         """The numbers that may change from frame to frame; one with a single value is constant."""
         return tuple(
-            axis
-            for axis in self.axes
-            if axis.path in self.varying and len(values_of_range(axis)) > 1
+            axis for axis in self.axes if axis.path in self.varying and len(axis.choices) > 1
         )
 
     @property
@@ -73,8 +71,8 @@ class ForAllRanges(TableValue):
         left_out = []
         for axis in self.axes:
             value = values[axis.path]
-            if axis.values:
-                inside = value in axis.values
+            if axis.choices:
+                inside = value in axis.choices
             else:
                 inside = axis.start <= value <= axis.stop
             if not inside:
@@ -104,8 +102,3 @@ class ForAllRanges(TableValue):
             | ({"lost": self.lost} if self.lost else {})
             | ({"loss": self.loss} if self.loss else {})
         )
-
-
-def values_of_range(axis: Axis) -> tuple:
-    """The values of a range, those of a whole number one by one."""
-    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))

@@ -8,7 +8,6 @@ import numpy as np
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
 from wavesweep.engine.switched import constant_frames
-from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
 from wavesweep.for_all.unknown import ALWAYS, drift_over, frames_over
@@ -19,7 +18,6 @@ __all__ = [
     "frames_over",
     "numbers_in_words",
     "proved_stable",
-    "values_of_range",
     "varying",
 ]
 

@@ -228,7 +228,7 @@ def frames_with_messages(
             "linearly, found another; look along another one, and list values of this one in [sweep]: "
             f"{number.removeprefix('numbers.')} = [...]"
         )
-    drawing, channels = _in_step(drawing, values)
+    drawing, values, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): TWO_VALUES} if number else {}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | varied).twins()]
     assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
@@ -254,7 +254,7 @@ def messages_over(
     drawing: Drawing, values: Mapping[str, object], sides: Sequence[Side], box: np.ndarray
 ) -> FramesOver:
     """Return the family over the cells of a box of sides."""
-    drawing, channels = _in_step(drawing, values)
+    drawing, values, channels = _in_step(drawing, values)
     inside = inside_of(box)
     numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
@@ -277,7 +277,7 @@ def members_with_messages(
     drawing: Drawing, values: Mapping[str, object], paths: Sequence[str], box: np.ndarray
 ) -> Members:
     """Return the steps of members of a box of numbers at these paths, in plain doubles."""
-    drawing, channels = _in_step(drawing, values)
+    drawing, values, channels = _in_step(drawing, values)
 
     def with_numbers(points):
         return values | {path: points[:, at].copy() for at, path in enumerate(paths)}
@@ -300,11 +300,13 @@ def members_with_messages(
     return Members(frames_at, len(drift.remaining), symbols, follows)
 
 
-def _in_step(drawing: Drawing, values: Mapping[str, object]) -> tuple[Drawing, tuple[Channel, ...]]:
-    """The drawing with its longest tick, if no message is late, and its channels."""
+def _in_step(
+    drawing: Drawing, values: Mapping[str, object]
+) -> tuple[Drawing, Mapping[str, object], tuple[Channel, ...]]:
+    """The loop with its longest tick, if no message is late, and its channels."""
     if not any(channel.late for channel in channels_of(drawing, values)):
-        drawing = Loops(drawing, values).in_common_tick().drawing
-    return drawing, channels_of(drawing, values)
+        drawing, values = Loops(drawing, values).in_common_tick()
+    return drawing, values, channels_of(drawing, values)
 
 
 def places_of(

@@ -7,8 +7,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.engine.drawing import path_of
 from wavesweep.engine.keys import Key, Leaf, Mistakes, show
-from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges, values_of_range
+from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis
 from wavesweep.program.reading.keys import BAND_EDGES
 from wavesweep.program.reading.tables import Section, SpecTable
@@ -126,6 +127,7 @@ def build(request: Request) -> ForAll | None:
     _refuse_what_is_swept(request, axes)
     request.refuse_beyond_limits("for_all", axes)
     _refuse_what_others_follow_from(request, axes)
+    _refuse_what_cannot_vary(request, [asked for asked in numbers if asked.varies])
     _refuse_frames_below_delays(request, [asked.axis for asked in numbers if not asked.varies])
     varying = frozenset(number.axis.path for number in numbers if number.varies)
     table = _with_chances(request, ForAll(axes, varying, lost, loss=loss), numbers)
@@ -161,7 +163,7 @@ def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumb
         found = ", ".join(f"{value:g}" for value in axis.values)
         mistakes.refuse(axis.place, label, "values that differ", found)
     if varies:
-        count = len(values_of_range(axis))
+        count = len(axis.choices)
         if count > MOST_VARYING:
             expected = (
                 f"at most {MOST_VARYING} values of a number that varies, such as "
@@ -231,6 +233,21 @@ def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> N
         request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, found)
 
 
+def _refuse_what_cannot_vary(request: Request, numbers: Iterable[AskedNumber]) -> None:
+    """Add the mistakes of numbers that vary and are neither lengths of frames nor delays."""
+    if request.drawing:
+        may_vary = {path_of(name) for each in request.drawing.blocks for name in each.every.names}
+        expected = "one number that varies, which `every` of blocks reads"
+    elif not request.drawn:
+        may_vary = {"rates.ratio", DELAY}
+        expected = "rates.ratio or environment.delay as numbers that vary"
+    else:  # a drawing with mistakes of its own
+        return
+    for at, asked in enumerate(numbers):
+        if asked.axis.path not in may_vary or (request.drawing and at):
+            request.mistakes.refuse(asked.axis.place, asked.label, expected, asked.axis.name)
+
+
 def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
     """Add the mistake of a delay that is longer than a frame, where both are constant and
     [for_all] has the frame."""
@@ -239,11 +256,10 @@ def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
     delay = by_path.get(DELAY)
     if ratio is None or request.values is None or (delay is None and is_frame(request.given)):
         return
-    shortest = min(values_of_range(ratio))
-    longest = max(values_of_range(delay)) if delay else request.values[DELAY]
-    if longest > shortest:
+    longest = delay.stop if delay else request.values[DELAY]
+    if longest > ratio.start:
         expected = f"frames of at least {longest:g} ticks (environment.delay)"
-        request.mistakes.refuse(ratio.place, f"for_all.{ratio.name}", expected, show(shortest))
+        request.mistakes.refuse(ratio.place, f"for_all.{ratio.name}", expected, show(ratio.start))
 
 
 def _with_chances(request: Request, table: ForAll, numbers: Iterable[AskedNumber]) -> ForAll:
@@ -251,7 +267,7 @@ def _with_chances(request: Request, table: ForAll, numbers: Iterable[AskedNumber
     given = request.belongs.keys
     mistakes = request.mistakes
     lengths = [axis for axis in table.changing if axis.path != DELAY]
-    frames = len(values_of_range(lengths[0])) if lengths else 1
+    frames = len(lengths[0].choices) if lengths else 1
     for number in numbers:
         if not number.chances or number.axis not in table.changing:
             continue

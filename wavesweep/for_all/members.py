@@ -14,7 +14,6 @@ from wavesweep.engine.drawing import name_of
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import corners_of
-from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
@@ -55,7 +54,7 @@ def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
     varied = [axis for axis in rules.for_all.changing if not rules.messages]
     choices = []
     for axis in varied:
-        tried = values_of_range(axis)
+        tried = axis.choices
         spread = {
             # Six values of each number that varies, its ends among them, beside the spec's own.
             tried[i]

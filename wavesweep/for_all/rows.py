@@ -19,7 +19,6 @@ from wavesweep.engine.switched import (
     grows_everywhere,
     parts_that_decay,
 )
-from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.members import claims_hold, nowhere
@@ -52,7 +51,7 @@ from wavesweep.program.number_words import (
     span_around,
     span_in_words,
 )
-from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.spec import Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
@@ -134,8 +133,8 @@ def _unsuitable_ranges(spec, along):
     along a number cannot be held for."""
     for_all = spec.for_all
     drawing, _ = own_loop(spec, along)
-    ranges = [axis for axis in for_all.unknown if not axis.values and not axis.structural]
-    listed = [axis for axis in for_all.unknown if axis not in ranges]
+    ranges = [axis for axis in for_all.unknown if not axis.choices]
+    listed = [axis for axis in for_all.unknown if axis.choices]
     read = _read_by_probabilities(drawing)
     chance = [axis.name for axis in ranges if {axis.path, along} & read]
     if chance:
@@ -146,15 +145,19 @@ def _unsuitable_ranges(spec, along):
         yield "another number than that of the intervals", ", ".join(swept)
     if len(ranges) > MOST_UNKNOWN:
         yield f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"
-    timed = _timed(for_all.unknown, along, drawing.timing)
+    timed = [axis.name for axis in for_all.unknown if name_of(axis.path) in drawing.timing]
+    if name_of(along) not in drawing.timing:
+        timed = [axis.name for axis in ranges if axis.name in timed]
+    elif timed:
+        timed.append(along)
     if len(timed) > 1:
-        expected = "one number that dead times follow from, and values of others"
-        yield expected, f"ranges of {', '.join(timed)}"
-    in_parts = [axis.name for axis in for_all.axes if _has_parts(spec, axis)]
+        expected = "one number that dead times follow from, and no list of another along it"
+        yield expected, ", ".join(timed)
+    in_parts = [axis.name for axis in ranges if axis.structural]
     if in_parts:
         expected = "a list of values, values = [...], of a number that decides how the loop is built and need not be whole"
         yield expected, f"the range of {', '.join(in_parts)}"
-    cases = np.prod([len(values_of_range(axis)) for axis in listed], initial=1.0)
+    cases = np.prod([len(axis.choices) for axis in listed], initial=1.0)
     if cases > MOST_CASES:
         expected = f"at most {MOST_CASES} combinations of values; list fewer, values = [...]"
         yield expected, f"{cases:g}"
@@ -180,23 +183,6 @@ def _read_by_probabilities(drawing) -> set[str]:
     """The numbers from which the probabilities of messages follow."""
     trees = (tree for block in drawing.channels for key, tree in block.keys if key in SHARES)
     return {path_of(name) for tree in trees for name in tree.names}
-
-
-def _timed(axes, along, timing_names) -> list[str]:
-    """The ranges from which dead times follow, with the number along which intervals are if
-    these follow from it as well."""
-    timed = [axis.name for axis in axes if not axis.values and name_of(axis.path) in timing_names]
-    if timed and along and name_of(along) in timing_names:
-        return [*timed, along]
-    return timed
-
-
-def _has_parts(spec: Spec, axis: Axis) -> bool:
-    """Whether a range is of a number that decides how the loop is built, and has other values
-    than the whole ones."""
-    return bool(
-        axis.structural and not axis.values and spec.names.find(axis.name).type != "integer"
-    )
 
 
 def intervals_for_all(
@@ -245,14 +231,16 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     A range of a number that dead times follow from is in pieces, in each of which these have the
     same whole ticks.
     """
+    if name_of(along) not in loop.drawing.timing:
+        loop = loop.unbuilt  # each case has the whole ticks of its own dead times
     drawing, values = loop
     unknown = [
         axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values
     ]
-    listed = [axis for axis in unknown if axis.values or axis.structural]
+    listed = [axis for axis in unknown if axis.choices]
     ranges = [axis for axis in unknown if axis not in listed]
     cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
-    for combination in product(*map(values_of_range, listed)):
+    for combination in product(*(axis.choices for axis in listed)):
         fixed = dict(zip((axis.path for axis in listed), combination, strict=True))
         fixed_values = values | fixed
         _refuse_faults(rules, values, fixed)

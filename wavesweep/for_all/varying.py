@@ -41,7 +41,7 @@ from wavesweep.engine.switched import (
     joined,
     short_words,
 )
-from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
+from wavesweep.for_all.asked_ranges import ForAllRanges
 from wavesweep.for_all.channel_families import (
     Sent,
     members_with_messages,
@@ -139,7 +139,7 @@ class Rules:
     @property
     def ranges(self) -> bool:
         """Whether some numbers have ranges beside what varies."""
-        return any(not (axis.values or axis.structural) for axis in self.for_all.unknown)
+        return any(not axis.choices for axis in self.for_all.unknown)
 
     @property
     def vary(self) -> bool:
@@ -209,10 +209,6 @@ class Rules:
         """The plan of the page of a built-in controller."""
         drawing = drawing_of_controller(values, gains)
         varying = {axis.path: axis for axis in self.for_all.changing}
-        for path, axis in varying.items():
-            if path not in (RATIO, DELAY):
-                expected = "rates.ratio or environment.delay as numbers that vary"
-                refuse(self._key(axis), expected, axis.name)
         if values[RATIO] % 1:
             slow_hz = values["rates.fast_hz"] / values[RATIO]
             below = math.floor(values[RATIO])
@@ -220,7 +216,7 @@ class Rules:
             expected += f"a frame, such as {below} or {below + 1}"
             refuse("rates.slow_hz", expected, f"{slow_hz:g} Hz, {values[RATIO]:.6g} ticks")
         if RATIO in varying:
-            lengths = values_of_range(varying[RATIO])
+            lengths = varying[RATIO].choices
         else:
             lengths = (values[RATIO],)
         slow = SlowFrames.of(drawing, values, RATIO, lengths)
@@ -229,7 +225,7 @@ class Rules:
             refuse(KIND, expected, values[KIND])
         delays = (FRAME if self.with_frame else values[DELAY],)
         if DELAY in varying:
-            delays = tuple(values_of_range(varying[DELAY]))
+            delays = tuple(varying[DELAY].choices)
         lost = ANY_NUMBER if self.for_all.loss else self.for_all.lost
         frames = FramesInAnyOrder(slow.lengths, delays, lost, self.elapsed)
         return plan_of(drawing, values, frames, slow)
@@ -238,16 +234,10 @@ class Rules:
         """The plan of a drawn loop, in which one number at most varies, that `every` of blocks
         reads."""
         varying = self.for_all.changing
-        running = {name for block in self.drawing.blocks for name in block.every.names}
-        wrong = [axis for axis in varying if name_of(axis.path) not in running] or varying[1:]
-        if wrong:
-            expected = "one number that varies, which `every` of blocks reads"
-            found = ", ".join(axis.name for axis in varying)
-            refuse(self._key(wrong[0]), expected, found)
         slow = SlowFrames.of(self.drawing, values)
         if varying:
             axis = varying[0]
-            slow = SlowFrames.of(self.drawing, values, axis.path, values_of_range(axis))
+            slow = SlowFrames.of(self.drawing, values, axis.path, axis.choices)
         channels = self.drawing.channels
         for block in channels:
             if block.name not in slow.names or dict(block.keys)["missing"] == "zero":

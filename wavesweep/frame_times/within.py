@@ -49,7 +49,7 @@ def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
     values = None
     varying = False
     if axis is not None:
-        values = axis.values or range(int(axis.start), int(axis.stop) + 1)
+        values = axis.choices
         varying = axis in spec.for_all.changing
     if spec.drawing:
         return _drawn_lengths(spec, axis and name_of(axis.path), values), varying

@@ -124,11 +124,11 @@ def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:
     spec, cut = with_block(spec, cut)
     axes = spec.for_all.unknown
     boxes = spec.for_all.boxes
-    listed = [axis for axis in axes if axis.values or axis.structural]
+    listed = [axis for axis in axes if axis.choices]
     ranges = [axis for axis in axes if axis not in listed]
     paths = [axis.path for axis in listed]
     cases = []
-    for values in product(*map(boxes.values_of_range, listed)):
+    for values in product(*(axis.choices for axis in listed)):
         cases += _cases(spec, cut, ranges, dict(zip(paths, values, strict=True)))
     covered = []
     for case in cases:

@@ -159,7 +159,7 @@ def _frames_in_words(experiment: Mapping[str, Any]) -> str:
 
 def lengths_at(spec: Spec, axis: Axis) -> list[int]:
     """The ticks in a frame at each value of a number that varies; none if it sets no frame."""
-    values = axis.values or range(int(axis.start), int(axis.stop) + 1)
+    values = axis.choices
     if spec.drawing is None:
         if axis.path == "rates.ratio":
             return list(values)

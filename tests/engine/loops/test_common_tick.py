@@ -54,7 +54,7 @@ def test_ends_are_those_of_the_ticks_that_are_drawn(name):
     blocks, wires, numbers, left = CASES[name]
     tables = loop(blocks, wires, **numbers)
     spec, compiled = load(tables), wavesweep.compile(tables)
-    assert assembled(with_common_tick(spec.drawing, spec.values), spec.values).ticks == left
+    assert assembled(*with_common_tick(spec.drawing, spec.values)).ticks == left
     rows = compiled.stable_intervals(along="k", span=(0.0, 200.0))
     high = rows["high"][0]
     assert rows["certified"].all()

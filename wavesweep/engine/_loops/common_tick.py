@@ -13,19 +13,23 @@ from dataclasses import replace
 from math import gcd
 
 from wavesweep.engine._drawing.drawing import Drawing, scalars
+from wavesweep.engine._loops.dead_time import in_longer_ticks
 
 # blocks that only pass on what they read in a tick, or so many ticks ago
 RELAYS = ("gain", "hold", "delay")
 
 
-def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
-    """Return the drawing with the longest tick that these loops have in common; values: flat
-    numbers."""
+def with_common_tick(
+    drawing: Drawing, values: Mapping[str, object]
+) -> tuple[Drawing, Mapping[str, object]]:
+    """Return the drawing with the longest tick that these loops have in common, and the numbers
+    with the whole ticks of dead times counted in it; values: flat numbers."""
     ticks, relays = _ticks(drawing, scalars(values))
     if ticks <= 1 or _acts_between(drawing, relays):
-        return drawing
+        return drawing, values
     blocks = (_in_longer(block, ticks, relays) for block in drawing.blocks)
-    return replace(drawing, tick_hz=drawing.tick_hz / ticks, blocks=tuple(blocks))
+    longer = replace(drawing, tick_hz=drawing.tick_hz / ticks, blocks=tuple(blocks))
+    return longer, {**values, **in_longer_ticks(drawing, values, ticks)}
 
 
 def _ticks(drawing, known):

@@ -77,6 +77,29 @@ def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
     return {path: int(np.ravel(number)[0]) for path, number in whole.items()} | dict(numbers)
 
 
+def in_longer_ticks(
+    drawing: Drawing, values: Mapping[str, Any], longer: int
+) -> dict[str, int | bool]:
+    """Return the whole numbers of `structure` that are among values, for a tick as long as
+    `longer` of these.
+
+    A dead time of m ticks lies between m - 1 and m of them, and the sum of two between p - 1 and
+    p, with p one less than their ticks together if the first acts before the second reads. Longer
+    ticks end where one of these does.
+    """
+    whole: dict[str, int | bool] = {}
+    for path, names in drawing.building.items():
+        if path not in values:
+            continue
+        ticks = [values[f"block.{name}.ticks"] for name in names]
+        in_longer = [-(-count // longer) for count in ticks]
+        if len(names) == 1:
+            whole[path] = in_longer[0]
+        else:
+            whole[path] = sum(ticks) - values[path] <= longer * (sum(in_longer) - 1)
+    return whole
+
+
 def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
     """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it
     cannot be given so.

@@ -106,7 +106,7 @@ class Chances(NamedTuple):
     @staticmethod
     def of(table: TableValue) -> Chances:
         """The probabilities of [for_all], which lists values in any order."""
-        varied = {axis.path == DELAY: _ascending(_values(axis)) for axis in table.changing}
+        varied = {axis.path == DELAY: _ascending(axis.choices) for axis in table.changing}
         lengths = [tuple(row[i] for i in varied.get(False, (0,))) for row in table.lengths]
         results = [(*(row[i] for i in varied.get(True, (0,))), row[-1]) for row in table.results]
         ordered = []
@@ -163,8 +163,7 @@ class Range(NamedTuple):
     @staticmethod
     def of(axis: Axis) -> Range:
         """The range of an axis; a whole number has values."""
-        values = _values(axis) if axis.structural else axis.values
-        return Range(axis.path, axis.start, axis.stop, values)
+        return Range(axis.path, axis.start, axis.stop, tuple(axis.choices))
 
     def covers(self, asked: Range) -> bool:
         """Whether all values of another range are in this one."""
@@ -441,7 +440,7 @@ def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
     """All that [for_all] and the channels of a spec name; at_random: what is at random there, in
     place of any order."""
     table = spec.for_all
-    varied = {axis.path: _values(axis) for axis in table.changing}
+    varied = {axis.path: axis.choices for axis in table.changing}
     changes = varied or table.lost or table.loss
     order = Order.CONSTANT
     chances = ALWAYS
@@ -470,11 +469,6 @@ def messages_of(drawing: Drawing, values: Mapping[str, Any]) -> tuple[Messages, 
         else:
             found.append(Messages(block.name, late, int(keys["lost"].value(numbers))))
     return tuple(found)
-
-
-def _values(axis: Axis) -> tuple[float, ...]:
-    """The values of a number that varies, those of a whole one one by one."""
-    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
 
 
 def _frames(spec: Spec, order: Order, varied: Mapping[str, Sequence[float]]) -> Frames:

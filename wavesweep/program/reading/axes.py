@@ -1,7 +1,7 @@
 """The axes of a sweep: the values or the span of each key, and their spacing."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, Rejected, check, show
@@ -51,6 +51,14 @@ class Axis:
     structural: bool
     scale: str | None = None
     place: Place = field(default=Place(), repr=False, compare=False)
+
+    @property
+    def choices(self) -> Sequence[float | int]:
+        """Its values if they are listed, or all of a range of a whole number; empty if it has any
+        number of them."""
+        if self.values or not isinstance(self.start, int):
+            return self.values
+        return range(self.start, int(self.stop) + 1)
 
     def written(self) -> list | dict:
         """Return the axis as a spec could give it: a list, or a table of start, stop, num and
