@@ -80,7 +80,6 @@ def test_independent_frames_of_an_integrator_have_the_first_two_moments_of_the_l
     (found,) = found_of(integrator(lengths, shares=shares.tolist()), "numbers.k", 200.0)
     n = np.array(lengths) / 100
     end = 2 * (shares @ n) / (shares @ n**2)
-    assert found.settled
     assert found.high < end < found.refuted_above
     assert found.high == pytest.approx(end, rel=2e-5)
 
@@ -106,7 +105,6 @@ def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
 def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, shares):
     given = {"shares": shares} if np.ndim(shares) == 1 else {"next": shares}
     (found,) = found_of(built_in(kind, LENGTHS, **given), "environment.K_VE")
-    assert found.settled
     assert radius(march(found.high), LENGTHS, shares) < 1 < radius(march(found.refuted_above), LENGTHS, shares)
     assert found.high == pytest.approx(found.refuted_above, rel=1e-4)
     assert radius(march(found.high / 2), LENGTHS, shares) < 1

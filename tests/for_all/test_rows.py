@@ -18,7 +18,8 @@ from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames
 from wavesweep.for_all.on_check import facts, lines
-from wavesweep.for_all.rows import ForAllGuarantee, verdict
+from wavesweep.for_all.rows import ForAllGuarantee, Row, verdict
+from wavesweep.for_all.unknown import Part
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.row_kinds import OPEN_BETWEEN
 from wavesweep.program.spec import load
@@ -534,3 +535,23 @@ def test_the_nearest_pattern_of_losses_is_one_that_a_single_value_is_refuted_by(
         for step in [period] * lost if lost else [period @ taken]:
             product = step @ product
     assert np.abs(np.linalg.eigvals(product)).max() >= 1
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "span", "refuted", "settled"),
+    [
+        (5.9e-5, 0.4397, (0, 3), (None, 0.43968), True),
+        (4.3e-4, 0.4397, (0, 3), (None, 0.43968), True),
+        (5e-4, 0.4397, (0, 3), (None, 0.43968), False),
+        (4.3e-4, 0.4397, (1e-4, 3), (None, 0.43968), False),
+        (0.0, 2.99, (0, 3), (None, None), True),
+        (0.0, 2.9, (0, 3), (None, None), False),
+        (0.2, 0.43, (0, 3), (0.199, 0.43968), False),
+        (0.2, 0.439, (0, 3), (0.199, 0.43968), True),
+    ],
+)
+def test_a_row_is_settled_but_for_the_first_thousandth_from_0(low, high, span, refuted, settled):
+    """As docs/for-all.md has it: within 1 % at both ends, or of the swept range's ends."""
+    low_by, high_by = (end and {"lost": None} for end in refuted)
+    part = Part(refuted[0] or span[0], refuted[1] or high, low_by, high_by)
+    assert Row(low, high, part, span, "").settled == settled

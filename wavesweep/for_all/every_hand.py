@@ -23,7 +23,6 @@ from wavesweep.for_all.rows import (
     Row,
     all_of,
     cases_of,
-    is_near,
     recorded,
     text_of_part,
 )
@@ -246,7 +245,6 @@ def _row(margin: _Margin, case: Case, span) -> Row | None:
     fails = []
     by = []
     omega = []
-    settled = True
     for limit in span:
         end, beyond = _edge(proved, start, limit)
         if beyond is not None and refuted(beyond) <= 0:
@@ -256,9 +254,8 @@ def _row(margin: _Margin, case: Case, span) -> Row | None:
         fails.append(limit if beyond is None else beyond)
         by.append(needed and {**case.fixed, margin.text(needed): None})
         omega.append(needed.omega if needed else np.nan)
-        settled = settled and is_near(end, fails[-1]) and bool(by[-1] or end == limit)
     interval = Part(*fails, *by, *omega)
-    return Row(*ends, interval, settled, text_of_part(interval))
+    return Row(*ends, interval, span, text_of_part(interval))
 
 
 def _missing(margin: _Margin, part: str) -> Callable[[float], float]:

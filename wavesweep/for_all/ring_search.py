@@ -81,9 +81,6 @@ def bracket_ring(
             _, end = walked(search, centre, start, goal, work, report=partial(report, below))
             above = max(above, end)
     refuted_below, first = np.nan, ()
-    reached_low = below <= max(low, tolerance**2 * above)
-    if not reached_low:
+    if below > max(low, tolerance**2 * above):
         refuted_below, first = nearest_pattern(family, below, low)
-    end = fails if word else high
-    settled = reached_low and abs(end - above) <= tolerance * abs(end)
-    return Bracket(below, above, refuted_below, fails, (first, word), settled, ())
+    return Bracket(below, above, refuted_below, fails, (first, word), ())

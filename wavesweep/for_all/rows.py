@@ -213,15 +213,28 @@ def intervals_for_all(
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What is proved, and the part that nothing refutes, with the texts of its ends and of what
-    is open."""
+    """What is proved, and the part of the span that nothing refutes, with the texts of its ends and
+    of what is open."""
 
     low: float
     high: float
     part: Part
-    settled: bool
+    span: tuple[float, float]
     text: str
     left_open: str = ""
+
+    @property
+    def settled(self) -> bool:
+        """Whether proof and refutation, or the ends of proof and span, are near to each other: the
+        column `settled`."""
+        part = self.part
+        low_edge = part.low if part.low_by is not None else self.span[0]
+        high_edge = part.high if part.high_by is not None else self.span[1]
+        if low_edge == 0 and part.low_by is None:
+            low_is_near = self.low <= (1 + SETTLED_WITHIN) * PROVED_FROM_ZERO * part.high
+        else:
+            low_is_near = is_near(self.low, low_edge)
+        return low_is_near and is_near(self.high, high_edge)
 
 
 def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -> list[Case]:
@@ -301,22 +314,9 @@ class _Loop:
         return [self._near(interval, proved) for interval, proved in proved_parts if proved]
 
     def _near(self, part, proved) -> Row:
-        """The proof reaches over this much of a part, which is settled if that is near to its
-        ends, and these are known."""
-        low, high = proved.low, proved.high
-        near = [
-            is_near(low, part.low) or (part.low_by is None and low <= PROVED_FROM_ZERO * part.high),
-            is_near(high, part.high),
-        ]
-        known = [
-            by is not None or end == edge
-            for by, end, edge in zip(
-                (part.low_by, part.high_by), (part.low, part.high), self.span, strict=True
-            )
-        ]
-        return Row(
-            low, high, part, all(near + known), text_of_part(part), open_in_words(proved.open)
-        )
+        """The proof reaches over this much of a part."""
+        text = text_of_part(part)
+        return Row(proved.low, proved.high, part, self.span, text, open_in_words(proved.open))
 
     def varying(self) -> list[Row]:
         """The rows of loops whose frames vary."""
@@ -341,7 +341,7 @@ class _Loop:
 
     def _on_average(self) -> list[Row]:
         """The rows of what is at random: what the intervals of all cases have in common."""
-        rows = [Row(*self.span, Part(*self.span), settled=True, text="")]
+        rows = [Row(*self.span, Part(*self.span), self.span, text="")]
         for case in self.cases:
             middles = {axis.path: (axis.start + axis.stop) / 2 for axis in case.ranges}
             family = self.rules.family(case.values | middles, self.along)
@@ -383,7 +383,7 @@ class _Loop:
                 places.append(span_around(*sorted((edge, end)), 4))
         if places and not (case.ranges or left_open):
             left_open = f"within {name_of(self.along)} {' and '.join(places)}"
-        return Row(found.low, found.high, part, found.settled, text_of_part(part), left_open)
+        return Row(found.low, found.high, part, self.span, text_of_part(part), left_open)
 
 
 def open_in_words(open_: LeftOpen | None) -> str:
@@ -418,8 +418,7 @@ def numbers_in_words(by: Mapping[str, object]) -> str:
 
 
 def all_of(rows: Sequence[Row]) -> Row:
-    """What several rows have in common, whose parts overlap; settled if those are that set its
-    ends."""
+    """What several rows of a span have in common, whose parts overlap."""
     low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
     below, above = (
         max(rows, key=lambda row: row.part.low).part,
@@ -428,19 +427,11 @@ def all_of(rows: Sequence[Row]) -> Row:
     interval = Part(
         below.low, above.high, below.low_by, above.high_by, below.low_omega, above.high_omega
     )
-    near = [
-        by is None or is_near(*ends)
-        for by, *ends in (
-            (interval.low_by, low.low, interval.low),
-            (interval.high_by, high.high, interval.high),
-        )
-    ]
-    settled = all(near) and all(row.settled for row in (low, high))
     return Row(
         low.low,
         high.high,
         interval,
-        settled,
+        low.span,
         text_of_part(interval),
         high.left_open or low.left_open,
     )

@@ -298,7 +298,6 @@ class Over:
     high: float
     below: End
     above: End
-    settled: bool
     open: LeftOpen | None = None
 
     @staticmethod
@@ -308,7 +307,7 @@ class Over:
         ends = []
         for x, word in zip(fails, found.words, strict=True):
             ends.append(End(x, (), word, text_of_pattern(family, word)))
-        return Over(found.low, found.high, *ends, found.settled)
+        return Over(found.low, found.high, *ends)
 
 
 def bracketed_over(
@@ -335,7 +334,7 @@ def bracketed_over(
         if np.isfinite(found.low):
             below = _end(loops, found.below)
             above = _end(loops, found.above)
-            return Over(found.low, found.high, below, above, found.settled, found.open)
+            return Over(found.low, found.high, below, above, found.open)
     return None
 
 

@@ -72,7 +72,6 @@ class WorstBracket:
     high: float
     below: Refuted
     above: Refuted
-    settled: bool
     open: LeftOpen | None
 
 
@@ -199,20 +198,14 @@ def bracket_over(
             below = _worst(loops, start, limits[0])
         open_ = open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
     if high == low:
-        return WorstBracket(np.nan, np.nan, below, above, False, open_)
-    low_is_near = _near(low, below.x if below.word else lowest)
-    high_is_near = _near(high, above.x if above.word else limits[1])
-    return WorstBracket(low, high, below, above, bool(low_is_near and high_is_near), open_)
+        return WorstBracket(np.nan, np.nan, below, above, open_)
+    return WorstBracket(low, high, below, above, open_)
 
 
 def _stretches(layer):
     """The number of equal stretches of the logarithm of the number with which a proof begins."""
     wide = max(float(np.ptp(layer[:, 0])), STRETCH)  # 0 where ends differ by their rounding alone
     return 2 ** int(np.ceil(np.log2(wide / STRETCH)))
-
-
-def _near(end, refuted):
-    return abs(end - refuted) <= BRACKET_TOLERANCE * max(abs(end), abs(refuted))
 
 
 def _goal(refuted, limit, start):

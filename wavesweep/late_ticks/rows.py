@@ -13,10 +13,9 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.late_ticks.bracket import PROVED, REFUTED, Bracket, End, bracket, decided
+from wavesweep.late_ticks.bracket import PROVED, REFUTED, Bracket, bracket, decided
 from wavesweep.late_ticks.tick_curves import TWO_VALUES, late_ticks
 from wavesweep.program.analyses.claims import (
-    SETTLED_WITHIN,
     STABLE,
     Claim,
     Scope,
@@ -130,25 +129,13 @@ def _row(found: Bracket, about, span, along, on_time: str):
     below = low.fails if low.text else low.reached
     above = high.fails if high.text else high.reached
     part = asked.Part(below, above, low.text or None, high.text or None)
-    # Of the high end, from which on proved counts as proved from 0.
-    from_zero = not low.text and low.reached <= 1e-3 * high.reached
-    near_low = from_zero or _is_near(low, span[0])
-    settled = near_low and _is_near(high, span[1])
     places = []
     for edge, end in zip(span, (low, high), strict=True):
         if not end.text and end.reached != edge:
             places.append(span_around(*sorted((edge, end.reached)), 4))
     left_open = f"within {name_of(along)} {' and '.join(places)}" if places else ""
     text = Refuters(low.text, high.text).written(TEXT)
-    return asked.Row(low.reached, high.reached, part, settled, text, left_open)
-
-
-def _is_near(end: End, edge: float) -> bool:
-    """Whether proof and refutation are near to each other, or the proof reaches the edge of the
-    range."""
-    if not end.text:
-        return end.reached == edge
-    return abs(end.reached - end.fails) <= SETTLED_WITHIN * max(abs(end.reached), abs(end.fails))
+    return asked.Row(low.reached, high.reached, part, span, text, left_open)
 
 
 def claim(spec: Spec) -> Claim:

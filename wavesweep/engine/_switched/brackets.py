@@ -78,10 +78,7 @@ class Bracket:
 
     low, high: every number from low to high, both included, is proved; NaN if nothing is, and then
     nothing else is known. refuted_below, refuted_above: the nearest refuted numbers below low and above
-    high, NaN if there is none. words: the patterns that refute them, or (). settled: whether each
-    end is within the tolerance of the refuted number, or of the limit that was asked for, the low
-    one also if it is within the square of the tolerance, relative to the high one, since at 0 many
-    loops do not decay. stretches: the proof, from low to high without a gap.
+    high, NaN if there is none. words: the patterns that refute them, or (). stretches: the proof, from low to high without a gap.
     """
 
     low: float
@@ -89,7 +86,6 @@ class Bracket:
     refuted_below: float
     refuted_above: float
     words: tuple[Word, Word]
-    settled: bool
     stretches: tuple[ProvedStretch, ...]
 
 
@@ -138,7 +134,7 @@ def bracket(
     # Of the way to the limits, where it is seen what frames forget.
     nearby = [start + 0.1 * (limit - start) for limit in limits]
     family = Remembered.of(family, (start, *nearby))
-    unknown = Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
+    unknown = Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), ())
     A = family.at(start)
     if growing_of(A, short_words(family.follows)):
         return unknown
@@ -162,7 +158,6 @@ def bracket(
         float(below.fails),
         float(above.fails),
         (below.word, above.word),
-        bool(below.settled and above.settled),
         tuple(stretches),
     )
 
@@ -239,7 +234,6 @@ class _Side:
     end: float
     fails: float
     word: Word
-    settled: bool
     stretches: tuple[ProvedStretch, ...]
     centre: Centre
 
@@ -295,17 +289,14 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
             goal = way.farther(way.short_of(aim), reached)
         else:
             ceiling = aim
-    side = _Side(reached, fails, word, False, stretches, centre)
+    side = _Side(reached, fails, word, stretches, centre)
     if not word:
-        left = max(tolerance * way.size(way.limit), way.near)
-        return replace(side, settled=abs(way.limit - side.end) <= left)
+        return side
     if abs(fails - reached) <= tolerance * way.size(fails):
         side = _refined(way, side)
     else:
         side = _nearer(way, side)
-    fails = nearest(family, side.word, way.start, side.fails)
-    settled = abs(fails - side.end) <= tolerance * way.size(fails)
-    return replace(side, fails=fails, settled=settled)
+    return replace(side, fails=nearest(family, side.word, way.start, side.fails))
 
 
 def _nearer(way: _Way, side: _Side) -> _Side:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
 from wavesweep.engine._stability.spectrum import count_outside
-from wavesweep.engine._switched.brackets import NEAR_START, Bracket, ProvedStretch
+from wavesweep.engine._switched.brackets import Bracket, ProvedStretch
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.loop_frames import LoopFrames
 from wavesweep.engine._switched.norm_check import Norms, shrink_on_average
@@ -282,9 +282,7 @@ def decays(loop: Chances) -> str:
     return "unknown"
 
 
-def brackets_on_average(
-    loop: Chances, limits: tuple[float, float], tolerance: float = 0.01
-) -> list[Bracket]:
+def brackets_on_average(loop: Chances, limits: tuple[float, float]) -> list[Bracket]:
     """Return the numbers within limits for which second moments decay, an element for each
     interval; see `bracket`.
 
@@ -295,7 +293,7 @@ def brackets_on_average(
     limits = loop.probable(*limits)
     rows = []
     for stretch in parts_that_decay(loop, *limits):
-        row = _bracket(loop, stretch, limits, tolerance)
+        row = _bracket(loop, stretch, limits)
         if row.low < row.high:
             rows.append(row)
     return rows
@@ -435,19 +433,13 @@ def _zeros(function, low, high):
     return found
 
 
-def _bracket(loop, part, limits, tolerance):
+def _bracket(loop, part, limits):
     """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
     sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
     (low, below, down), (high, above, up) = sides
-    first = limits[0] if np.isnan(below) else below
-    last = limits[1] if np.isnan(above) else above
-    near = []
-    for end, reached in ((first, low), (last, high)):
-        size = max(abs(end), NEAR_START * (high - low))
-        near.append(abs(end - reached) <= tolerance * size)
     words = tuple(() if np.isnan(end) else (0,) for end in (below, above))
     stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
-    return Bracket(low, high, below, above, words, all(near), stretches)
+    return Bracket(low, high, below, above, words, stretches)
 
 
 def _side(loop, start, end, limit):
