@@ -14,6 +14,7 @@ from wavesweep.require.bound import Bound
 from wavesweep.require.by_discs import _LoopsInDiscs
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.discs import Spiral
+from wavesweep.require.enclosed import mean_square
 from wavesweep.require.frame_gain import _exceeds
 from wavesweep.require.gain_bound import GainBound
 
@@ -129,3 +130,21 @@ def test_a_gain_is_too_large_only_where_it_is_on_all_of_the_panel(half_width, be
     maps = (one * -0.5, one, Bounded.exact(numbers), one * 0.0)
     at_middle = 1 / abs(np.exp(1j) - 0.5)
     assert _exceeds(maps, 0.9 * at_middle, np.array([1.0])).tolist() == [beyond]
+
+
+def test_a_mean_square_is_enclosed_whatever_entries_are_within_their_errors():
+    """Noise through a frame, `sum |O A^k G|^2 + |T|^2`, of outputs that are off by all that they may be."""
+    r = np.random.default_rng(4)
+    E = r.normal(size=(1, 1, 3, 3)) * 0.1 - 0.6 * np.eye(3)
+    G, O, T = r.normal(size=(1, 1, 3, 1)), r.normal(size=(1, 1, 1, 3)), r.normal(size=(1, 1, 1, 1))
+    off = 1e-3 * np.abs(O)
+    exact = (np.zeros_like(each) for each in (E, G, T))
+    e, g, t = exact
+    found = mean_square([Bounded(E + 0j, e), Bounded(G + 0j, g), Bounded(O + 0j, off), Bounded(T + 0j, t)])
+    A, G, T = E[0, 0] + np.eye(3), G[0, 0], T[0, 0]
+    for way in (-1, 1):
+        output = (O + way * off * np.sign(O))[0, 0]
+        powers = [np.linalg.matrix_power(A, k) @ G for k in range(400)]
+        value = sum(((output @ each) ** 2).sum() for each in powers) + (T**2).sum()
+        assert found.low[0] <= value <= found.high[0]
+    assert found.high[0] < 1.1 * value

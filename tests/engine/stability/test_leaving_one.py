@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine._stability import covering
+from wavesweep.engine._stability import covering, leaving_one
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
 from wavesweep.engine.doubles import EPS
@@ -109,3 +109,22 @@ def test_a_stiffness_is_told_from_none_without_balls_where_rates_do_not_divide(r
     assert (found["low"] == 0).sum() == 3
     assert (found["low_omega"][found["low"] == 0] == 0).all()
     assert not asked
+
+
+def test_the_inverse_of_the_other_eigenvalues_is_bounded_for_all_that_entries_may_be():
+    """Against inverses of matrices whose entries are as far off as they may be, `entries + 2 G`, in every way."""
+    r, n = np.random.default_rng(5), 4
+    far = r.uniform(0.5, 1, (1, n - 1))
+    G = r.uniform(0, 0.02, (1, n, n))
+    entries = r.uniform(0, 0.05, (1, n, n))
+    names = ("speed", "unsure", "outside", "e0", "e1", "e2", "B0", "B1", "B2", "B3")
+    beside = leaving_one._BesideOne(
+        one=np.array([0]), others=np.arange(1, n)[None], far=far, G=G, **dict.fromkeys(names, np.zeros(1))
+    )
+    bound, resolved = beside._inverse_of_others(np.array([0]), entries)
+    assert resolved.all()
+    most = (entries + 2 * G)[0, 1:, 1:]
+    ways = r.choice([-1, 1], (300, n - 1, n - 1))
+    sizes = np.abs(np.linalg.inv(np.diag(far[0]) + most * np.concatenate([ways, [-np.ones_like(most)]])))
+    assert (sizes <= bound[0] * (1 + 1e-12)).all()
+    assert sizes.max(0) == pytest.approx(bound[0])  # the last way reaches it
