@@ -18,6 +18,7 @@ from wavesweep.program.results import read
 from wavesweep.program.spec import load
 from wavesweep.program.store.checkpoint import FileCheckpoint
 from wavesweep.program.sweep import running
+from wavesweep.program.tables import kind_named
 
 # what each design has to hold for is in [for_all]
 pytestmark = pytest.mark.asks("for_all")
@@ -169,3 +170,15 @@ def test_a_study_of_the_channel_alone_says_that_it_shows_no_loop(wish, said):
     tables["design"] |= {"population": 8, "generations": 1}
     found = wavesweep.design(tables)
     assert any("may be unstable" in notice for notice in found.attrs["facts"]["notices"]) == said
+
+
+@pytest.mark.slow
+def test_what_is_known_of_the_own_design_is_said_beside_that_its_own_wall_is_unstable():
+    """z_width has walls of its own: one of the own design is known however stiff the spec's own wall is."""
+    study = {"population": 8, "generations": 1, "vary": {"K_LM": {"start": 10, "stop": 300}}, "wish": {"z_width": {}}}
+    spec = {"device": {"velocity": "difference"}, "environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0}}
+    spec |= {"controller": {"kind": "dc-lm"}, "local_model": {"K_LM": 50}, "sweep": {"K_VE": {"start": 0, "stop": 1000}}}
+    table = wavesweep.design({**spec, "design": study})
+    (own,) = [text for text, _ in kind_named("design").lines(table.attrs["summary"]) if "own design" in text]
+    assert "z_width 281.65 N/m" in own
+    assert "unstable with its own numbers" in own

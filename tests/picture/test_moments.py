@@ -214,3 +214,26 @@ def test_an_age_is_that_of_ticks_that_are_as_late_as_they_may_be():
     spec = {"environment": {"delay": 1}, "controller": {"kind": "dc-slow"}, "for_all": {"tick": {"late": 0.0002}}}
     (frames,) = moments(load(spec))
     assert frames.age * frames.tick_s == pytest.approx(21 * 1.2e-3)
+
+
+@pytest.mark.parametrize(("every", "late"), [(1, 0), (1, 2), (2, 1), (3, 3), (4, 7), (5, 9)])
+def test_a_message_without_a_next_one_is_there_up_to_a_run_of_its_channel_that_shows_zero(every, late):
+    """A message of tick 0 that arrives in tick d is replaced by zero, or by another, in the first run after d."""
+    channel = {"type": "channel", "every": every, "late": late, "lost": 1, "missing": "zero"}
+    blocks = {"m": {"type": "mass", "mass": 1.0}, "net": channel}
+    tables = {"rates": {"tick_hz": 1000}, "block": blocks, "wire": {"net.u": "-m.x", "m.f": "net.y"}}
+    ends = [min(tick for tick in range(0, 100, every) if tick > arrives) for arrives in range(late + 1)]
+    assert moments(load(tables))[-1].age == max(ends)
+
+
+@pytest.mark.parametrize(
+    ("for_all", "which"),
+    [
+        ({"environment.delay": {"values": [1, 10], "varying": True}}, "earliest results"),
+        ({"rates.ratio": {"values": [16, 33], "varying": True}}, "shortest frames"),
+        ({"lost": 1}, "all results in time"),
+    ],
+)
+def test_the_freshest_age_is_said_of_what_varies(for_all, which):
+    first, _ = moments(load({"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}, "for_all": for_all}))
+    assert first.which == which

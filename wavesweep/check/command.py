@@ -333,11 +333,13 @@ def _interval_steps(
         yield f"why {name}", "what sets each limit"
     if region:
         subject = "all stable walls" if region == "zwidth" else "all stable intervals"
-        if not spec.drawing or (spec.for_all and spec.for_all.axes):
-            members = "of [for_all]"
-        else:
-            members = "patterns of messages"
-        yield f"{region} {name}", f"{subject}, for all {members}" if spec.for_all else subject
+        if spec.drawing and spec.drawing.at_random:
+            subject += ", in mean square"
+        elif spec.drawing and spec.for_all and not spec.for_all.axes:
+            subject += ", for all patterns of messages"
+        elif spec.for_all:
+            subject += ", for all of [for_all]"
+        yield f"{region} {name}", subject
         return
     limits = [
         limit

@@ -178,7 +178,11 @@ def _lines(found: Numbers) -> Iterator[Line]:
         )
     if found["designs"] == 1 and not found["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
-    own = "unstable" if found["own_unstable"] else _wishes(found["own"], found["units"])
+    own = _wishes(found["own"], found["units"])
+    if found["own_unstable"] and not any(value is not None for value in found["own"].values()):
+        own = "unstable"
+    elif found["own_unstable"]:  # wishes may be about other walls than its own
+        own += "; unstable with its own numbers"
     yield f"the spec's own design: {own}", False
     yield from _notes(found)
 

@@ -74,9 +74,10 @@ class ForAll(ForAllRanges):
         """Whether the loop of a spec with this table is stable for all of it, in words."""
         from wavesweep.for_all.rows import claim
         from wavesweep.for_all.varying import Rules
+        from wavesweep.program.analyses.claim_words import in_words
 
         known, _ = claim(spec, Rules.of(spec))
-        return known.words()
+        return in_words(known)
 
     def proof(self, spec: Any) -> DesignProof:
         """What proves the designs of a spec with this table."""

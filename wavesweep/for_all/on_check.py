@@ -38,8 +38,22 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     apart = spec.for_all.apart(spec.values) if spec.for_all else []
     if apart:
         yield 1, f"[for_all] leaves the spec's own {' and '.join(apart)} out"
-    if found.get("every_hand"):
-        yield 1.5, _every_hand(spec, found["every_hand"])
+    if damping := found.get("every_hand"):
+        refuted = found["for_all"]["verdict"] == "refuted"
+        if not refuted:
+            yield 1.5, _every_hand(spec, damping)
+        elif damping["needed"] is not None:  # nobody at the device is a passive hand as well
+            yield 1.5, f"with every passive hand: {_enough(damping)}"
+
+
+def _enough(damping: Mapping[str, Any]) -> str:
+    """The damping of the device that is enough, and what it has."""
+    from wavesweep.program.number_words import rounded_up
+
+    enough = "no damping is proved to suffice"
+    if damping["needed"] is not None:
+        enough = f"{rounded_up(damping['needed'], 4)} N*s/m of damping suffice"
+    return f"{enough}, the device has {damping['device']:g}"
 
 
 def _every_hand(spec: Spec, damping: Mapping[str, Any]) -> str:
@@ -49,7 +63,6 @@ def _every_hand(spec: Spec, damping: Mapping[str, Any]) -> str:
     from wavesweep.for_all.varying import Rules
     from wavesweep.program.analyses.claim_words import in_words
     from wavesweep.program.analyses.claims import STABLE, Claim, Status
-    from wavesweep.program.number_words import rounded_up
 
     needed = damping["needed"]
     device = damping["device"]
@@ -65,7 +78,4 @@ def _every_hand(spec: Spec, damping: Mapping[str, Any]) -> str:
     claim = Claim(STABLE, EveryHandGuarantee(Rules.of(spec)).scope(spec), status, reason)
     if damping.get("doubt"):
         return in_words(claim)
-    enough = "no damping is proved to suffice"
-    if needed is not None:
-        enough = f"{rounded_up(needed, 4)} N*s/m of damping suffice"
-    return f"{in_words(claim)}; {enough}, the device has {device:g}"
+    return f"{in_words(claim)}; {_enough(damping)}"

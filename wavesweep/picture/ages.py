@@ -122,7 +122,7 @@ class DataFlow:
                 reads = tuple((each, 0) for each in wires.get(f"{name}.u", ()))
                 carriers[f"{name}.y"] = replace(carrier, dead=dead[name], reads=reads)
                 continue
-            most_late, most_lost = _messages(drawn[name], numbers)
+            most_late, most_lost = _messages(drawn[name], numbers, round(carrier.every))
             carrier = replace(carrier, late=most_late * late, lost=most_lost * lost)
             for signal, reads in _through(scheduled.block, wires):
                 carriers[signal] = replace(carrier, reads=reads)
@@ -223,14 +223,20 @@ def _lags(block: Block, at: int) -> dict[int, int]:
     return lags
 
 
-def _messages(block: DrawnBlock, numbers: Mapping[str, object]) -> tuple[int, int]:
+def _messages(block: DrawnBlock, numbers: Mapping[str, object], every: int) -> tuple[int, int]:
     """The most ticks by which a message of a block comes late, and the most messages in a row
-    whose place an older one takes."""
+    whose place an older one takes; every: ticks from one of its runs to the next.
+
+    What shows zero without a message does so from each run on. So a message is there up to the
+    first run after it arrives, and longest if it arrives in a run.
+    """
     keys = dict(block.keys)
     if block.type != "channel":
         return 0, 0
-    lost = 0 if keys["missing"] == "zero" else int(keys["lost"].values(numbers))
-    return int(keys["late"].values(numbers)), lost
+    late = int(keys["late"].values(numbers))
+    if keys["missing"] == "zero":
+        return late - late % every, 0
+    return late, int(keys["lost"].values(numbers))
 
 
 class Ages:

@@ -14,17 +14,20 @@ from types import MappingProxyType
 
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.ages import Ages, DataFlow, Life
+from wavesweep.program.analyses.claims import DELAY
 from wavesweep.program.number_words import rounded_up
 from wavesweep.program.spec import Spec
 
 # ages of all numbers in all signals, in all ticks of a frame; more would take some 0.2 GB
 MOST = 20_000_000
 SHORTEST = "shortest frames", "longest frames"
+EARLIEST = "earliest results", "latest results"
 IN_TIME = "all results in time", "results late or lost"
 FRESHEST = "freshest number", "oldest number"
 WHERE = MappingProxyType(
     {
         SHORTEST[0]: "in the shortest frames",
+        EARLIEST[0]: "with the earliest results",
         IN_TIME[0]: "with all results in time",
         FRESHEST[0]: "at best",
     }
@@ -113,8 +116,10 @@ def moments(spec: Spec) -> tuple[Moments, ...]:
     if first.age > (1 - 0.05) * last.age:
         return (last,)
     names = FRESHEST
-    if low:
+    if low.keys() - {DELAY}:
         names = SHORTEST
+    elif low:
+        names = EARLIEST
     elif varies:
         names = IN_TIME
     return replace(first, which=names[0]), replace(last, which=names[1])

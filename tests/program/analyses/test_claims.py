@@ -64,6 +64,8 @@ def lossy(loss, burst=0.0, burst_end=1.0, burst_loss=1.0):
         (Scope(messages=(lossy(0.1),)), Scope(messages=(lossy(0.1),)), True),
         (Scope(messages=(lossy(0.1),)), Scope(messages=(lossy(0.2),)), False),
         (Scope(messages=(lossy(0.1),)), Scope(), False),
+        (Scope(messages=(lossy("p"),)), Scope(messages=(lossy(0.2),)), True),  # of a p that is swept
+        (Scope(messages=(lossy("p", 0.1),)), Scope(messages=(lossy(0.2),)), False),
         (Scope(hands="passive"), Scope(), False),
         (Scope((Range("device.mass"),)), Scope((MASSES,)), True),  # which no loop reads
         (Scope((MASSES,)), Scope((Range("device.mass"),)), False),
@@ -119,6 +121,30 @@ def test_what_is_at_random_is_said_with_its_probabilities():
     assert messages_in_words(lossy(0.6)) == "messages of net lost with probability 0.6"
     burst = "messages of net lost with probability 0.01, 0.9 in bursts (begun with 0.02, ended with 0.1)"
     assert messages_in_words(lossy(0.01, 0.02, 0.1, 0.9)) == burst
+
+
+def test_constant_numbers_are_told_from_those_that_follow_in_any_order():
+    lengths = Range("rates.ratio", 14, 29, (14.0, 18.0, 29.0))
+    assert scope_in_words(Scope((lengths,))) == "for rates.ratio of 14, 18, 29 (each for ever)"
+    assert "in any order" in scope_in_words(Scope(frames=VARYING))
+
+
+def test_numbers_that_bound_a_set_are_within_it_and_members_are_themselves():
+    ends = Scope((Range("device.mass", 0.081234561, 0.1234567),))
+    low, high = map(float, scope_in_words(ends).removeprefix("for device.mass from ").split(" to "))
+    assert 0.081234561 <= low < high <= 0.1234567
+    assert high - low == pytest.approx(0.1234567 - 0.081234561, rel=1e-4)
+    members = Scope((Range("device.mass", 0.1, 0.2, (0.1234567, 0.2)), Range("K", 1 / 3, 1 / 3, (1 / 3,))))
+    assert "0.1234567, 0.2" in scope_in_words(members)
+    assert repr(1 / 3) in scope_in_words(members)
+
+
+def test_each_channel_has_its_own_chances_also_in_a_line():
+    first = Messages("there", 0, 0, lossy(0.05).chances)
+    second = Messages("back", 0, 0, lossy(0.02, 0.01, 0.25).chances)
+    said = scope_in_words(Scope(messages=(first, second)))
+    assert "there lost with probability 0.05" in said
+    assert "back lost with probability 0.02, 1 in bursts (begun with 0.01, ended with 0.25)" in said
 
 
 def test_what_some_loops_do_not_have_is_not_said_as_if_none_had_it():

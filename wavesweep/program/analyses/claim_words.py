@@ -30,7 +30,7 @@ from wavesweep.program.analyses.claims import (
     Tick,
     Verdict,
 )
-from wavesweep.program.number_words import span_in_words
+from wavesweep.program.number_words import in_all_digits, span_in_words
 
 # the same where some of them fails: "not stable with every passive hand" reads as with none
 ALL_OF = {
@@ -129,8 +129,9 @@ def listed_values(values: Iterable[float | str]) -> str:
     if len(numbers) > 6:
         whole = numbers == list(range(int(numbers[0]), int(numbers[-1]) + 1))
         count = "" if whole else f"{len(numbers)} values from "
-        return ", ".join([f"{count}{numbers[0]:g} to {numbers[-1]:g}", *texts])
-    return ", ".join([*(f"{each:g}" for each in numbers), *texts])
+        ends = f"{in_all_digits(numbers[0])} to {in_all_digits(numbers[-1])}"
+        return ", ".join([f"{count}{ends}", *texts])
+    return ", ".join([*map(in_all_digits, numbers), *texts])
 
 
 def weighted(values: Iterable[float | str], chances: Sequence[float]) -> str:
@@ -184,7 +185,7 @@ def frames_in_words(frames: Frames) -> Iterator[str]:
     if frames.lost:
         yield f"results {lost_in_words(frames.lost)}"
     if frames.loss:
-        yield f"results lost with probability {frames.loss:g}"
+        yield f"results lost with probability {in_all_digits(frames.loss)}"
 
 
 def _weighted_by_length(
@@ -212,14 +213,15 @@ def _shares(row: Sequence[float]) -> list[float]:
 
 
 def range_in_words(number: Range) -> str:
-    """A number and its values."""
+    """A number that is constant, and its values: a list may be read as one of values in turn."""
+    name = name_of(number.path)
     if len(number.values) == 1:
-        return f"{name_of(number.path)} = {number.values[0]:g}"
+        return f"{name} = {in_all_digits(number.values[0])}"
     if number.values:
-        return f"{name_of(number.path)} of {listed_values(number.values)}"
-    if number.low is None:
-        return f"any {name_of(number.path)}"
-    return f"{name_of(number.path)} from {number.low:g} to {number.high:g}"
+        return f"{name} of {listed_values(number.values)} (each for ever)"
+    if number.low is None or number.high is None:
+        return f"any {name}"
+    return f"{name} from {span_in_words(number.low, number.high)}"
 
 
 def messages_in_words(messages: Messages) -> str:
@@ -236,7 +238,7 @@ def messages_in_words(messages: Messages) -> str:
 
 def _losses_in_words(messages: Messages) -> str:
     chances = {
-        key: chance if isinstance(chance, str) else f"{chance:g}"
+        key: chance if isinstance(chance, str) else in_all_digits(chance)
         for key, chance in messages.chances
     }
     said = f"lost with probability {chances['loss']}"
@@ -275,11 +277,10 @@ def _loops_of_a_line(scope: Scope) -> str:
     if scope.numbers or scope.tick or [*frames_in_words(scope.frames)]:
         at_random = scope.frames.order is Order.AT_RANDOM
         tables.append(f"all of [for_all]{', at random by its shares' if at_random else ''}")
-    losses = [dict(each.chances)["loss"] for each in late if each.chances]
-    if losses:
-        tables.append(f"messages lost with probability {listed_values(losses)}, or in bursts")
-    elif late:
-        tables.append("all patterns of late and lost messages")
+    # Nothing else names the channels and their chances.
+    tables += [messages_in_words(each) for each in late if each.chances]
+    if patterns := [each.channel for each in late if not each.chances]:
+        tables.append(f"all patterns of late and lost messages of {', '.join(patterns)}")
     return " and ".join(tables)
 
 

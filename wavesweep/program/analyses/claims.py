@@ -219,7 +219,13 @@ class Messages(NamedTuple):
         """Whether these messages may do all that others may."""
         late = isinstance(self.late, str) or self.late >= asked.late
         lost = isinstance(self.lost, str) or self.lost >= asked.lost
-        return late and lost and self.chances == asked.chances
+        if len(self.chances) != len(asked.chances):
+            return False
+        chances = all(
+            isinstance(chance, str) or (key, chance) == other
+            for (key, chance), other in zip(self.chances, asked.chances, strict=True)
+        )
+        return late and lost and chances
 
 
 class Tick(NamedTuple):

@@ -31,7 +31,7 @@ def mode_in_the_way(
     loops: Loops, along: str, span: tuple[float, float], beyond: Beyond, *, by_lines: bool = False
 ) -> dict[str, Any]:
     """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a
-    loop, or a large one.
+    loop, or a large one. Values at which the loop is stable come before all others.
 
     loops: a single loop. along: path of the number, span: its range. value: of the number, one of
     SPAN_PLACES in it or an end, but not 0, where a loop may fall apart. z_re, z_im: the eigenvalue
@@ -39,7 +39,7 @@ def mode_in_the_way(
     it falls to 1/e, negative if it grows, None if it stays. states: that take part. by_lines:
     whether what is beyond depends on the lines.
     """
-    nearest, found = np.inf, {}
+    nearest, found = (True, np.inf), {}
     places = np.linspace(*span, SPAN_PLACES + 2)
     for value in places[places != 0].tolist():
         with suppress(IllPosedLoopError):
@@ -55,8 +55,11 @@ def mode_in_the_way(
             if by_lines:
                 turns = turns_of_modes(loop, delta)
             amount = beyond(delta, turns, period)
-            if delta.size and amount.max() < nearest:
-                nearest, worst = amount.max(), int(amount.argmax())
+            if not delta.size:
+                continue
+            distance = bool((np.abs(1 + delta) >= 1).any()), amount.max()
+            if distance < nearest:
+                nearest, worst = distance, int(amount.argmax())
                 (turned,) = turns_of_modes(loop, delta[[worst]])
                 found = _described(value, complex(delta[worst]), turned, period) | {
                     "states": leading(names, shares[worst])

@@ -299,7 +299,7 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
     of_kinds = numbers.get("guarantees") or numbers.get("hands", {})
     for word, of_kind in of_kinds.items():
         sentences = Sentences(of_kind, word)
-        yield sentences.title(), False
+        yield _folded(sentences.title()), False
         yield from sentences.parts()
     words = [word for word, of_kind in of_kinds.items() if of_kind.get("rows_not_settled")]
     if words:
