@@ -33,7 +33,3 @@ def test_an_import_loads_nothing_of_the_package():
     run = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True)
     loaded = {name for name in run.stdout.split() if name.startswith("wavesweep")}
     assert loaded == {"wavesweep", "wavesweep.checker", *modules}
-
-
-def test_an_assessor_can_read_it():
-    assert sum(len(source.read_text(encoding="utf-8").splitlines()) for source in SOURCES) <= 2500

@@ -126,8 +126,10 @@ class Drawing:
 
     def inputs(self) -> set[str]:
         """Names of signals from outside."""
-        force = self.key("ports.hand.force", [])
-        found = {force} if isinstance(force, str) else set(force)
+        found: set[str] = set()
+        for end in ("hand", "environment"):
+            force = self.key(f"ports.{end}.force", [])
+            found |= {force} if isinstance(force, str) else set(force)
         for given in self.key("ports.inputs", {}).values():
             found.add(given["signal"] if isinstance(given, dict) else given)
         return found
@@ -181,6 +183,7 @@ class Drawing:
 
     def into(self, block: str, port: str) -> dict:
         """What a wire gives to a port, in a tick."""
+        self.key.asked.add(f"wire.{block}.{port}")
         wire = self.wires.get(f"{block}.{port}")
         if wire is None:
             raise Unreadable(f"{block}.{port} has no wire")
@@ -276,6 +279,7 @@ class Drawing:
         continuous: dict = {}
         held: dict = {}
         arriving: dict = {}
+        self.key.asked.add(f"wire.{block}.{port}")
         text = self.wires.get(f"{block}.{port}")
         if text is None:
             return continuous, held, arriving

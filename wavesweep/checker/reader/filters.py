@@ -40,7 +40,7 @@ def butterworth(order: int, warped, side: str, arithmetic) -> list[tuple]:
 def _bilinear(A, B, C, D, a, inverse, arithmetic):
     """C (s - A)^-1 B + D with s = (z - 1)/(z + 1)/a; inverse: (1 - a A)^-1."""
     places = range(len(B))
-    right = [[(at == other) + a * A[at][other] for other in places] for at in places]
+    right = [[int(at == other) + a * A[at][other] for other in places] for at in places]
     root = arithmetic.sqrt(2 * a)
     moved = [dot(inverse[at], B) for at in places]
     seen = [dot(C, [inverse[at][other] for at in places]) for other in places]

@@ -1,0 +1,154 @@
+"""A proof by hand. The loop turns by k and shrinks to a half: its modes 0.5 +- k j leave the circle at k = sqrt(0.75)."""
+
+from copy import deepcopy
+
+import pytest
+from support.proofs import checked
+
+SPEC = """
+rates.tick_hz = 1000
+numbers.k = 0.5
+[block.turn]
+type = "ss"
+discrete = true
+inputs = []
+A = [["0.5", "k"], ["-k", "0.5"]]
+C = [[1, 0]]
+"""
+STATES = ["@turn x0", "@turn x1"]
+UNIT = [["1", "0"], ["0", "1"]]
+BELOW = {"claim": "modes", "sides": {"k": ["0", "0.86602"]}, "outside": 0, "states": STATES}
+ABOVE = {"claim": "modes", "sides": {"k": ["0.86603", "2"]}, "outside": 2, "states": STATES}
+WITHIN = {"L": UNIT, "signs": "++"}
+OUTSIDE = {"L": UNIT, "signs": "--"}
+HALVES = [{"split": "k", "at": "0.5"}, WITHIN, WITHIN]
+
+
+def test_both_sides_of_an_end_are_proved(tmp_path):
+    code, words = checked(tmp_path, SPEC, [BELOW, WITHIN, ABOVE, OUTSIDE])
+    assert code == 0
+    assert words == (
+        "proved: the spec's own loop, k from 0 to 0.86602: all 2 modes are inside the unit circle, stable\n"
+        "proved: the spec's own loop, k from 0.86603 to 2: 2 modes are outside the unit circle, unstable\n"
+        "2 of 2 claims proved\n"
+    )
+
+
+def test_a_claim_that_is_refused_says_where_and_leaves_the_others(tmp_path):
+    code, words = checked(tmp_path, SPEC, [BELOW | {"sides": {"k": ["0", "0.8661"]}}, *HALVES, ABOVE, OUTSIDE])
+    assert code == 1
+    refused, proved, count = words.splitlines()
+    assert refused.startswith("REFUSED: the spec's own loop, k from 0 to 0.8661: ")
+    assert refused.endswith("the form for k from 0.5 to 0.8661 does not decrease")
+    assert proved.startswith("proved")
+    assert count == "1 of 2 claims proved"
+
+
+REFUSED = {  # lines that do not show what they claim
+    "end": [BELOW | {"sides": {"k": ["0", "0.86603"]}}, WITHIN],
+    "count": [BELOW | {"outside": 1}, WITHIN],
+    "sign": [BELOW, WITHIN | {"signs": "+-"}],
+    "signs and count": [BELOW | {"outside": 1}, WITHIN | {"signs": "+-"}],
+    "a cell less": [BELOW, HALVES[0], WITHIN],
+    "no cell": [BELOW],
+    "a cell more": [BELOW, WITHIN, WITHIN],
+    "another form": [BELOW, WITHIN | {"L": [["1", "0"], ["0", "9"]]}],
+    "a singular form": [BELOW, WITHIN | {"L": [["1", "0"], ["1", "0"]]}],
+    "a slope": [BELOW, WITHIN | {"Q": [[[1], [["0.9", "0"], ["0", "0.9"]]]]}],
+    "a cut outside": [BELOW, {"split": "k", "at": "1"}, WITHIN, WITHIN],
+    "a cut of another number": [BELOW, {"split": "j", "at": "0.5"}, WITHIN, WITHIN],
+    "another state": [BELOW | {"states": ["@turn x0", "@turn y"]}, WITHIN],
+    "a state less": [BELOW | {"states": ["@turn x0"]}, {"L": [["1"]], "signs": "+"}],
+    "a drift that is none": [BELOW | {"drifts": [{"@turn x0": "1"}], "states": ["@turn x1"]}, {"L": [["1"]], "signs": "+"}],
+    "open": [BELOW, {"open": True}],
+    "another number": [BELOW | {"sides": {}, "numbers": {"k": "0.9"}}, WITHIN],
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_does_not_follow_is_refused(case, tmp_path):
+    code, words = checked(tmp_path, SPEC, REFUSED[case])
+    assert code == 1, words
+    assert words.startswith("REFUSED"), words
+
+
+UNREADABLE = {
+    "an unknown field": [BELOW | {"trust": True}, WITHIN],
+    "an unknown field of a cell": [BELOW, WITHIN | {"proved": True}],
+    "an unknown kind": [BELOW | {"claim": "stable"}, WITHIN],
+    "a number as a number": [BELOW | {"sides": {"k": [0, 1]}}, WITHIN],
+    "a float": [BELOW | {"outside": 0.0}, WITHIN],
+    "a number with a large exponent": [BELOW | {"sides": {"k": ["0", "1e999999999"]}}, WITHIN],
+    "a long number": [BELOW | {"sides": {"k": ["0", "1" * 100]}}, WITHIN],
+    "no number": [BELOW | {"sides": {"k": ["0", "nan"]}}, WITHIN],
+    "a matrix of another size": [BELOW, WITHIN | {"L": [["1"]]}],
+    "a sign of another kind": [BELOW, WITHIN | {"signs": "+0"}],
+    "a number that is not there": [BELOW | {"numbers": {"j": "1"}}, WITHIN],
+    "sides that end before they begin": [BELOW | {"sides": {"k": ["1", "0"]}}, WITHIN],
+    "an exponent that is none": [BELOW, WITHIN | {"Q": [[[3], UNIT]]}],
+    "nested without an end": [BELOW, {"L": eval("[" * 60 + "]" * 60)}],  # noqa: S307
+}
+
+
+@pytest.mark.parametrize("case", UNREADABLE)
+def test_what_is_no_proof_file_is_an_error(case, tmp_path):
+    code, words = checked(tmp_path, SPEC, UNREADABLE[case])
+    assert code == 2, words
+    assert words.startswith("not checked: "), words
+
+
+def test_a_proof_is_about_one_spec_and_whole(tmp_path):
+    lines = [BELOW, WITHIN, ABOVE, OUTSIDE]
+    assert checked(tmp_path, SPEC, lines, {"sha256": "0" * 64}) == (
+        2,
+        "not checked: the proof is about another spec: its SHA-256 differs\n",
+    )
+    assert checked(tmp_path, SPEC, lines, {"claims": 3})[0] == 2
+    assert checked(tmp_path, SPEC, lines, {"format": "wavesweep proof 2"})[0] == 2
+    (tmp_path / "spec.proof").write_bytes((tmp_path / "spec.proof").read_bytes()[:-30])
+    from support.proofs import checked_file
+
+    assert checked_file(tmp_path / "spec.toml", tmp_path / "spec.proof")[0] == 2
+
+
+def test_a_map_says_shares(tmp_path):
+    claim = {"claim": "modes", "open": True, "sides": {"k": ["0", "2"]}, "states": STATES}
+    tree = [{"split": "k", "at": "0.8"}, WITHIN, {"split": "k", "at": "0.9"}, {"open": True}, OUTSIDE]
+    code, words = checked(tmp_path, SPEC, [claim, *tree])
+    assert code == 0
+    assert "40.0000% stable, 55.0000% 2 modes outside, 5.0000% open" in words
+
+
+TWO_NUMBERS = (
+    SPEC.replace("0.5, k", "a, k").replace('"0.5"', '"a"').replace("numbers.k = 0.5", "numbers = { k = 0.5, a = 0.5 }")
+)
+
+
+@pytest.mark.parametrize(("most", "code"), [("0.7", 0), ("0.72", 1)])
+def test_two_numbers_at_once(most, code, tmp_path):
+    """Modes a +- k j are inside while a^2 + k^2 < 1."""
+    claim = {"claim": "modes", "outside": 0, "sides": {"a": ["-0.7", "0.7"], "k": ["0", most]}, "states": STATES}
+    tree = [{"split": "k", "at": "0.5"}, WITHIN, {"split": "a", "at": "0"}, WITHIN, WITHIN]
+    assert checked(tmp_path, TWO_NUMBERS, [claim, *deepcopy(tree)])[0] == code
+
+
+DRIFTING = """
+rates.tick_hz = 1000
+numbers.g = 0.5
+[block]
+free = { type = "integrator", method = "implicit" }
+slow = { type = "lowpass", a = "g" }
+[wire]
+"free.u" = "slow.y"
+"slow.u" = "0.5*slow.y"
+"""
+
+
+def test_a_drift_is_set_aside_if_every_equation_keeps_it(tmp_path):
+    claim = {"claim": "modes", "outside": 0, "sides": {"g": ["0.1", "1"]}, "states": ["@slow y"]}
+    drift = {"@free integral": "1", "free.y": "1", "@held free.y": "1"}
+    cells = [{"split": "g", "at": "0.4"}, {"L": [["1"]], "signs": "+"}, {"L": [["1"]], "signs": "+"}]
+    code, words = checked(tmp_path, DRIFTING, [claim | {"drifts": [drift]}, *cells])
+    assert code == 0
+    assert "the only mode is inside the unit circle, stable (1 drift set aside, which nothing opposes)" in words
+    assert checked(tmp_path, DRIFTING, [claim | {"drifts": [drift | {"slow.y": "1"}]}, *cells])[0] == 1

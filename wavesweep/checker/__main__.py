@@ -1,0 +1,81 @@
+"""`python -m wavesweep.checker SPEC FILE`: a line for each claim of a proof file, proved or refused.
+
+Exit code 0: all are proved; 1: one is refused; 2: the file is not about this spec, or one of the two cannot be read.
+"""
+
+import sys
+from pathlib import Path
+
+from wavesweep.checker.file import Claim, check
+from wavesweep.checker.reader.loops import Unreadable
+
+USAGE = "usage: python -m wavesweep.checker SPEC.toml FILE.proof"
+SCOPES = {
+    "modes": "the spec's own loop",
+    "for all": "all that [for_all] and its channels allow",
+    "refuted": "a member of [for_all] or of its channels",
+    "mean square": "the chances of [for_all] and its channels",
+}
+
+
+def in_words(claim: Claim) -> str:
+    """What a claim says, from its data."""
+    where = [
+        f"{name} from {float(low):.15g} to {float(high):.15g}"
+        for name, (low, high) in claim.sides.items()
+    ]
+    where += [f"{name} = {float(value):.15g}" for name, value in claim.numbers.items()]
+    words = f"{SCOPES[claim.claim]}, {', '.join(where) or 'its own numbers'}: "
+    if claim.shares:
+        parts = {None: "open", 0: "stable"}
+        shares = sorted(claim.shares.items(), key=lambda each: (each[0] is None, each[0]))
+        words += ", ".join(
+            f"{float(share):.4%} {parts.get(count, f'{count} modes outside')}"
+            for count, share in shares
+        )
+    elif claim.claim == "for all":
+        words += "every motion decays"
+    elif claim.claim == "mean square":
+        words += "the mean of all squares decays"
+    elif claim.outside:
+        modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
+        words += f"{modes} outside the unit circle, unstable"
+        if claim.word:
+            words += f", with frames {', '.join(claim.word)} for ever"
+    else:
+        modes = (
+            f"all {len(claim.states)} modes are" if len(claim.states) > 1 else "the only mode is"
+        )
+        words += f"{modes} inside the unit circle, stable"
+    if claim.drifts:
+        words += f" ({len(claim.drifts)} {'drift' if len(claim.drifts) == 1 else 'drifts'} set aside, which nothing opposes)"
+    return words
+
+
+def main(arguments: list[str]) -> int:
+    if len(arguments) != 2:
+        print(USAGE, file=sys.stderr)
+        return 2
+    spec, file = map(Path, arguments)
+    refused = 0
+    count = 0
+    try:
+        with file.open("rb") as opened:
+            for claim, why in check(spec.read_bytes(), opened):
+                count += 1
+                refused += bool(why)
+                print(
+                    f"{'REFUSED' if why else 'proved'}: {in_words(claim)}"
+                    + (f": {why}" if why else ""),
+                    flush=True,
+                )
+    except (Unreadable, OSError) as error:
+        print(f"not checked: {error}", file=sys.stderr)
+        return 2
+    print(f"{count - refused} of {count} claims proved")
+    return 1 if refused else 0
+
+
+if __name__ == "__main__":
+    sys.setrecursionlimit(20_000)  # coefficients that are computed of others, in long equations
+    sys.exit(main(sys.argv[1:]))

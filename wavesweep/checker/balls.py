@@ -1,0 +1,468 @@
+"""Numbers that are enclosed while the sides of a cell have any of their values.
+
+A polynomial is a tuple (radius, c0, c1, ...) of whole numbers in units of 2^-BITS: the sum of c_k times the k-th monomial in the
+sides' own variables, -1 <= s <= 1, plus or minus the radius. Whatever is rounded or left out counts in the radius. A `Number` is
+a coefficient of a loop, exact or by what it is computed of; its polynomial in a cell is made when it is asked for.
+
+The module is an arithmetic of the reader: `number`, `whole`, `exact`, `pi`, `sqrt`, `sin`, `cos`, `tan`, `exp`, `log`, `at_least`.
+"""
+
+import re
+from fractions import Fraction
+from functools import cache, lru_cache
+from itertools import product as all_of
+from math import isqrt
+
+from wavesweep.checker.reader.loops import Unreadable
+
+BITS = 192
+ONE = 1 << BITS
+GUARD = 64  # further bits of exp, cos, sin and log
+UNIT = (0, ONE)
+ORDERS = {
+    0: 0,
+    1: 6,
+    2: 4,
+    3: 3,
+}  # of polynomials in so many sides, else 2: errors of products of many ticks
+LONGEST = 60  # characters of a number
+EXPONENT = 400
+LARGEST = 8192  # bits of exact numbers; those beyond are enclosed
+POWER = 64
+DECIMAL = re.compile(r"[+-]?\d[\d_]*(\.[\d_]*)?([eE]([+-]?\d+))?|[+-]?\.\d+([eE]([+-]?\d+))?")
+
+
+class Refused(Exception):
+    """Not proved."""
+
+
+def decimal(text: str) -> Fraction:
+    """A number as it is written, of no more digits than somebody would write."""
+    found = DECIMAL.fullmatch(text)
+    if not found or len(text) > LONGEST or abs(int(found[3] or found[5] or 0)) > EXPONENT:
+        raise Unreadable(f"{text[:LONGEST]!r} is no decimal number of at most {LONGEST} characters")
+    return Fraction(text)
+
+
+def ball(x: Fraction) -> tuple:
+    whole = (x.numerator << BITS) // x.denominator
+    return int(whole * x.denominator != x.numerator << BITS), whole
+
+
+def _above(numerator: int, denominator: int) -> int:
+    """The least whole number that is not below the fraction."""
+    return -(-numerator // denominator)
+
+
+def negative(a):
+    return a[0], *(-c for c in a[1:])
+
+
+def add(a, b):
+    if len(a) < len(b):
+        a, b = b, a
+    return *(x + y for x, y in zip(a, b, strict=False)), *a[len(b) :]
+
+
+class Ring:
+    """Polynomials in so many sides up to an order: what is above it counts as an error."""
+
+    def __init__(self, sides: int):
+        self.order = ORDERS.get(sides, 2)
+        powers = [
+            each for each in all_of(range(self.order + 1), repeat=sides) if sum(each) <= self.order
+        ]
+        self.monomials = sorted(powers, key=lambda each: (sum(each), each[::-1]))
+        places = {each: at for at, each in enumerate(self.monomials)}
+        self.table = [
+            [
+                places.get(tuple(i + j for i, j in zip(a, b, strict=True)), -1)
+                for b in self.monomials
+            ]
+            for a in self.monomials
+        ]
+
+    def multiply(self, a, b):
+        """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b); each coefficient is rounded down by less than 1."""
+        if a is UNIT:
+            return b
+        if b is UNIT:
+            return a
+        if len(a) == 2 and len(b) == 2:
+            radius = abs(a[1]) * b[0] + a[0] * (abs(b[1]) + b[0])
+            return (radius >> BITS) + 2, (a[1] * b[1]) >> BITS
+        radius = sum(map(abs, a[1:])) * b[0] + a[0] * (sum(map(abs, b[1:])) + b[0])
+        if len(a) == 2 or len(b) == 2:
+            factor, other = (a[1], b) if len(a) == 2 else (b[1], a)
+            found = [factor * c for c in other[1:]]
+        else:
+            found = [0] * len(self.monomials)
+            for row, x in zip(self.table, a[1:], strict=False):
+                for place, y in zip(row, b[1:], strict=False):
+                    if place < 0:
+                        radius += abs(x * y)
+                    else:
+                        found[place] += x * y
+        return (radius >> BITS) + len(found) + 1, *(c >> BITS for c in found)
+
+    def series(self, h, values, rest):
+        """values[0] + values[1] h + values[2] h^2 + ... +- rest."""
+        total = values[-1]
+        for value in reversed(values[:-1]):
+            total = add(self.multiply(total, h), value)
+        return total[0] + rest, *total[1:]
+
+    def reciprocal(self, a):
+        """1/(c + h) by (-1)^k h^k/c^(k + 1); what n terms leave out is below b^n/(|c|^n (|c| - b)), |h| <= b."""
+        c, h, b = _parted(a)
+        if abs(c) <= b:
+            raise Refused("a divisor may be 0")
+        inverse = (1, ONE * ONE // c)
+        values = [inverse]
+        for _ in range(self.order if b else 0):
+            values.append(negative(self.multiply(values[-1], inverse)))
+        n = len(values)
+        return self.series(h, values, _above(b**n * ONE * ONE, abs(c) ** n * (abs(c) - b)))
+
+    def root(self, a):
+        """By binomial(1/2, k) h^k c^(1/2 - k); n terms leave out less than b^n (c - b)^(1/2 - n)."""
+        c, h, b = _parted(a)
+        if c <= b:
+            raise Refused("a root of what may be 0 or less")
+        values = [(1, isqrt(c << BITS))]
+        inverse = self.reciprocal((0, c))
+        for k in range(self.order if b else 0):
+            share = ball(Fraction(1 - 2 * k, 2 * k + 2))
+            values.append(self.multiply(self.multiply(values[-1], inverse), share))
+        n = len(values)
+        return self.series(
+            h, values, _above(b**n * (isqrt((c - b) << BITS) + 1), (c - b) ** n) if b else 0
+        )
+
+    def logarithm(self, a):
+        """By log c and (-1)^(k + 1) h^k/(k c^k); n terms leave out less than b^n/(n (c - b)^n)."""
+        c, h, b = _parted(a)
+        if c <= b:
+            raise Refused("a logarithm of what may be 0 or less")
+        values = [_logarithm(c)]
+        inverse = self.reciprocal((0, c))
+        power = UNIT
+        for k in range(1, self.order + 1 if b else 1):
+            power = self.multiply(power, inverse)
+            values.append(self.multiply(power, ball(Fraction(1 if k % 2 else -1, k))))
+        n = len(values)
+        return self.series(h, values, _above(b**n * ONE, n * (c - b) ** n) if b else 0)
+
+    def exponential(self, a):
+        c, h, b = _parted(a)
+        e = _exp_cos_sin(c)[0]
+        return self._taylor(h, b, [e], 3 * (e[0] + e[1]))  # e^(c + b) <= 3 e^c
+
+    def cosine(self, a):
+        c, h, b = _parted(a)
+        _, co, si = _exp_cos_sin(c)
+        return self._taylor(h, b, [co, negative(si), negative(co), si], ONE)
+
+    def sine(self, a):
+        c, h, b = _parted(a)
+        _, co, si = _exp_cos_sin(c)
+        return self._taylor(h, b, [si, co, negative(si), negative(co)], ONE)
+
+    def _taylor(self, h, b, derivatives, largest):
+        """A function whose derivatives at c are these in turn, and nowhere on |h| <= b larger than `largest`."""
+        if b > ONE:
+            raise Refused("a wide argument of a function")
+        values = []
+        factorial = 1
+        for k in range(self.order + 1 if b else 1):
+            values.append(
+                self.multiply(derivatives[k % len(derivatives)], ball(Fraction(1, factorial)))
+            )
+            factorial *= k + 1
+        n = len(values)
+        return self.series(h, values, _above(b**n * largest, factorial * ONE**n) if b else 0)
+
+
+def _parted(a):
+    """(c, h, b): a = c + h with an exact c and |h| <= b."""
+    return a[1], (a[0], 0, *a[2:]), a[0] + sum(map(abs, a[2:]))
+
+
+@lru_cache(1024)
+def _exp_cos_sin(c: int):
+    """Of an exact c. Rounding of the sum, 2 a term, grows at most 4 times in each halving: far below the guard bits."""
+    halvings = max(0, abs(c).bit_length() - BITS + 6)
+    if halvings > 12:
+        raise Refused("a large argument of a function")
+    small = (c << GUARD) >> halvings
+    term = ONE << GUARD
+    parts = [0, 0, 0, 0]
+    k = 0
+    while abs(term) > 1:
+        parts[k % 4] += term
+        k += 1
+        term = (term * small >> (BITS + GUARD)) // k
+    e = sum(parts)
+    co = parts[0] - parts[2]
+    si = parts[1] - parts[3]
+    for _ in range(halvings):
+        e = e * e >> (BITS + GUARD)
+        co, si = (co * co - si * si) >> (BITS + GUARD), 2 * co * si >> (BITS + GUARD)
+    if e >> GUARD > ONE << 20:
+        raise Refused("a large exponential")
+    return tuple((2, value >> GUARD) for value in (e, co, si))
+
+
+@lru_cache(1024)
+def _logarithm(c: int):
+    """c = m 2^k with m between 2/3 and 4/3, log c = k log 2 + log m."""
+    k = (3 * c // 2).bit_length() - 1 - BITS
+    m = c << (GUARD - k) if k <= GUARD else c >> (k - GUARD)
+    total = _log_near_one(m) + k * _log_near_one(2 * ONE << GUARD)
+    return abs(k) + 3, total >> GUARD
+
+
+def _log_near_one(m: int) -> int:
+    """2 (t + t^3/3 + t^5/5 + ...), t = (m - 1)/(m + 1), with the guard bits."""
+    one = ONE << GUARD
+    t = ((m - one) << (BITS + GUARD)) // (m + one)
+    total = 0
+    power = t
+    k = 1
+    while abs(power) > 1:
+        total += power // k
+        power = (power * t >> (BITS + GUARD)) * t >> (BITS + GUARD)
+        k += 2
+    return 2 * total
+
+
+def _pi():
+    """4 (4 arctan(1/5) - arctan(1/239))."""
+    total = 0
+    for factor, n in ((16, 5), (-4, 239)):
+        power = (ONE << GUARD) // n
+        k = 1
+        while power:
+            total += (factor if k % 4 == 1 else -factor) * (power // k)
+            power //= n * n
+            k += 2
+    return 2, total >> GUARD
+
+
+class Cell:
+    """Sides with their ranges, and polynomials of their powers: p = centre + half s."""
+
+    def __init__(self, sides: dict[str, tuple[Fraction, Fraction]]):
+        wide = [name for name, (low, high) in sides.items() if low < high]
+        self.ring = _ring(len(wide))
+        self.width = len(wide)
+        self.powers: dict[tuple[str, int], tuple] = {}
+        for name, (low, high) in sides.items():
+            centre = ball((low + high) / 2)
+            if name in wide:
+                half = ball((high - low) / 2)
+                place = self.ring.monomials.index(tuple(int(other == name) for other in wide))
+                self.powers[name, 1] = (centre[0] + half[0], centre[1], *[0] * (place - 1), half[1])
+            else:
+                self.powers[name, 1] = centre
+
+    def power(self, name: str, power: int):
+        if (name, power) not in self.powers:
+            if power < 0:
+                found = self.ring.reciprocal(self.power(name, -power))
+            else:
+                found = self.ring.multiply(self.power(name, power - 1), self.power(name, 1))
+            self.powers[name, power] = found
+        return self.powers[name, power]
+
+
+@cache
+def _ring(sides: int) -> Ring:
+    return Ring(sides)
+
+
+POINT = Cell({})
+
+
+class Number:
+    """exact: {monomial: share} with fractions, monomials as ((side, power), ...); None if it is made of other numbers.
+
+    make: a function of a ring and of the parts' polynomials. moves: whether it depends on a side.
+    """
+
+    __slots__ = ("_cell", "_value", "exact", "make", "moves", "parts")
+
+    def __init__(self, exact=None, make=None, parts=()):
+        self.exact = exact
+        self.make = make
+        self.parts = parts
+        self.moves = any(part.moves for part in parts) if exact is None else any(exact)
+        self._cell = None
+        self._value = None
+
+    def value(self, cell: Cell):
+        """Its polynomial in a cell."""
+        if self._cell is cell or (self._value is not None and not self.moves):
+            return self._value
+        if self.exact is None:
+            self._value = self.make(cell.ring, *(part.value(cell) for part in self.parts))
+        elif self.exact == {(): 1}:
+            self._value = UNIT
+        else:
+            total = (0, 0)
+            for monomial, share in self.exact.items():
+                term = ball(share)
+                for name, power in monomial:
+                    term = cell.ring.multiply(term, cell.power(name, power))
+                total = add(total, term)
+            self._value = total
+        self._cell = cell
+        return self._value
+
+    def __bool__(self):
+        return self.exact != {}
+
+    def __add__(self, other):
+        other = number(other)
+        if self.exact is not None and other.exact is not None:
+            total = dict(self.exact)
+            for monomial, share in other.exact.items():
+                total[monomial] = total.get(monomial, 0) + share
+            found = _exactly(total)
+            if found is not None:
+                return found
+        return Number(None, lambda _, a, b: add(a, b), (self, other))
+
+    def __mul__(self, other):
+        other = number(other)
+        if self.exact is not None and other.exact is not None:
+            total: dict[tuple, Fraction] = {}
+            for monomial, share in self.exact.items():
+                for further, factor in other.exact.items():
+                    both = _together(monomial, further)
+                    total[both] = total.get(both, 0) + share * factor
+            found = _exactly(total)
+            if found is not None:
+                return found
+        if not self or not other:
+            return Number({})
+        return Number(None, Ring.multiply, (self, other))
+
+    def __truediv__(self, other):
+        other = number(other)
+        if not other:
+            raise Unreadable("a division by 0")
+        if other.exact is not None and len(other.exact) == 1:
+            ((monomial, share),) = other.exact.items()
+            return self * Number({tuple((name, -power) for name, power in monomial): 1 / share})
+        return self * Number(None, Ring.reciprocal, (other,)) if self else self
+
+    def __neg__(self):
+        return self * -1
+
+    def __sub__(self, other):
+        return self + -number(other)
+
+    def __rsub__(self, other):
+        return number(other) + -self
+
+    def __rtruediv__(self, other):
+        return number(other) / self
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __pow__(self, power):
+        power = exact(power)
+        if power.denominator == 1 and abs(power) <= POWER:
+            total = number(1)
+            for _ in range(abs(power.numerator)):
+                total = total * self
+            return total if power >= 0 else 1 / total
+        return sqrt(self) if power == Fraction(1, 2) else exp(log(self) * power)
+
+    def __rpow__(self, base):
+        return number(base) ** self
+
+
+def _together(monomial, further):
+    powers = dict(monomial)
+    for name, power in further:
+        powers[name] = powers.get(name, 0) + power
+    return tuple(sorted((name, power) for name, power in powers.items() if power))
+
+
+def _exactly(total: dict):
+    """The exact number, or None if it has become too long to be kept so."""
+    bits = sum(
+        share.numerator.bit_length() + share.denominator.bit_length() for share in total.values()
+    )
+    if bits > LARGEST:
+        return None
+    return Number({monomial: share for monomial, share in total.items() if share})
+
+
+def side(name: str) -> Number:
+    return Number({((name, 1),): Fraction(1)})
+
+
+def number(given) -> Number:
+    if isinstance(given, Number):
+        return given
+    if isinstance(
+        given, float | str
+    ):  # a constant in an expression: the shortest decimal number of its double
+        given = decimal(str(given))
+    if isinstance(given, bool) or not isinstance(given, int | Fraction):
+        raise Unreadable(f"{given!r} is no number")
+    if given.numerator.bit_length() + given.denominator.bit_length() > LARGEST:
+        raise Unreadable("a number with too many digits")
+    return Number({(): Fraction(given)} if given else {})
+
+
+def exact(value) -> Fraction:
+    found = number(value)
+    if found.exact is None or found.moves:
+        raise Unreadable("a number that has to be plain is computed, or no single one here")
+    return found.exact.get((), Fraction(0))
+
+
+def whole(value) -> int:
+    found = exact(value)
+    if found.denominator != 1:
+        raise Unreadable(f"{float(found)} has to be a whole number")
+    return int(found)
+
+
+def at_least(value, other) -> bool:
+    radius, middle = (number(value) - number(other)).value(POINT)
+    if abs(middle) <= radius:
+        raise Refused("two numbers are too near to each other to say which is larger")
+    return middle > 0
+
+
+pi = Number(None, lambda _: _pi())
+
+
+def sqrt(x) -> Number:
+    return Number(None, Ring.root, (number(x),))
+
+
+def exp(x) -> Number:
+    return Number(None, Ring.exponential, (number(x),))
+
+
+def log(x) -> Number:
+    return Number(None, Ring.logarithm, (number(x),))
+
+
+def cos(x) -> Number:
+    return Number(None, Ring.cosine, (number(x),))
+
+
+def sin(x) -> Number:
+    return Number(None, Ring.sine, (number(x),))
+
+
+def tan(x) -> Number:
+    return sin(x) / cos(x)

@@ -1,0 +1,368 @@
+"""The proof file, and what is checked of it.
+
+`NAME.proof` is a gzip of JSON lines. Numbers are decimal strings ("798.52"; of drifts also "1/3"), counts whole numbers. A field
+that is not named here is refused, and nothing is taken from the file that follows from the spec. First a line
+
+    {"format": "wavesweep proof 1", "sha256": of the bytes of the spec, "claims": 3}
+
+and then each claim, a line, followed by the lines of its cells:
+
+    claim     "modes": of the spec's own loop; "for all": of all that [for_all] and channels say; "refuted": a member of this is
+              unstable; "mean square": of [for_all] with chances
+    numbers   {name: value} that the claim sets, by their names in [sweep]; all others are those of the spec
+    sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges
+    outside   of modes and refuted: how many modes are outside the unit circle, all over the sides
+    open      true in place of it: a map, whose cells have any counts or none
+    drifts    [{name: share}]: directions of memory and variables that every equation keeps, exactly; they are set aside
+    states    names of the memory that is left, sorted: rows and columns of all forms
+    word      of refuted: frames that are repeated for ever, by their letters
+
+Cells divide the whole of the sides, in this order:
+
+    {"split": "K_VE", "at": "12.5"}    first all lines of the lower part, then all of the upper part
+    {"L": rows, "signs": "++-", "Q": [[exponents, rows], ...], "turn": -1}     a form (`form.py`); Q and turn may be left out
+    {"nodes": [{"L": rows, "Q": ...}, ...], "edges": [[node, letter, node], ...]}      forms of frames in any order
+    {"open": true}                     nothing is known
+
+p = centre + half s in each side, -1 <= s <= 1, and P(s) = L' (diag(signs) + sum of Q_m s^m) L. In a graph P_i - A' P_j A > 0 for
+each edge from i to j: no matter in which order frames come, a norm of what is left decreases with each. Of chances there is a
+node for each state of the spec's chain, no edges, and P_q - sum of chance A' P_r A > 0 over the states r that follow q.
+"""
+
+import gzip
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from decimal import Decimal
+from fractions import Fraction
+from typing import IO, Any
+
+from wavesweep.checker import balls, form
+from wavesweep.checker.balls import ONE, Cell, Refused, decimal
+from wavesweep.checker.frame import Frames, coordinates, is_drift, reduced, states_of, steps_of
+from wavesweep.checker.reader import loop_of, unknown_key, with_numbers
+from wavesweep.checker.reader.loops import Schedule, Unreadable
+
+FORMAT = "wavesweep proof 1"
+LONGEST_SPEC = 1 << 20  # bytes
+LONGEST_LINE = 1 << 22
+CELLS = 1 << 20
+SIDES = 6
+NODES = 64
+KINDS = ("modes", "for all", "refuted", "mean square")
+FIELDS = {"claim", "numbers", "sides", "outside", "open", "drifts", "states", "word"}
+
+
+@dataclass
+class Claim:
+    """What a proof file says of a spec; see the top of this file."""
+
+    claim: str
+    numbers: dict[str, Fraction] = field(default_factory=dict)
+    sides: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
+    outside: int | None = None
+    drifts: list[dict[str, Fraction]] = field(default_factory=list)
+    states: list[str] = field(default_factory=list)
+    word: list[str] = field(default_factory=list)
+    shares: dict[str, Fraction] = field(default_factory=dict)  # of a map, from its cells
+
+
+@dataclass
+class Family:
+    """Kinds of frames of one loop in coordinates without drifts.
+
+    moves: {state of what may follow: {letter: (kind of frame, next state, chance)}}.
+    """
+
+    frames: Frames
+    drifts: list[dict[str, Fraction]]
+    states: list[str]
+    moves: dict[Any, dict[str, tuple[str, Any, Any]]]
+
+    def matrix(self, kind: str, cell: Cell) -> form.Matrix:
+        return form.matrix_of(
+            cell, reduced(cell, self.frames.matrix(kind, cell), self.drifts), self.states
+        )
+
+
+def spec_of(text: bytes) -> dict:
+    """The tables of a spec, its numbers as the decimals that they are."""
+    if len(text) > LONGEST_SPEC:
+        raise Unreadable(f"a spec of {len(text)} bytes; at most {LONGEST_SPEC}")
+    try:
+        return tomllib.loads(text.decode(), parse_float=decimal)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise Unreadable(f"the spec is no TOML: {error}") from None
+
+
+def family_of(tables: dict, claim: Claim) -> Family:
+    """The frames that a claim is about, from the spec."""
+    values = {**claim.numbers, **{name: balls.side(name) for name in claim.sides}}
+    loop = loop_of(with_numbers(tables, values), balls)
+    schedule = loop.schedule()
+    unknown = unknown_key(tables, loop)
+    if unknown:
+        raise Unreadable(f"the key {unknown} is not known to this checker")
+    return _family({"": schedule}, {None: {"": ("", None, None)}}, claim)
+
+
+def _family(schedules: dict[str, Schedule], moves, claim: Claim) -> Family:
+    for v in claim.drifts:
+        for schedule in schedules.values():
+            if not is_drift(schedule, v):
+                raise Refused(f"not every equation keeps the drift of {next(iter(v), 'nothing')}")
+    frames = Frames({kind: steps_of(schedule) for kind, schedule in schedules.items()})
+    drifts = coordinates(frames.live, claim.drifts)
+    return Family(frames, drifts, states_of(frames, drifts), moves)
+
+
+def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
+    """Each claim of a file about a spec, with why it is refused, "" if it is proved.
+
+    Raises Unreadable if the file is not about this spec, or no such file, or too large.
+    """
+    tables = spec_of(text)
+    lines = _lines(file)
+    header = next(lines, {})
+    if header.get("format") != FORMAT:
+        raise Unreadable(f"no proof file: its first line has no format {FORMAT!r}")
+    if set(header) != {"format", "sha256", "claims"}:
+        raise Unreadable("the first line has other fields than format, sha256 and claims")
+    if header["sha256"] != hashlib.sha256(text).hexdigest():
+        raise Unreadable("the proof is about another spec: its SHA-256 differs")
+    line = next(lines, None)
+    count = 0
+    while line is not None:
+        if "claim" not in line:
+            raise Unreadable("a cell without a claim")
+        claim = _claim(line)
+        count += 1
+        rest = _until_claim(lines)
+        why = ""
+        try:
+            _holds(tables, claim, rest)
+        except Refused as refused:
+            why = str(refused)
+        line = rest.following()
+        yield claim, why
+    if count != header["claims"]:
+        raise Unreadable(f"{count} claims in place of {header['claims']}: the file is not whole")
+
+
+class _until_claim:
+    """The lines before the next claim."""
+
+    def __init__(self, lines):
+        self.lines = lines
+        self.next = None
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        if self.next is None:
+            line = next(self.lines, {"claim": None})
+            if "claim" not in line:
+                return line
+            self.next = line
+        raise StopIteration
+
+    def following(self):
+        """The line of the next claim, None at the end."""
+        for _ in self:
+            pass
+        return None if self.next["claim"] is None else self.next
+
+
+def _lines(file: IO[bytes]) -> Iterator[dict]:
+    try:
+        with gzip.open(file) as unpacked:
+            while line := unpacked.readline(LONGEST_LINE + 1):
+                if len(line) > LONGEST_LINE:
+                    raise Unreadable(f"a line of more than {LONGEST_LINE} bytes")
+                found = json.loads(
+                    line, object_pairs_hook=_once, parse_float=_no_number, parse_constant=_no_number
+                )
+                if not isinstance(found, dict):
+                    raise Unreadable("a line that is no JSON object")
+                yield found
+    except (OSError, EOFError, ValueError, RecursionError) as error:
+        raise Unreadable(f"no proof file: {error}") from None
+
+
+def _once(pairs):
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise Unreadable("a field that is there twice")
+    return found
+
+
+def _no_number(text):
+    raise Unreadable(f"{text} stands there as a number and not as a decimal string")
+
+
+def _expect(given, kind, what):
+    if not isinstance(given, kind) or isinstance(given, bool):
+        raise Unreadable(f"{what} is not what it has to be")
+    return given
+
+
+def _fraction(given) -> Fraction:
+    top, _, bottom = _expect(given, str, "a number").partition("/")
+    below = decimal(bottom) if bottom else Fraction(1)
+    if not below:
+        raise Unreadable("a number over 0")
+    return decimal(top) / below
+
+
+def _claim(line) -> Claim:
+    unknown = line.keys() - FIELDS
+    if unknown:
+        raise Unreadable(f"the field {min(unknown)} of a claim is not known")
+    kind = line["claim"]
+    if kind not in KINDS:
+        raise Unreadable(f"no claim {kind!r} is known")
+    sides = {}
+    for name, ends in _expect(line.get("sides", {}), dict, "sides").items():
+        low, high = map(_fraction, _expect(ends, list, "a side")[:2])
+        if low > high:
+            raise Unreadable(f"the side {name} ends before it begins")
+        sides[name] = low, high
+    numbers = {
+        name: _fraction(value)
+        for name, value in _expect(line.get("numbers", {}), dict, "numbers").items()
+    }
+    if len(sides) > SIDES or sides.keys() & numbers.keys():
+        raise Unreadable(f"more than {SIDES} sides, or a side that is a number too")
+    drifts = []
+    for given in _expect(line.get("drifts", []), list, "drifts"):
+        drifts.append(
+            {name: _fraction(value) for name, value in _expect(given, dict, "a drift").items()}
+        )
+    wanted = kind in ("modes", "refuted") and not line.get("open")
+    if wanted:
+        _expect(line.get("outside"), int, "outside")
+    if (
+        line.get("open", True) is not True
+        or ("open" in line and kind != "modes")
+        or (not wanted and "outside" in line)
+    ):
+        raise Unreadable("a claim says how many modes are outside, or of a map that it is open")
+    states = _expect(line.get("states"), list, "states")
+    word = _expect(line.get("word", []), list, "word")
+    if not all(isinstance(each, str) for each in (*states, *word)) or (word and kind != "refuted"):
+        raise Unreadable("states, and the word of what is refuted, are names")
+    return Claim(kind, numbers, sides, line.get("outside"), drifts, states, word)
+
+
+def _holds(tables, claim: Claim, lines: Iterator[dict]):
+    """Refused, unless a form, or a graph, is right in each cell of the sides."""
+    if claim.claim == "refuted" and not claim.outside:
+        raise Refused("no mode is said to be outside, so nothing is refuted")
+    family = family_of(tables, claim)
+    if family.states != claim.states:
+        raise Refused(f"the states are {', '.join(family.states)}, and others in the file")
+    boxes = [claim.sides]
+    whole = _size(claim.sides, claim.sides)
+    count = 0
+    while boxes:
+        box = boxes.pop()
+        line = next(lines, None)
+        count += 1
+        if line is None or count > CELLS:
+            raise Refused(
+                f"no cell {_in_words(box)}" if line is None else f"more than {CELLS} cells"
+            )
+        if "split" in line:
+            name = _expect(line["split"], str, "split")
+            at = _fraction(line.get("at"))
+            low, high = box.get(name, (at, at))
+            if set(line) != {"split", "at"} or not low < at < high:
+                raise Refused(f"a cut at {float(at)!r} of {name} that divides nothing")
+            boxes += [{**box, name: (at, high)}, {**box, name: (low, at)}]
+            continue
+        outside = _outside(family, claim, Cell(box), line, box)
+        if claim.outside is None:
+            share = _size(box, claim.sides) / whole
+            claim.shares[outside] = claim.shares.get(outside, Fraction(0)) + share
+        elif outside != claim.outside:
+            raise Refused(
+                f"{outside} modes are outside {_in_words(box)}, and {claim.outside} in the claim"
+            )
+    if next(lines, None) is not None:
+        raise Refused("cells beyond the sides")
+
+
+def _size(box, sides) -> Fraction:
+    size = Fraction(1)
+    for name, (low, high) in sides.items():
+        if low < high:
+            size *= box[name][1] - box[name][0]
+    return size
+
+
+def _outside(family: Family, claim: Claim, cell: Cell, line: dict, box) -> Any:
+    """How many modes are outside in a cell; None where a map says nothing."""
+    if line == {"open": True}:
+        if claim.outside is None and claim.claim == "modes":
+            return None
+        raise Refused(f"nothing is shown {_in_words(box)}")
+    unknown = line.keys() - {"L", "signs", "Q", "turn"}
+    if unknown:
+        raise Unreadable(f"the field {min(unknown)} of a cell is not known")
+    signs = [{"+": 1, "-": -1}.get(sign, 0) for sign in _expect(line.get("signs"), str, "signs")]
+    if len(signs) != len(claim.states) or 0 in signs:
+        raise Unreadable("the signs of a form are + and -, one for each state")
+    turn = line.get("turn", 0)
+    if turn not in (0, 1, -1) or isinstance(turn, bool):
+        raise Unreadable("the turn of a form is 1 or -1")
+    P = _form(line, cell, signs)
+    A = family.matrix("", cell)
+    if signs and not form.decreases(P, [(ONE, A, P)], turn):
+        raise Refused(f"the form {_in_words(box)} does not decrease")
+    return signs.count(-1)
+
+
+def _form(line, cell: Cell, signs) -> form.Matrix:
+    slopes = []
+    for given in _expect(line.get("Q", []), list, "Q"):
+        exponents, rows = _expect(given, list, "a slope")
+        m = tuple(
+            _expect(power, int, "an exponent") for power in _expect(exponents, list, "exponents")
+        )
+        if len(m) != cell.width or not 1 <= sum(m) <= 2 or min(m) < 0:
+            raise Unreadable("a slope has an exponent of each side that is wide, 1 or 2 together")
+        slopes.append((m, _rows(rows, len(signs))))
+    return form.form_of(cell.width, _rows(line.get("L"), len(signs)), signs, slopes)
+
+
+def _rows(given, size: int) -> form.Rows:
+    """In units of 2^-BITS, rounded to half of these digits."""
+    rows = _expect(given, list, "a matrix")
+    if len(rows) != size or any(len(_expect(row, list, "a row")) != size for row in rows):
+        raise Unreadable(f"a matrix that has not {size} rows and columns")
+    shift = balls.BITS - form.HALF
+    return [[int(_decimal(x) * (1 << form.HALF)) << shift for x in row] for row in rows]
+
+
+def _decimal(given) -> Decimal:
+    """Of a form, which is what its numbers are rounded to."""
+    if (
+        not isinstance(given, str)
+        or len(given) > balls.LONGEST
+        or not balls.DECIMAL.fullmatch(given)
+    ):
+        raise Unreadable(f"{given!r} is no decimal number of a form")
+    found = Decimal(given)
+    if abs(found.adjusted()) > balls.EXPONENT:
+        raise Unreadable(f"{given} is too large or too small")
+    return found
+
+
+def _in_words(box) -> str:
+    ends = [
+        f"for {name} from {float(low)!r} to {float(high)!r}" for name, (low, high) in box.items()
+    ]
+    return ", ".join(ends) or "at this point"

@@ -1,0 +1,267 @@
+"""Whether P - A' Q A > 0 for all values of a cell's sides, in matrices of polynomials with a bound on the rest.
+
+If P - A(p)' P A(p) > 0 all over a cell, no eigenvalue of A(p) is on the unit circle, and as many are outside as P has negative
+ones (Ostrowski and Schneider, "Some theorems on the inertia of general matrices", 1962). P itself may depend on p: it is regular
+wherever the inequality holds, so its inertia does not change within the cell.
+"""
+
+from collections.abc import Iterable, Sequence
+from itertools import product as all_of
+from operator import mul
+from typing import NamedTuple
+
+from wavesweep.checker.balls import BITS, ONE, Cell, Refused
+
+HALF = BITS // 2  # digits of what a file gives, so that L' S L is exact
+KEPT = 3  # orders of a frame that its form sees; the rest counts as an error
+Rows = list[list[int]]
+
+
+class Matrix(NamedTuple):
+    """The sum of parts[m] times the monomial m, +- error, entry by entry, in units of 2^-BITS."""
+
+    parts: dict[tuple[int, ...], Rows]
+    error: Rows
+
+    @property
+    def size(self) -> Rows:
+        """A bound of each entry, without the error."""
+        return _sum([[abs(x) for x in row] for row in part] for part in self.parts.values())
+
+
+def _sum(matrices: Iterable[Rows]) -> Rows:
+    first, *others = matrices
+    total = [list(row) for row in first]
+    for matrix in others:
+        total = [
+            [x + y for x, y in zip(row, other, strict=True)]
+            for row, other in zip(total, matrix, strict=True)
+        ]
+    return total
+
+
+def transposed(rows: Sequence) -> list[list]:
+    return [list(column) for column in zip(*rows, strict=True)]
+
+
+def _dot(left: Rows, right: Rows) -> Rows:
+    """The product in units of 2^-BITS, rounded down."""
+    columns = transposed(right)
+    return [[sum(map(mul, row, column)) >> BITS for column in columns] for row in left]
+
+
+def _product(left: Matrix, right: Matrix) -> Matrix:
+    """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b), and 1 for each product that is rounded down."""
+    found: dict[tuple, Rows] = {}
+    for m, A in left.parts.items():
+        for k, B in right.parts.items():
+            both = tuple(i + j for i, j in zip(m, k, strict=True))
+            term = _dot(A, B)
+            found[both] = _sum((found[both], term)) if both in found else term
+    rounded = len(left.parts) * len(right.parts) + 2
+    bounds = [[[rounded] * len(right.error[0]) for _ in left.error]]
+    if any(map(any, right.error)):
+        bounds.append(_dot(left.size, right.error))
+    if any(map(any, left.error)):
+        bounds.append(_dot(left.error, _sum((right.size, right.error))))
+    return Matrix(found, _sum(bounds))
+
+
+def _turned(matrix: Matrix) -> Matrix:
+    return Matrix(
+        {m: transposed(part) for m, part in matrix.parts.items()}, transposed(matrix.error)
+    )
+
+
+def _difference(left: Matrix, right: Matrix) -> Matrix:
+    found = dict(left.parts)
+    for m, part in right.parts.items():
+        negative = [[-x for x in row] for row in part]
+        found[m] = _sum((found[m], negative)) if m in found else negative
+    return Matrix(found, _sum((left.error, right.error)))
+
+
+def _cut(matrix: Matrix, order: int) -> Matrix:
+    """Parts above an order as errors."""
+    high = {m: part for m, part in matrix.parts.items() if sum(m) > order}
+    low = {m: part for m, part in matrix.parts.items() if sum(m) <= order}
+    return Matrix(low, _sum((matrix.error, Matrix(high, []).size)) if high else matrix.error)
+
+
+def matrix_of(cell: Cell, A: dict, states: list[str]) -> Matrix:
+    """The matrix of a frame in the order of its states."""
+    most = max((len(c) for row in A.values() for c in row.values()), default=2)
+    nothing = (0,) * most
+    entries = [[A[row].get(column, nothing) for column in states] for row in states]
+    parts = {}
+    for place in range(1, most):
+        rows = [[c[place] if place < len(c) else 0 for c in row] for row in entries]
+        if place == 1 or any(map(any, rows)):
+            parts[cell.ring.monomials[place - 1]] = rows
+    return _cut(Matrix(parts, [[c[0] for c in row] for row in entries]), KEPT)
+
+
+def form_of(
+    width: int, L: Rows, signs: list[int], slopes: list[tuple[tuple[int, ...], Rows]]
+) -> Matrix:
+    """P = L' (diag(signs) + sum Q_m s^m) L. The slopes are rounded, as the form is that of the rounded ones."""
+    L_t = transposed(L)
+    parts = {
+        (0,) * width: _dot(
+            [[x * sign for x, sign in zip(row, signs, strict=True)] for row in L_t], L
+        )
+    }
+    for m, Q in slopes:
+        found = _dot(L_t, _dot(Q, L))
+        parts[m] = _symmetric(found)
+    return Matrix(parts, [[0] * len(L) for _ in L])
+
+
+def _symmetric(rows: Rows) -> Rows:
+    """(M + M')/2, rounded down by less than 1."""
+    return [
+        [(x + y) // 2 for x, y in zip(row, other, strict=True)]
+        for row, other in zip(rows, transposed(rows), strict=True)
+    ]
+
+
+def decreases(P: Matrix, steps: list[tuple[int, Matrix, Matrix]], turn: int = 0) -> bool:
+    """Whether P - sum of share A' Q A > 0 all over the cell, for the steps (share in units of 2^-BITS, A, Q).
+
+    turn: 1 or -1 for one step, of which X' (P - A' Q A) X is looked at with X near (1 + turn A)^-1: this is near P X + X' P - P,
+    in which large modes are no larger than others.
+    """
+    X = _inverse(steps[0][1], turn) if turn else None
+    total = _product(_turned(X), _product(P, X)) if X else P
+    for share, A, Q in steps:
+        moved = _cut(_product(A, X), KEPT) if X else A
+        taken = _product(_turned(moved), _product(Q, moved))
+        if share != ONE:
+            parts = {
+                m: [[share * x >> BITS for x in row] for row in part]
+                for m, part in taken.parts.items()
+            }
+            taken = Matrix(
+                parts, [[(share * x >> BITS) + len(parts) + 1 for x in row] for row in taken.error]
+            )
+        total = _difference(total, taken)
+    return positive(total)
+
+
+def positive(matrix: Matrix) -> bool:
+    """Whether all symmetric matrices that it encloses are positive definite, by its Bernstein points of order 2 in each side."""
+    width = len(next(iter(matrix.parts)))
+    low = _cut(matrix, 2 if width <= 3 else 1)
+    error = [[x + len(low.parts) + 1 for x in row] for row in _symmetric(low.error)]
+    parts = {m: _symmetric(part) for m, part in low.parts.items()}
+    degrees = [max(m[side] for m in parts) for side in range(width)]
+    # of c_0 + c_1 s + c_2 s^2 the points are c_0 - c_1 + c_2, c_0 - c_2 and c_0 + c_1 + c_2, and of c_0 + c_1 s its ends
+    factors = {0: ((1,),), 1: ((1, -1), (1, 1)), 2: ((1, -1, 1), (1, 0, -1), (1, 1, 1))}
+    for point in all_of(*(factors[degree] for degree in degrees)):
+        terms = []
+        for m, part in parts.items():
+            share = 1
+            for row, power in zip(point, m, strict=True):
+                share *= row[power]
+            if share:
+                terms.append([[share * x for x in row] for row in part])
+        if not _definite(_sum(terms), error):
+            return False
+    return True
+
+
+def _definite(F: Rows, R: Rows) -> bool:
+    """Whether all symmetric matrices within R of F are positive definite: W' F W has a dominant diagonal, whatever W is."""
+    n = len(F)
+    if not all(F[k][k] > 0 for k in range(n)):
+        return False
+    try:
+        W = [
+            [int(x * 2.0**HALF) << (BITS - HALF) for x in row]
+            for row in _weights([[x / ONE for x in row] for row in F])
+        ]
+    except (OverflowError, ValueError, ZeroDivisionError):
+        return False
+    W_t = transposed(W)
+    G = _dot(W_t, _dot(F, W))
+    size = [[abs(x) for x in row] for row in W]
+    S = _dot(transposed(size), _dot(R, size))
+    slack = (n + 2) * (max(map(max, size)) * n // ONE + 4)  # of products that are rounded down
+    for k, row in enumerate(G):
+        if (
+            row[k]
+            <= sum(abs(x) for other, x in enumerate(row) if other != k) + sum(S[k]) + n * slack
+        ):
+            return False
+    return True
+
+
+# What follows is in doubles: nothing that is proved depends on it.
+
+
+def _weights(F: list[list[float]]) -> list[list[float]]:
+    """W with W' F W near 1, by Cholesky's decomposition."""
+    n = len(F)
+    unit = [F[k][k] ** 0.5 for k in range(n)]
+    L = [[0.0] * n for _ in range(n)]
+    for i in range(n):
+        for j in range(i + 1):
+            x = F[i][j] / unit[i] / unit[j] - sum(map(mul, L[i][:j], L[j][:j]))
+            L[i][j] = x**0.5 if i == j and x > 0 else x / L[j][j]
+    inverse = [[0.0] * n for _ in range(n)]
+    for i in range(n):
+        for j in range(i + 1):
+            inverse[i][j] = ((i == j) - sum(L[i][k] * inverse[k][j] for k in range(j, i))) / L[i][i]
+    return [[inverse[j][i] / unit[i] for j in range(n)] for i in range(n)]
+
+
+def _inverse(A: Matrix, turn: int) -> Matrix:
+    """X near (1 + turn A)^-1 to second order; exact as it stands."""
+    parts = {m: [[x / ONE for x in row] for row in part] for m, part in A.parts.items()}
+    width = len(next(iter(parts)))
+    n = len(A.error)
+    still = (0,) * width
+    first = _solved(
+        [[(i == j) + turn * x for j, x in enumerate(row)] for i, row in enumerate(parts[still])]
+    )
+    found = {still: first}
+    lower = [m for m in parts if m != still and sum(m) <= 2]
+    for order in (1, 2):
+        for m in all_of(range(order + 1), repeat=width):
+            if sum(m) != order:
+                continue
+            total = [[0.0] * n for _ in range(n)]
+            for k in lower:
+                rest = tuple(i - j for i, j in zip(m, k, strict=True))
+                if rest in found:
+                    term = _float_dot(parts[k], found[rest])
+                    total = [
+                        [x - turn * y for x, y in zip(row, other, strict=True)]
+                        for row, other in zip(total, term, strict=True)
+                    ]
+            if any(map(any, total)):
+                found[m] = _float_dot(first, total)
+    exact = {m: [[int(x * 2.0**BITS) for x in row] for row in part] for m, part in found.items()}
+    return Matrix(exact, [[0] * n for _ in range(n)])
+
+
+def _float_dot(left, right):
+    columns = transposed(right)
+    return [[sum(map(mul, row, column)) for column in columns] for row in left]
+
+
+def _solved(rows: list[list[float]]) -> list[list[float]]:
+    """The inverse by Gauss and Jordan."""
+    n = len(rows)
+    rows = [[*row, *(float(i == j) for j in range(n))] for i, row in enumerate(rows)]
+    for k in range(n):
+        pivot = max(range(k, n), key=lambda i: abs(rows[i][k]))
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        if not rows[k][k]:
+            raise Refused("a frame that cannot be turned")
+        rows[k] = [x / rows[k][k] for x in rows[k]]
+        for i in range(n):
+            if i != k and rows[i][k]:
+                factor = rows[i][k]
+                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
+    return [row[n:] for row in rows]

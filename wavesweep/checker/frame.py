@@ -1,0 +1,321 @@
+"""From instants with their equations to the matrix of a frame: memory after it, of memory before it.
+
+A map is {memory: {memory: coefficient}}, a row for each memory that it changes; what has no row stays. A frame is a list of
+steps, each a map. Those that depend on no side of a cell are multiplied once.
+"""
+
+from fractions import Fraction
+
+from wavesweep.checker.balls import (
+    BITS,
+    POINT,
+    UNIT,
+    Cell,
+    Number,
+    Refused,
+    add,
+    ball,
+    negative,
+    number,
+)
+from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
+
+LARGEST = 400  # memory of a loop
+INSTANTS = 20_000  # of a frame
+TERMS = 60  # of the series of an exponential
+
+
+def solved(instant: Instant) -> dict[str, dict[str, Number]]:
+    """Memory that is written, over memory before: the equations of the instant solved, inputs from outside left out.
+
+    Exact coefficients stay exact as far as possible, so that what cancels is not there.
+    """
+    rows = {name: _clean(terms) for name, terms in instant.equations.items()}
+    needed: set[str] = set()
+    wanted = [name for terms in instant.writes.values() for name in terms]
+    while wanted:
+        name = wanted.pop()
+        if name in rows and name not in needed:
+            needed.add(name)
+            wanted += rows[name]
+        elif name not in rows and not name.startswith(("@", "!")):
+            raise Unreadable(f"nothing gives {name!r}")
+    rows = {name: rows[name] for name in sorted(needed)}
+    left = set(rows)
+    while left:  # those first that wait for nobody
+        name = min(
+            left, key=lambda each: (sum(k in left for k in rows[each]), each in rows[each], each)
+        )
+        left.discard(name)
+        own = rows[name].pop(name, None)
+        if own is not None:
+            rows[name] = {k: c / (1 - own) for k, c in rows[name].items()}
+        for other, row in rows.items():
+            if other != name and name in row:
+                share = row.pop(name)
+                rows[other] = _clean(_sum(row, share, rows[name]))
+    found = {}
+    for name, terms in instant.writes.items():
+        total: dict[str, Number] = {}
+        for k, c in _clean(terms).items():
+            total = _sum(total, c, rows.get(k, {k: number(1)}))
+        found[name] = _clean(total)
+    return found
+
+
+def _clean(terms) -> dict[str, Number]:
+    numbers = {name: number(c) for name, c in terms.items() if not name.startswith("!")}
+    return {name: c for name, c in numbers.items() if c}
+
+
+def _sum(row, factor, other):
+    total = dict(row)
+    for name, c in other.items():
+        term = factor * c
+        total[name] = total[name] + term if name in total else term
+    return total
+
+
+class Written:
+    """The step of an instant."""
+
+    def __init__(self, rows: dict[str, dict[str, Number]]):
+        self.rows = rows
+        self.reads = {name: set(row) for name, row in rows.items()}
+        self.moves = any(c.moves for row in rows.values() for c in row.values())
+
+    def map(self, cell: Cell):
+        return {name: {k: c.value(cell) for k, c in row.items()} for name, row in self.rows.items()}
+
+
+class Flow:
+    """The step between instants: exp(G) of the motion times its duration, by its series and squarings.
+
+    E = exp(G/2^k) - 1 with |G|/2^k below 1/16 in the largest sum of a row, so the series leaves out less than its last term;
+    then k times (1 + E)^2 - 1 = 2 E + E E. What is 1 or 0 by the structure of G stays so.
+    """
+
+    def __init__(self, motion: dict[str, dict[str, Number]], duration: Fraction):
+        self.motion = {
+            name: {k: c * duration for k, c in row.items()} for name, row in motion.items()
+        }
+        reads = {name: set(row) for name, row in self.motion.items()}
+        while True:
+            further = {
+                name: row.union(*(reads.get(k, ()) for k in row)) for name, row in reads.items()
+            }
+            if further == reads:
+                break
+            reads = further
+        self.powers = reads
+        self.reads = {name: {name, *row} for name, row in reads.items()}
+        self.moves = any(c.moves for row in self.motion.values() for c in row.values())
+
+    def map(self, cell: Cell):
+        G = {name: {k: c.value(cell) for k, c in row.items()} for name, row in self.motion.items()}
+        halvings = max(0, _size(G).bit_length() - BITS + 4)
+        if halvings > 30:
+            raise Refused("a plant that moves too fast for its tick")
+        G = {
+            name: {k: _divided(c, 1 << halvings) for k, c in row.items()} for name, row in G.items()
+        }
+        E: dict[str, dict[str, tuple]] = {name: {} for name in G}
+        term = G
+        for count in range(2, TERMS + 2):
+            for name, row in term.items():
+                for k, c in row.items():
+                    E[name][k] = add(E[name][k], c) if k in E[name] else c
+            last = _size(term)
+            if last < 4 * count * len(G) * (cell.ring.order + 1):
+                break
+            term = {
+                name: {k: _divided(c, count) for k, c in row.items()}
+                for name, row in _times(cell, term, G).items()
+            }
+        else:
+            raise Refused("a plant whose motion has no short series")
+        rest = (4 * last + 4, 0)
+        E = {
+            name: {k: add(E[name].get(k, (0, 0)), rest) for k in row}
+            for name, row in self.powers.items()
+        }
+        for _ in range(halvings):
+            squared = _times(cell, E, E)
+            for name, row in E.items():
+                for k, c in row.items():
+                    twice = (2 * c[0], *(2 * entry for entry in c[1:]))
+                    row[k] = add(twice, squared[name].get(k, (0, 0)))
+        return {name: {**row, name: add(row.get(name, (0, 0)), UNIT)} for name, row in E.items()}
+
+
+def _size(rows) -> int:
+    """The largest sum of a row."""
+    return max(
+        (sum(abs(part) for c in row.values() for part in c) for row in rows.values()), default=0
+    )
+
+
+def _divided(c, n: int):
+    return -(-c[0] // n) + len(c), *(part // n for part in c[1:])
+
+
+def _times(cell: Cell, rows, others):
+    """The product of two square tables."""
+    found = {}
+    for name, row in rows.items():
+        total: dict[str, tuple] = {}
+        for k, c in row.items():
+            for further, e in others.get(k, {}).items():
+                term = cell.ring.multiply(c, e)
+                total[further] = add(total[further], term) if further in total else term
+        found[name] = total
+    return found
+
+
+class Frames:
+    """Kinds of frames over one memory: of each the list of its steps, and their matrices in cells.
+
+    words: {name of a frame: steps}. The memory is what some frame reads before it writes it, whichever frame comes next.
+    """
+
+    def __init__(self, words: dict[str, list[Written | Flow]]):
+        live: set[str] = {
+            name
+            for steps in words.values()
+            for step in steps
+            for row in step.reads.values()
+            for name in row
+        }
+        while True:  # what is written before it is read needs not be kept
+            before = {name for steps in words.values() for name in _needed(steps, live)[0]}
+            if before == live:
+                break
+            live = before
+        if len(live) > LARGEST:
+            raise Unreadable(f"a memory of {len(live)} values; at most {LARGEST}")
+        self.live = live
+        self.words = {name: self._gathered(steps) for name, steps in words.items()}
+
+    def _gathered(self, steps):
+        """Steps in a row that depend on no side as one map, of what is wanted after it: [(step or map, wanted after it)]."""
+        wanted = _needed(steps, self.live)[1:]
+        maps = {step: step.map(POINT) for step in set(steps) if not step.moves}
+        found: list[tuple] = []
+        still = None
+        for step, after in zip(steps, wanted, strict=True):
+            if step.moves:
+                found += [(still[0], still[1])] if still else []
+                found.append((step, after))
+                still = None
+            else:
+                now = maps[step]
+                still = (_after(POINT, still[0], now, after) if still else now, after)
+        return found + ([still] if still else [])
+
+    def matrix(self, name: str, cell: Cell) -> dict[str, dict[str, tuple]]:
+        """The rows of a frame's matrix over all memory."""
+        total: dict[str, dict[str, tuple]] = {}
+        for step, after in self.words[name]:
+            now = step if isinstance(step, dict) else step.map(cell)
+            total = _after(cell, total, now, after)
+        return {row: total.get(row, {row: UNIT}) for row in self.live}
+
+
+def _needed(steps, live) -> list[set[str]]:
+    """The memory that is wanted before each step, and after the last one."""
+    wanted = [live]
+    for step in reversed(steps):
+        wanted.append({k for name in wanted[-1] for k in step.reads.get(name, (name,))})
+    return wanted[::-1]
+
+
+def _after(cell: Cell, first, then, wanted):
+    """The map of `then` after `first`, of what is wanted."""
+    found = {name: row for name, row in first.items() if name in wanted and name not in then}
+    for name, row in then.items():
+        if name not in wanted:
+            continue
+        total: dict[str, tuple] = {}
+        for k, c in row.items():
+            for further, e in first.get(k, {k: UNIT}).items():
+                term = cell.ring.multiply(c, e)
+                total[further] = add(total[further], term) if further in total else term
+        found[name] = total
+    return found
+
+
+def steps_of(schedule: Schedule) -> list[Written | Flow]:
+    """The steps of a period in order."""
+    if len(schedule.times) > INSTANTS:
+        raise Unreadable(f"a frame of {len(schedule.times)} instants; at most {INSTANTS}")
+    instants = {kind: Written(solved(instant)) for kind, instant in schedule.kinds.items()}
+    motion = solved(schedule.motion)
+    flows: dict[Fraction, Flow] = {}
+    found: list[Written | Flow] = []
+    ends = [time for time, _ in schedule.times[1:]] + [schedule.period]
+    for (time, kind), until in zip(schedule.times, ends, strict=True):
+        found.append(instants[kind])
+        if until > time and motion:
+            flows.setdefault(until - time, Flow(motion, until - time))
+            found.append(flows[until - time])
+    return found
+
+
+def is_drift(schedule: Schedule, v: dict[str, Fraction]) -> bool:
+    """Whether memory and variables in the proportions of v stay what they are: every equation holds for them, exactly."""
+    instants = [(instant, v) for instant in schedule.kinds.values()]
+    for instant, kept in (*instants, (schedule.motion, {})):  # a derivative is 0
+        for name, terms in instant.equations.items():
+            if _left(terms, v, v.get(name, Fraction(0))):
+                return False
+        for name, terms in instant.writes.items():
+            if _left(terms, v, kept.get(name, Fraction(0))):
+                return False
+    return True
+
+
+def _left(terms, v, value) -> Number:
+    total = number(-value)
+    for name, c in terms.items():
+        if name in v:
+            total = total + number(c) * v[name]
+    return total
+
+
+def reduced(cell: Cell, A, drifts) -> dict[str, dict[str, tuple]]:
+    """A matrix without the directions v with A v = v, in coordinates x - v x_k with a memory k of v; see `left_of`."""
+    A = {name: dict(row) for name, row in A.items()}
+    for v in drifts:
+        k = next(iter(v))
+        own = A.pop(k)
+        for name, row in A.items():
+            if name in v:
+                share = negative(ball(v[name]))
+                for column, c in own.items():
+                    term = cell.ring.multiply(share, c)
+                    row[column] = add(row[column], term) if column in row else term
+            row.pop(k, None)
+    return A
+
+
+def coordinates(live: set[str], drifts) -> list[dict[str, Fraction]]:
+    """Directions of drift over the memory, each with its memory k first, at which it is 1 and all later ones are 0."""
+    found: list[dict[str, Fraction]] = []
+    for given in drifts:
+        v = {name: share for name, share in given.items() if name in live}
+        for other in found:
+            share = v.pop(next(iter(other)), 0)
+            for name, c in list(other.items())[1:]:
+                v[name] = v.get(name, 0) - share * c
+        v = {name: share for name, share in sorted(v.items()) if share}
+        if not v:
+            raise Refused("a drift of nothing")
+        first = v[min(v)]
+        found.append({name: share / first for name, share in v.items()})
+    return found
+
+
+def states_of(frames: Frames, drifts) -> list[str]:
+    """The memory that is left: without a memory of each drift, and without what no frame reads."""
+    gone = {next(iter(v)) for v in drifts}
+    return sorted(frames.live - gone)
