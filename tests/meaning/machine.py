@@ -38,11 +38,11 @@ class Machine:
         for name, terms in instant.equations.items():
             for other, coefficient in terms.items():
                 if other in variables:
-                    left[variables[name], variables[other]] -= coefficient
+                    left[variables[name], variables[other]] -= float(coefficient)
                 elif other in self.memory:
-                    Y[variables[name], self.memory[other]] += coefficient
+                    Y[variables[name], self.memory[other]] += float(coefficient)
                 else:
-                    Z[variables[name], self.inputs[other]] += coefficient
+                    Z[variables[name], self.inputs[other]] += float(coefficient)
         if variables:
             if np.linalg.cond(left) > 1e13:
                 raise NoSolution(", ".join(variables))
@@ -56,12 +56,12 @@ class Machine:
             driven = np.zeros(len(self.inputs))
             for other, coefficient in terms.items():
                 if other in variables:
-                    row += coefficient * Y[variables[other]]
-                    driven += coefficient * Z[variables[other]]
+                    row += float(coefficient) * Y[variables[other]]
+                    driven += float(coefficient) * Z[variables[other]]
                 elif other in self.memory:
-                    row[self.memory[other]] += coefficient
+                    row[self.memory[other]] += float(coefficient)
                 else:
-                    driven[self.inputs[other]] += coefficient
+                    driven[self.inputs[other]] += float(coefficient)
             M[self.memory[name]] = row
             N[self.memory[name]] = driven
         return M, N, Y, Z, variables

@@ -24,6 +24,10 @@ Cells divide the whole of the sides, in this order:
     {"nodes": [{"L": rows, "Q": ...}, ...], "edges": [[node, letter, node], ...]}      forms of frames in any order
     {"open": true}                     nothing is known
 
+Where [for_all] lists values of numbers, cells follow for each combination, the last key fastest, after a line of its own:
+
+    {"member": {"filters.lp1.order": "1"}, "drifts": [...], "states": [...]}
+
 p = centre + half s in each side, -1 <= s <= 1, and P(s) = L' (diag(signs) + sum of Q_m s^m) L. In a graph P_i - A' P_j A > 0 for
 each edge from i to j: no matter in which order frames come, a norm of what is left decreases with each. Of chances there is a
 node for each state of the spec's chain, no edges, and P_q - sum of chance A' P_r A > 0 over the states r that follow q.
@@ -34,7 +38,7 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
 from typing import IO, Any
@@ -42,8 +46,9 @@ from typing import IO, Any
 from wavesweep.checker import balls, form
 from wavesweep.checker.balls import ONE, Cell, Refused, decimal
 from wavesweep.checker.frame import Frames, coordinates, is_drift, reduced, states_of, steps_of
-from wavesweep.checker.reader import loop_of, unknown_key, with_numbers
-from wavesweep.checker.reader.loops import Schedule, Unreadable
+from wavesweep.checker.reader import for_all, loop_of, unknown_key, with_numbers
+from wavesweep.checker.reader.controllers import SYMBOLS
+from wavesweep.checker.reader.loops import Unreadable
 
 FORMAT = "wavesweep proof 1"
 LONGEST_SPEC = 1 << 20  # bytes
@@ -97,25 +102,54 @@ def spec_of(text: bytes) -> dict:
         raise Unreadable(f"the spec is no TOML: {error}") from None
 
 
-def family_of(tables: dict, claim: Claim) -> Family:
-    """The frames that a claim is about, from the spec."""
-    values = {**claim.numbers, **{name: balls.side(name) for name in claim.sides}}
-    loop = loop_of(with_numbers(tables, values), balls)
-    schedule = loop.schedule()
+def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
+    """The frames that a claim is about, from the spec; member: values of the listed numbers of [for_all]."""
+    values = {**claim.numbers, **(member or {}), **{name: balls.side(name) for name in claim.sides}}
+
+    def loop_with(more: dict):
+        return loop_of(with_numbers(tables, values | more), balls)
+
+    loop = loop_with({})
+    own = {"": loop.schedule()}
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker")
-    return _family({"": schedule}, {None: {"": ("", None, None)}}, claim)
-
-
-def _family(schedules: dict[str, Schedule], moves, claim: Claim) -> Family:
+    allowed = for_all.read(tables, balls.exact)
+    if claim.claim == "modes" or not (allowed.varying or allowed.lost):
+        schedules, moves = own, {None: {"": ("", None, None)}}
+    else:
+        schedules, moves = for_all.frames_of(allowed, loop_with)
     for v in claim.drifts:
         for schedule in schedules.values():
             if not is_drift(schedule, v):
                 raise Refused(f"not every equation keeps the drift of {next(iter(v), 'nothing')}")
-    frames = Frames({kind: steps_of(schedule) for kind, schedule in schedules.items()})
+    words = {kind: steps_of(schedule) for kind, schedule in schedules.items()}
+    if claim.claim == "refuted" and "" not in words:
+        words = {"": [step for kind in _repeated(moves, claim.word) for step in words[kind]]}
+    frames = Frames(words)
     drifts = coordinates(frames.live, claim.drifts)
     return Family(frames, drifts, states_of(frames, drifts), moves)
+
+
+def _repeated(moves, word: list[str]) -> list[str]:
+    """The kinds of frames of a word, so often that it can be repeated for ever from there on."""
+    for start in moves:
+        seen = [start]
+        kinds: list[str] = []
+        while word:
+            now = seen[-1]
+            for letter in word:
+                if letter not in moves[now]:
+                    now = None
+                    break
+                kind, now, _ = moves[now][letter]
+                kinds.append(kind)
+            if now is None:
+                break
+            if now in seen:
+                return kinds[seen.index(now) * len(word) :]
+            seen.append(now)
+    raise Refused(f"the spec does not allow the frames {', '.join(word) or 'of no word'} for ever")
 
 
 def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
@@ -258,12 +292,68 @@ def _claim(line) -> Claim:
 
 
 def _holds(tables, claim: Claim, lines: Iterator[dict]):
-    """Refused, unless a form, or a graph, is right in each cell of the sides."""
+    """Refused, unless a form, or a graph, is right in each cell of the sides, for each member of listed numbers."""
     if claim.claim == "refuted" and not claim.outside:
         raise Refused("no mode is said to be outside, so nothing is refuted")
-    family = family_of(tables, claim)
-    if family.states != claim.states:
-        raise Refused(f"the states are {', '.join(family.states)}, and others in the file")
+    members: list[dict] = [{}]
+    allowed = for_all.read(tables, balls.exact)
+    names = {
+        SYMBOLS.get(name, name) if "controller" in tables else name: name
+        for name in (*claim.sides, *claim.numbers)
+    }
+    if claim.claim in ("for all", "mean square"):
+        members = allowed.members
+        sides = {name: claim.sides.get(names.get(name, "")) for name in allowed.ranges}
+        if sides != allowed.ranges or names.keys() & (
+            allowed.listed.keys() | allowed.varying.keys()
+        ):
+            raise Refused(
+                "the sides are not the ranges of [for_all], or a number is set that [for_all] leaves open"
+            )
+    elif claim.claim == "refuted":
+        _is_member(
+            allowed,
+            {
+                names_of: claim.numbers[own]
+                for names_of, own in names.items()
+                if own in claim.numbers
+            },
+        )
+    for member in members:
+        if member:
+            line = next(lines, {})
+            values = _expect(line.get("member", {}), dict, "a member")
+            if {
+                name: value if value == "frame" else _fraction(value)
+                for name, value in values.items()
+            } != member:
+                raise Refused(f"no proof of {for_all.letter_of(member)}")
+            if line.keys() - {"member", "drifts", "states"}:
+                raise Unreadable("a member has drifts and states alone")
+            claim = _with_coordinates(claim, line)
+        family = family_of(tables, claim, member)
+        if family.states != claim.states:
+            raise Refused(f"the states are {', '.join(family.states)}, and others in the file")
+        _cells(family, claim, lines)
+    if next(lines, None) is not None:
+        raise Refused("cells beyond the sides")
+
+
+def _is_member(allowed, numbers: dict):
+    """Refused, unless every number of [for_all] that is set has a value that it may have."""
+    missing = (allowed.ranges.keys() | allowed.listed.keys()) - numbers.keys()
+    if missing:
+        raise Refused(f"a member of [for_all] has a value of {min(missing)}")
+    for name, (low, high) in allowed.ranges.items():
+        if not low <= numbers[name] <= high:
+            raise Refused(f"{name} = {float(numbers[name])!r} is not in its range")
+    for name, values in allowed.listed.items():
+        if numbers[name] not in values:
+            raise Refused(f"{name} = {float(numbers[name])!r} is none of its values")
+
+
+def _cells(family: Family, claim: Claim, lines: Iterator[dict]):
+    """The tree of cells that divides the sides."""
     boxes = [claim.sides]
     whole = _size(claim.sides, claim.sides)
     count = 0
@@ -282,17 +372,84 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
             if set(line) != {"split", "at"} or not low < at < high:
                 raise Refused(f"a cut at {float(at)!r} of {name} that divides nothing")
             boxes += [{**box, name: (at, high)}, {**box, name: (low, at)}]
-            continue
-        outside = _outside(family, claim, Cell(box), line, box)
-        if claim.outside is None:
-            share = _size(box, claim.sides) / whole
-            claim.shares[outside] = claim.shares.get(outside, Fraction(0)) + share
-        elif outside != claim.outside:
-            raise Refused(
-                f"{outside} modes are outside {_in_words(box)}, and {claim.outside} in the claim"
-            )
-    if next(lines, None) is not None:
-        raise Refused("cells beyond the sides")
+        elif "nodes" in line:
+            if claim.claim != "for all":
+                raise Refused("a graph is for frames in any order")
+            _graph(family, Cell(box), line, box)
+        elif claim.claim == "for all" and len(family.frames.words) > 1:
+            raise Refused(f"no graph {_in_words(box)}")
+        else:
+            outside = _outside(family, claim, Cell(box), line, box)
+            if claim.outside is None and claim.claim == "modes":
+                share = _size(box, claim.sides) / whole
+                claim.shares[outside] = claim.shares.get(outside, Fraction(0)) + share
+            elif outside != (claim.outside or 0):
+                raise Refused(
+                    f"{outside} modes are outside {_in_words(box)}, and {claim.outside or 0} in the claim"
+                )
+
+
+def _graph(family: Family, cell: Cell, line: dict, box):
+    """Refused, unless the forms of a graph decrease along every edge, and no frame that may come lacks one.
+
+    The walk begins at the first node, whatever was before. A form is positive: it is L' L at s = 0, and stays so as long as those
+    that follow do.
+    """
+    if line.keys() - {"nodes", "edges"}:
+        raise Unreadable("a graph has nodes and edges alone")
+    nodes = _expect(line["nodes"], list, "nodes")
+    if not 0 < len(nodes) <= NODES:
+        raise Unreadable(f"{len(nodes)} nodes; at most {NODES}")
+    size = len(family.states)
+    forms = []
+    for node in nodes:
+        if _expect(node, dict, "a node").keys() - {"L", "Q"}:
+            raise Unreadable("a node has L and Q alone")
+        forms.append(_form(node, cell, [1] * size))
+    edges = {}
+    for edge in _expect(line.get("edges"), list, "edges"):
+        source, letter, target = (
+            _expect(edge, list, "an edge") if len(edge) == 3 else (None, "", None)
+        )
+        if (
+            source not in range(len(nodes))
+            or target not in range(len(nodes))
+            or not isinstance(letter, str)
+        ):
+            raise Unreadable("an edge has a node, a letter and a node")
+        edges[source, letter] = target
+    matrices: dict[str, form.Matrix] = {}
+    done = set()
+    reached = {(state, 0) for state in family.moves}
+    todo = list(reached)
+    while todo:
+        state, node = todo.pop()
+        for letter, (kind, following, _) in family.moves[state].items():
+            if (node, letter) not in edges:
+                raise Refused(
+                    f"the frame {letter} may come at node {node}, which has no edge of it, {_in_words(box)}"
+                )
+            target = edges[node, letter]
+            if (node, kind, target) not in done:
+                if kind not in matrices:
+                    matrices[kind] = family.matrix(kind, cell)
+                if not form.decreases(forms[node], [(ONE, matrices[kind], forms[target])]):
+                    raise Refused(
+                        f"the form of node {node} does not decrease with the frame {letter} {_in_words(box)}"
+                    )
+                done.add((node, kind, target))
+            if (following, target) not in reached:
+                reached.add((following, target))
+                todo.append((following, target))
+
+
+def _with_coordinates(claim: Claim, line: dict) -> Claim:
+    drifts = [
+        {name: _fraction(value) for name, value in _expect(given, dict, "a drift").items()}
+        for given in _expect(line.get("drifts", []), list, "drifts")
+    ]
+    states = _expect(line.get("states"), list, "states")
+    return replace(claim, drifts=drifts, states=states)
 
 
 def _size(box, sides) -> Fraction:

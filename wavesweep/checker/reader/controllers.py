@@ -108,8 +108,8 @@ class Controller:
 
     # When things happen
 
-    def schedule(self) -> Schedule:
-        """All instants of one period.
+    def schedule(self, lost: bool = False) -> Schedule:
+        """All instants of one period; lost: no result comes in it, and the last one that came is held.
 
         Slow event j happens at j T_s. If a fast tick is there, it reads what this tick has; else
         what the last tick before it had. Its result is in place from the first tick on that is not
@@ -141,9 +141,9 @@ class Controller:
             come = tuple(
                 event for event in arrives.get(tick, []) if not self.at_once(event, aligned, tick)
             )
-            kind = ("tick", come, aligned.get(tick))
+            kind = ("tick", () if lost else come, aligned.get(tick))
             if kind not in kinds:
-                kinds[kind] = self.tick(come, aligned.get(tick))
+                kinds[kind] = self.tick(kind[1], aligned.get(tick), lost)
             rank.append((tick * self.T, 1, kind))
             if self.late_rest:
                 kinds["motor"] = Instant({}, {"@f": {f"@m{self.late_ticks}": 1}})
@@ -157,19 +157,25 @@ class Controller:
             if order == 1:
                 ticks_at[at] = len(ticks_at)
             times.append((time, kind))
-        motion = {
-            "@x": {"@v": 1},
-            "@v": {
-                "@x": -self.stiffness / self.mass,
-                "@v": -self.damping / self.mass,
-                "@f": -1 / self.mass,
-                "@hand": 1 / self.mass,
-            },
-        }
         shown = dict(SHOWN)
         if self.kind.startswith("pmw"):
             shown |= WAVES
-        return Schedule(ticks * self.T, kinds, times, ticks_at, Instant({}, motion), shown)
+        return Schedule(ticks * self.T, kinds, times, ticks_at, self.motion(), shown)
+
+    def motion(self) -> Instant:
+        """The device: m v' = -d v - k x - f + f_h."""
+        return Instant(
+            {},
+            {
+                "@x": {"@v": 1},
+                "@v": {
+                    "@x": -self.stiffness / self.mass,
+                    "@v": -self.damping / self.mass,
+                    "@f": -1 / self.mass,
+                    "@hand": 1 / self.mass,
+                },
+            },
+        )
 
     def at_once(self, event, aligned, tick) -> bool:
         """Whether the result is in place in the tick that it is computed from."""
@@ -177,8 +183,8 @@ class Controller:
 
     # What happens in a tick
 
-    def tick(self, come, event) -> Instant:
-        """The fast loop; results `come` are in place before it, slow event `event` is in it."""
+    def tick(self, come, event, lost=False) -> Instant:
+        """The fast loop; results `come` are in place before it, slow event `event` is in it; its result may be lost."""
         equations = {
             "x": {"@x": 1},
             "v": {"@v": 1},
@@ -190,7 +196,7 @@ class Controller:
             equations["v_hat"] = {"@x": rate, "@x before": -rate}
             writes["@x before"] = {"x": 1}
         for name in self.results():
-            if event is not None and self.delay == 0:
+            if event is not None and self.delay == 0 and not lost:
                 equations[f"held {name}"] = {f"new {name}": 1}
             elif come:
                 equations[f"held {name}"] = {f"@{come[-1]} {name}": 1}

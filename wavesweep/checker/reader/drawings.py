@@ -490,16 +490,17 @@ class Drawing:
         return self.choice(name, key, default, "explicit", "implicit", "trapezoidal")
 
     def integral(self, name, equations, writes, method, out):
-        """The integral of variable `NAME now`."""
+        """The integral of variable `NAME now`; an explicit one moves by the step that it knew when it was last run."""
         step = self.period(name)
         before = f"@{name} integral"
         now = f"{name} now"
         equations[out] = {
-            "explicit": {before: 1, f"@{name} u": step},
+            "explicit": {before: 1, f"@{name} moved": 1},
             "implicit": {before: 1, now: step},
             "trapezoidal": {before: 1, now: step / 2, f"@{name} u": step / 2},
         }[method]
         writes[before] = {out: 1}
+        writes[f"@{name} moved"] = {now: step}
         writes[f"@{name} u"] = {now: 1}
 
     def run_pi(self, name, equations, writes):

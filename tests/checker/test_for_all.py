@@ -1,0 +1,169 @@
+"""Frames in any order: graphs of forms that the package finds, and what they do not prove of specs that allow more."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from support.proofs import checked
+
+from wavesweep.checker import balls, file
+from wavesweep.engine.switched import find_norms
+
+SPEC = """
+[rates]
+ratio = 5
+[environment]
+integration = "explicit"
+delay = 1
+step = "elapsed"
+[device]
+velocity = "difference"
+[controller]
+kind = "dc-slow"
+[for_all]
+"rates.ratio" = { values = [4, 5, 7], varying = true }
+"""
+LETTERS = ["rates.ratio=4", "rates.ratio=5", "rates.ratio=7"]
+
+
+def spectra(family, letters) -> np.ndarray:
+    """Matrices of frames at a point, in doubles."""
+    point = balls.Cell({})
+    found = []
+    for letter in letters:
+        (part,) = family.matrix(letter, point).parts.values()
+        found.append([[x / balls.ONE for x in row] for row in part])
+    return np.array(found)
+
+
+def graph_of(spec: str, number: str, value: str, letters) -> tuple[list[str], dict]:
+    """States, and a cell with the forms that are found at a value."""
+    claim = file.Claim("for all", {number: Fraction(value)})
+    family = file.family_of(file.spec_of(spec.encode()), claim)
+    A = spectra(family, letters)
+    centre, factor = find_norms(1.01 * A, np.ones((len(letters), len(letters)), dtype=bool))
+    assert factor == 1
+    forms = centre.norms.P / abs(centre.norms.P).max()
+    graph = centre.norms.graph
+    nodes = [{"L": [[f"{x:.12g}" for x in row] for row in np.linalg.cholesky(P).T]} for P in forms]
+    places = zip(graph.source.tolist(), graph.symbol.tolist(), graph.target.tolist(), strict=True)
+    return family.states, {"nodes": nodes, "edges": [[source, letters[symbol], target] for source, symbol, target in places]}
+
+
+def about(states, **more):
+    return {"claim": "for all", "sides": {"K_VE": ["395", "405"]}, "states": states} | more
+
+
+def test_a_graph_proves_every_order(tmp_path):
+    states, graph = graph_of(SPEC, "K_VE", "400", LETTERS)
+    code, words = checked(tmp_path, SPEC, [about(states), graph])
+    assert code == 0, words
+    assert words.startswith("proved: all that [for_all] and its channels allow, K_VE from 395 to 405: every motion decays")
+
+
+def test_a_frame_that_may_come_must_have_an_edge(tmp_path):
+    states, graph = graph_of(SPEC, "K_VE", "400", LETTERS)
+    fewer = graph | {"edges": [edge for edge in graph["edges"] if edge[1] != LETTERS[2]]}
+    code, words = checked(tmp_path, SPEC, [about(states), fewer])
+    assert code == 1
+    assert "the frame rates.ratio=7 may come at node 0, which has no edge of it" in words
+
+
+LONGER = SPEC.replace("[4, 5, 7]", "[4, 5, 7, 9]")
+CHANGED = {  # specs of which the same forms prove nothing
+    "a longer frame": LONGER,
+    "a result that is later": SPEC.replace("delay = 1", "delay = 4"),
+    "results that are lost": SPEC.replace("[for_all]", "[for_all]\nlost = 1"),
+    "other delays": SPEC.replace("[for_all]", '[for_all]\n"environment.delay" = { values = [1, 4], varying = true }'),
+    "a range of masses": SPEC.replace("[for_all]", '[for_all]\n"device.mass" = { start = 0.05, stop = 0.2 }'),
+    "two masses": SPEC.replace("[for_all]", '[for_all]\n"device.mass" = { values = [0.05, 0.2] }'),
+}
+
+
+@pytest.mark.parametrize("change", CHANGED)
+def test_a_set_that_is_larger_is_not_proved(change, tmp_path):
+    states, graph = graph_of(SPEC, "K_VE", "400", LETTERS)
+    code, words = checked(tmp_path, CHANGED[change], [about(states), graph])
+    assert code == 1, words
+
+
+@pytest.mark.parametrize(
+    "key", ['"device.mass" = { start = 0.05, stop = 0.2, varying = true }', "tick = { late = 0.0002 }", "few = 1"]
+)
+def test_what_it_has_no_proof_of_is_said(key, tmp_path):
+    states, graph = graph_of(SPEC, "K_VE", "400", LETTERS)
+    code, words = checked(tmp_path, SPEC.replace("[for_all]", f"[for_all]\n{key}"), [about(states), graph])
+    assert code == 2, words
+    assert key.split(" = ")[0].strip('"') in words
+
+
+def refuted(spec, K, word, tmp_path):
+    """The checker's answer on a word, with the form that Stein's equation gives of its product."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    claim = file.Claim("refuted", {"K_VE": Fraction(K)}, outside=1, word=word)
+    family = file.family_of(file.spec_of(spec.encode()), claim)
+    (A,) = spectra(family, [""])
+    P = solve_discrete_lyapunov(A.T, np.eye(len(A)))
+    values, vectors = np.linalg.eigh(P)
+    L = np.sqrt(abs(values))[:, None] * vectors.T
+    cell = {"L": [[f"{x:.15g}" for x in row] for row in L], "signs": "".join("+" if x > 0 else "-" for x in values)}
+    line = {
+        "claim": "refuted",
+        "numbers": {"K_VE": K},
+        "outside": int((values < 0).sum()),
+        "word": word,
+        "states": family.states,
+    }
+    return checked(tmp_path, spec, [line, cell])
+
+
+def test_a_word_is_multiplied_out(tmp_path):
+    """Published of a result after 1 ms: 146.9 N/m with frames of 33, 33, 20, 16 and 25 ticks in some order; for ever 152.1."""
+    word = ["rates.ratio=33"]
+    spec = SPEC.replace("[4, 5, 7]", "[16, 20, 25, 33]").replace("ratio = 5", "ratio = 20")
+    code, words = refuted(spec, "153", word, tmp_path)
+    assert code == 0, words
+    assert "unstable, with frames rates.ratio=33 for ever" in words
+    assert refuted(spec, "152", word, tmp_path)[0] == 1
+
+
+def test_a_word_that_the_spec_does_not_allow_refutes_nothing(tmp_path):
+    lossy = SPEC.replace("[for_all]", "[for_all]\nlost = 1")
+    assert refuted(lossy, "6000", ["rates.ratio=7", "rates.ratio=7;lost"], tmp_path)[0] == 0
+    with pytest.raises(file.Refused, match="does not allow"):
+        refuted(lossy, "6000", ["rates.ratio=7;lost"], tmp_path)
+    with pytest.raises(file.Refused, match="does not allow"):
+        refuted(SPEC, "6000", ["rates.ratio=8"], tmp_path)
+
+
+def test_a_member_is_one_of_the_spec(tmp_path):
+    claim = {"claim": "refuted", "outside": 1, "states": ["@x"], "word": LETTERS[:1]}
+    masses = SPEC.replace("[for_all]", '[for_all]\n"device.mass" = { start = 0.05, stop = 0.2 }')
+    for numbers in ({}, {"device.mass": "0.3"}):
+        code, words = checked(tmp_path, masses, [claim | {"numbers": numbers}])
+        assert code == 1
+        assert "device.mass" in words
+
+
+DRAWN = """
+rates.tick_hz = 10
+numbers = { k = 1.0, n = 2 }
+[block]
+tank = { type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }
+valve = { type = "hold", every = "n" }
+[wire]
+"tank.u" = "valve.y"
+"valve.u" = "-k*tank.y"
+[for_all]
+n = { values = [1, 2, 3], varying = true }
+"""
+
+
+@pytest.mark.parametrize(("k", "code"), [("6.6", 0), ("6.68", 1)])
+def test_an_integrator_that_is_sampled_at_will_decays_below_two_over_the_longest_step(k, code, tmp_path):
+    letters = [f"n={n}" for n in (1, 2, 3)]
+    states, graph = graph_of(DRAWN, "k", "6.6", letters)
+    claim = {"claim": "for all", "numbers": {"k": k}, "states": states}
+    found, words = checked(tmp_path, DRAWN, [claim, graph])
+    assert found == code, words
