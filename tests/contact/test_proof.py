@@ -1,5 +1,6 @@
 """A wall that pushes and never pulls: proofs held against responses and motions from elsewhere."""
 
+import re
 from dataclasses import replace
 
 import control
@@ -136,3 +137,29 @@ def test_a_motion_that_refutes_goes_on_though_it_is_disturbed():
     disturbed = steady + np.array([1e-3 * motion.reading.max() / wall[0], 0.0])
     found = march(wall, readings, forces, motion.push, disturbed, 2000)
     assert np.ptp(found[-period:]) > 0.5 * np.ptp(motion.force)
+
+
+@pytest.mark.parametrize("inside", [1e-3, 1e-5, 1e-7])
+def test_the_forces_that_are_printed_refute(inside):
+    """However near to where the motion begins to exist: marched with the printed forces alone, the wall that they ask for
+    has slopes from 0 to 1."""
+    line = Line.of(WallsAlong(wall_loop(SLOW), 0, 0.3))
+    linear = wavesweep.compile(SLOW).stable_intervals(along="K_VE", span=(0, 500), B_VE=[0.3])
+    motion = motion_beyond(line.walls, 100.0, float(linear.high[0]), inside=inside)
+    text = str(motion)
+    points = [tuple(map(float, pair.split(", "))) for pair in re.findall(r"\(([^)]*)\)", text)]
+    push = float(text.rpartition(" ")[2])
+    forces = np.array([force for _, force in points])
+    A, b = sampled_device()
+    wall, readings = np.array([motion.value, 0.3]), []
+    state = np.zeros(2)
+    for k in range(400 * forces.size):
+        readings.append(wall @ state)
+        state = A @ state + b * (push - forces[k % forces.size])
+    last = np.array(readings[-forces.size :])
+    order = np.argsort(last)
+    rise, run = np.diff(forces[order]), np.diff(last[order])
+    assert (rise >= 0).all()
+    assert (run - rise >= -1e-9 * np.ptp(last)).all()
+    printed = np.array([reading for reading, _ in points])
+    assert printed - printed.min() == pytest.approx(last - last.min(), abs=10.0 ** (1 - motion.digits) * np.ptp(last))

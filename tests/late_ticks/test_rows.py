@@ -1,5 +1,7 @@
 """Rows and verdicts of specs whose ticks are late, and what is refused beside them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.late_ticks import rows as late_rows
 from wavesweep.late_ticks.bracket import Bracket, End
+from wavesweep.late_ticks.patterns import in_words as pattern_in_words
 from wavesweep.program.sweep.grid import own_loop
 
 pytestmark = pytest.mark.asks("for_all")
@@ -83,6 +86,12 @@ def test_check_says_for_which_ticks_the_loop_is_stable():
     (question,) = wavesweep.verdict(high)["questions"]
     assert question["status"] == "refuted"
     assert "ticks of 1.2, 1.2, 1 ms" in question["reason"]
+
+
+def test_the_ticks_of_a_refuter_are_those_of_the_set():
+    """Rounded to six digits 1.12345678 ms would be a tick that is longer than any."""
+    ticks = SimpleNamespace(lengths=[1e-3, 1.12345678e-3], places=1)
+    assert pattern_in_words(ticks, (1, 1, 0)) == "ticks of 1.12345678, 1.12345678, 1 ms"
 
 
 def test_a_tick_is_late_by_up_to_all_of_what_is_written():

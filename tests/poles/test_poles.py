@@ -14,6 +14,7 @@ from wavesweep.poles.table import ends_on_circle
 from wavesweep.program.analyses.asked import axes_asked
 from wavesweep.program.analyses.poles import poles
 from wavesweep.program.spec import load
+from wavesweep.program.tables import kind_named
 
 
 def test_poles_of_springs_are_those_of_their_equations():
@@ -157,3 +158,11 @@ def test_a_root_locus_has_lines_through_the_poles_of_a_held_force_and_the_whole_
         for pole in np.linalg.eigvals(whole[:2, :2] - np.outer(whole[:2, 2], [kp, kd])):
             assert np.abs(vertices - pole).min() < 1e-9
     assert axes.get_xlim()[0] <= -1 < 1 <= axes.get_xlim()[1]
+
+
+def test_ends_are_rounded_into_their_intervals():
+    ends = [{"value": 1.0000014, "hz": 1.0, "certified": True, "low": True}]
+    ends.append({"value": 116.99167, "hz": 2.0, "certified": True, "low": False})
+    found = {"period_s": 0.01, "over": "K", "values": 300, "from": 0.5, "to": 200, "poles": 3, "ends": ends, "doubts": {}}
+    lines = [text for text, _ in kind_named("poles").lines(found)]
+    assert lines[1:] == ["  a stable interval ends at K = 1.00001, 1 Hz", "  a stable interval ends at K = 116.991, 2 Hz"]

@@ -328,6 +328,7 @@ def _interval_steps(
     """Yield the commands for stable intervals; region: the possible one, empty without. name: of the spec, quoted."""
     from wavesweep.check.planning import read_in_several_places
     from wavesweep.check.verdict import distance
+    from wavesweep.program.number_words import ends_in_words
 
     if region and verdict["stable"] and not spec.require and len(verdict["limits"]) > 1:
         yield f"why {name}", "what sets each limit"
@@ -348,7 +349,8 @@ def _interval_steps(
     ]
     if limits:
         axis = min(limits, key=distance)
-        span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"
+        first, last = ends_in_words(axis["from"], axis["to"])
+        span = f"'sweep.{axis['name']}={{start={first}, stop={last}}}'"
         yield f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""
 
 

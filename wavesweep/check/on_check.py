@@ -18,6 +18,8 @@ from wavesweep.program.analyses.hardware_limits import hardware_of
 from wavesweep.program.analyses.own_design import is_an_end
 from wavesweep.program.number_words import (
     MOST_DIGITS,
+    ends_in_words,
+    in_all_digits,
     rounded_down,
     rounded_up,
     span_in_words,
@@ -101,7 +103,7 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 def _limit(spec: Spec, limit: Facts) -> str:
     name = limit["name"]
     unit = _unit(spec, name)
-    at_value = f"{name} = {limit['value']:g}{unit}"
+    at_value = f"{name} = {in_all_digits(limit['value'])}{unit}"
     if not spec.drawing and spec.names.find(name).path not in spec.given:
         at_value += " (default)"
     unit_again = unit if len(unit) < 12 else ""  # a longer unit is not said twice in a line
@@ -121,7 +123,8 @@ def _going_on(spec: Spec, limit: Facts) -> str:
     if not (limit["stopped"] and (ended_below or ended_above)):
         return ""
     file = quote(spec.source or spec.name)
-    axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={start:g}, stop={stop:g}}}'"
+    first, last = ends_in_words(start, stop)
+    axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={first}, stop={last}}}'"
     return f"the whole range takes longer: wavesweep stability-region {file} {axes}"
 
 

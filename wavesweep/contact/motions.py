@@ -9,6 +9,9 @@ from math import gcd
 import numpy as np
 
 from wavesweep.contact.wall_loop import WallsAlong
+from wavesweep.program.number_words import MOST_DIGITS, in_all_digits
+
+FEWEST_DIGITS = 4  # of a force in words
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,18 +20,20 @@ class Motion:
 
     reading, force: `(period,)`. value: of the number of the wall. The curve through the points
     (reading, force) rises with slopes from 0 to 1 and begins at (0, 0); push: the constant force,
-    in units of the wall's, that keeps the motion in its place.
+    in units of the wall's, that keeps the motion in its place. digits: of the forces, which have
+    no more, and of the readings in words.
     """
 
     value: float
     reading: np.ndarray
     force: np.ndarray
     push: float
+    digits: int
 
     def __str__(self) -> str:
         pairs = zip(self.reading, self.force, strict=True)
-        points = ", ".join(f"({y:.4g}, {u:.4g})" for y, u in pairs)
-        return f"a wall through {points}, frame by frame for ever, with a push of {self.push:.4g}"
+        points = ", ".join(f"({y:.{self.digits}g}, {u:.{self.digits}g})" for y, u in pairs)
+        return f"a wall through {points}, frame by frame for ever, with a push of {in_all_digits(self.push)}"
 
 
 @cache
@@ -77,7 +82,7 @@ def motion_beyond(
         return None
     nearest = np.flatnonzero(between)[np.argmin(np.abs(values[between] - end))]
     period, angle = int(periods[number[nearest]]), angles[number[nearest]]
-    return _of(period, angle, opened[nearest], float(moved[nearest]))
+    return _of(walls, period, angle, opened[nearest], float(moved[nearest]))
 
 
 def motion_at(walls: WallsAlong, value: float) -> Motion | None:
@@ -88,15 +93,30 @@ def motion_at(walls: WallsAlong, value: float) -> Motion | None:
     room = np.pi / periods - np.abs(np.angle(-opened))
     most = int(np.argmax(room))
     if room[most] > 0:
-        return _of(int(periods[most]), angles[most], opened[most], value)
+        return _of(walls, int(periods[most]), angles[most], opened[most], value)
     return None
 
 
-def _of(period, angle, opened, value):
-    """The motion of a force of this angle where `1 + L` is `opened`."""
+def _of(walls, period, angle, opened, value):
+    """The motion of a force of this angle where `1 + L` is `opened`.
+
+    Its forces have as few digits as are enough for a motion of the loop: rounded, they have the
+    angles `2 pi k/period` for all k, and `y - u = -(1 + L) u` at each.
+    """
     lag = np.angle(-opened)  # of y - u behind u
     phase = (np.pi / period - lag) / 2  # both phases lie between 0 and pi/period: the same order
     turns = angle * np.arange(period) + phase
-    force = np.cos(turns)
-    reading = force + np.abs(opened) * np.cos(turns + lag)
-    return Motion(value, reading - reading.min(), force - force.min(), float(-force.min()))
+    sine = np.cos(turns)
+    one, other = walls.opened(2 * np.pi * np.arange(1, period) / period)
+    opened_at_all = one + value * other
+    for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1):
+        force = np.array([float(f"{u:.{digits}g}") for u in sine - sine.min()])
+        parts = np.fft.fft(force)
+        parts[0] = 0.0  # whatever the push makes it
+        parts[1:] *= -opened_at_all
+        reading = force + np.fft.ifft(parts).real
+        order = np.argsort(reading)
+        rise = np.diff(force[order])
+        if ((rise >= 0) & (rise <= np.diff(reading[order]))).all():
+            break
+    return Motion(value, reading - reading.min(), force, float(force.mean()), digits)

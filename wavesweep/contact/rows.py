@@ -110,7 +110,7 @@ def refuse(spec: Spec, along: str) -> None:
         raise UsageError(f"[for_all] contact: expected intervals along {names}, found {found}")
     rules = rules_of(spec)
     own = loops_of(spec, dict(spec.values), along)
-    constant = constant_loops(rules, own, along) if rules else [own]
+    constant = [loop for _, loop in constant_members(rules, own, along)] if rules else [own]
     found = ""
     if not constant:
         try:
@@ -176,15 +176,29 @@ def rules_of(spec: Spec) -> Any:
     return None
 
 
-def constant_loops(rules: Any, loop: Loops, along: str = "") -> list[Loops]:
+def constant_members(rules: Any, loop: Loops, along: str = "") -> list[tuple[str, Loops]]:
     """The loops of a spec of which nothing varies, with numbers in lists: each is one frame for ever.
-    None of them where frames vary or a number has a range."""
+    None of them where frames vary or a number has a range.
+
+    Each comes with its numbers of lists in words.
+    """
     if rules.vary:
         return []
-    cases = offered("rules").cases_of(rules, along, (0.0, 0.0), loop)
+    asked = offered("rules")
+    cases = asked.cases_of(rules, along, (0.0, 0.0), loop)
     if any(case.ranges for case in cases):
         return []
-    return [Loops(case.loop.drawing, dict(case.values)) for case in cases]
+    return [
+        (asked.numbers_in_words(case.fixed), Loops(case.loop.drawing, dict(case.values)))
+        for case in cases
+    ]
+
+
+def of_member(member: str, refuter: str) -> str:
+    """What refutes a member, behind its numbers of lists; empty if nothing does."""
+    if member and refuter:
+        return f"{member}, {refuter}"
+    return refuter
 
 
 def scope_of(spec: Spec, rules: Any) -> Scope:
@@ -200,11 +214,13 @@ def scope_of(spec: Spec, rules: Any) -> Scope:
 def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
     """`records_through_contact` for all frames, and all values of numbers, of some rules."""
     rows = []
-    for each in constant_loops(rules, loop, along):
+    for member, each in constant_members(rules, loop, along):
         own = _rows_of(each, along, span)
         if not own:
             return _recorded([], span, none=own is None)
-        rows.append(max(own, key=lambda row: row.high - row.low))
+        widest = max(own, key=lambda row: row.high - row.low)
+        beyond = of_member(member, widest.refuters.high)
+        rows.append(widest._replace(refuters=widest.refuters._replace(high=beyond)))
     for case in [] if rows else offered("rules").cases_of(rules, along, span, loop):
         walls = along_of(rules, dict(case.values), [*loop.drawing.wall], along)
         if walls is None:
@@ -214,7 +230,9 @@ def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, fl
         row = _row_in_frames(rules, dict(case.values), walls, along, span)
         if row is None:
             return _recorded([], span, none=False)
-        rows.append(row)
+        member = offered("rules").numbers_in_words(case.fixed)
+        beyond = of_member(member, row.refuters.high)
+        rows.append(row._replace(refuters=Refuters("", beyond)))
     low = max(rows, key=lambda row: row.low)
     high = min(rows, key=lambda row: row.high)
     refuted = [row for row in rows if not np.isnan(row.fails_from)]

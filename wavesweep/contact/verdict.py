@@ -7,7 +7,7 @@ from typing import Any
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.motions import motion_at
-from wavesweep.contact.rows import LINEAR, constant_loops, wall_cut
+from wavesweep.contact.rows import LINEAR, constant_members, of_member, wall_cut
 from wavesweep.contact.rows_in_frames import FREE, verdict_in_frames
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
@@ -49,11 +49,17 @@ def of_wall(spec: Spec, rules: Any = None) -> dict[str, str]:
     own = loops_of(spec, dict(spec.values), spec.wall[0])
     if not rules:
         return _with_wall(own, spec)
-    found = [_with_wall(loop, spec) for loop in constant_loops(rules, own)]
+    found = []
+    for member, loop in constant_members(rules, own):
+        found.append((member, _with_wall(loop, spec)))
     if not found:
-        for case in offered("rules").cases_of(rules, "", (0.0, 0.0), own):
-            found.append(verdict_in_frames(rules, dict(case.values), list(spec.wall)))
-    return min(found, key=lambda each: ("refuted", "unknown", "proved").index(each["verdict"]))
+        asked = offered("rules")
+        for case in asked.cases_of(rules, "", (0.0, 0.0), own):
+            in_frames = verdict_in_frames(rules, dict(case.values), list(spec.wall))
+            found.append((asked.numbers_in_words(case.fixed), in_frames))
+    worst_first = ("refuted", "unknown", "proved")
+    member, known = min(found, key=lambda each: worst_first.index(each[1]["verdict"]))
+    return known | {"counterexample": of_member(member, known["counterexample"])}
 
 
 def _with_wall(loop: Loops, spec: Spec) -> dict[str, str]:

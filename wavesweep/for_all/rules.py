@@ -1,7 +1,7 @@
 """What a spec's [for_all] asks for, and rows that answer it: for capabilities that read a key of it."""
 
 from wavesweep.for_all.claimed import scope_of
-from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
+from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, numbers_in_words, recorded
 from wavesweep.for_all.unknown import Part
 from wavesweep.for_all.varying import Rules, bracketed, decided_over, text_of_pattern
 from wavesweep.for_all.wall_frames import UnfitWallError, WallFrames, wall_frames
@@ -16,6 +16,7 @@ __all__ = [
     "bracketed",
     "cases_of",
     "decided_over",
+    "numbers_in_words",
     "recorded",
     "scope_of",
     "text_of_pattern",

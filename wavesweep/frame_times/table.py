@@ -15,7 +15,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
 from wavesweep.frame_times.times import MeasuredFrames, read_run
 from wavesweep.program.columns import Columns
-from wavesweep.program.number_words import rounded_up
+from wavesweep.program.number_words import rounded_up, span_around
 from wavesweep.program.platform_compat import versions
 from wavesweep.program.reading.keys import HIGHEST_RATIO
 from wavesweep.program.spec.writing import as_toml
@@ -203,7 +203,7 @@ def _lines_of_ticks(found: Numbers) -> Iterator[Line]:
     """What is said of a run of the fast loop's own ticks."""
     tick = found["tick"]
     nominal = 1e3 / found["fast_hz"]
-    span = f"{1e3 * tick['start']:.6g} to {1e3 * tick['stop']:.6g} ms"
+    span = f"{span_around(1e3 * tick['start'], 1e3 * tick['stop'])} ms"
     ticks = (
         f"{count(found['frames'], 'tick')} of the fast loop itself in {tick['duration_s']:.6g} s"
     )

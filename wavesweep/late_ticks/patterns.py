@@ -20,6 +20,7 @@ import numpy as np
 
 from wavesweep.engine.switched import is_refuted, refuted_beyond
 from wavesweep.late_ticks.tick_curves import LateTicks
+from wavesweep.program.number_words import in_all_digits
 from wavesweep.program.tables.refuters import repeated
 
 MOST_TICKS = 1200  # of a walk
@@ -118,7 +119,8 @@ def in_words(ticks: LateTicks, pattern: Pattern) -> str:
     if not pattern:
         return ""
     shortest = _shortest(pattern, ticks.places)
-    lengths = [f"{1e3 * ticks.lengths[length]:.6g}" for length in shortest]
+    # A product has noise beyond 15 digits.
+    lengths = [in_all_digits(float(f"{1e3 * ticks.lengths[length]:.15g}")) for length in shortest]
     return f"ticks of {repeated(lengths)} ms"
 
 

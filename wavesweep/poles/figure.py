@@ -124,7 +124,7 @@ def _root_locus(
     )
     axes.add_collection(way)
     canvas.colorbar(dots, ax=axes, label=label(name, facts), shrink=0.85)
-    for n, (value, real, imaginary, hz, certified) in enumerate(facts["ends"]):
+    for n, (value, real, imaginary, hz, certified, *_) in enumerate(facts["ends"]):
         said = f"{symbol(name)} = {value:.6g} {unit(name, facts)}".rstrip()
         if hz:
             said += f", {hz:.4g} Hz"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.columns import Columns
-from wavesweep.program.number_words import lasting
+from wavesweep.program.number_words import lasting, rounded_down, rounded_up
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.tables.kind import (
     Line,
@@ -31,7 +31,7 @@ METHOD = (
 )
 
 
-End = tuple[float, list[float], list[float], float, bool]
+End = tuple[float, list[float], list[float], float, bool, str]
 
 
 def poles(spec: Spec, number: str = "") -> Table:
@@ -118,7 +118,7 @@ def axis_over(spec: Spec, name: str) -> Axis:
 def ends_on_circle(spec: Spec, axis: Axis) -> list[End]:
     """Ends of stable intervals between the least and the largest value of an axis: the value, real
     and imaginary parts of the poles there that are on the unit circle, the strongest line of their
-    oscillation (Hz), and whether the end is certified.
+    oscillation (Hz), whether the end is certified, and whether it is the low or the high one.
 
     None of a number that decides how the loop is built, or without a range.
     """
@@ -143,7 +143,7 @@ def ends_on_circle(spec: Spec, axis: Axis) -> list[End]:
             z_re = there["z_re"][on_circle].tolist()
             z_im = there["z_im"][on_circle].tolist()
             hz = float(rows[f"{end}_hz"][row])
-            ends.append((value, z_re, z_im, hz, bool(rows["certified"][row])))
+            ends.append((value, z_re, z_im, hz, bool(rows["certified"][row]), end))
     return sorted(ends, key=lambda each: each[0])
 
 
@@ -197,8 +197,8 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     values = np.unique(columns[name])
     span = {"from": plain(values[0]), "to": plain(values[-1]), "values": int(values.size)}
     ends = []
-    for value, _, _, hz, certified in facts["ends"]:
-        ends.append({"value": value, "hz": hz, "certified": certified})
+    for value, _, _, hz, certified, *side in facts["ends"]:  # earlier tables have no side
+        ends.append({"value": value, "hz": hz, "certified": certified, "low": side == ["low"]})
     return tally | span | {"ends": ends}
 
 
@@ -208,7 +208,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
         span = f"{found['values']} values of {found['over']}, {found['from']:g} to {found['to']:g}"
         yield f"{count(found['poles'], 'pole')} {per} at {span}", False
         for end in found["ends"]:
-            place = f"{found['over']} = {end['value']:.6g}, {end['hz']:.4g} Hz"
+            value = rounded_up(end["value"]) if end["low"] else rounded_down(end["value"])
+            place = f"{found['over']} = {value}, {end['hz']:.4g} Hz"
             doubt = "" if end["certified"] else ", not certified"
             yield f"  a stable interval ends at {place}{doubt}", bool(doubt)
     else:

@@ -15,13 +15,18 @@ SAME_AS_PRINTED = 1e-15  # relative: 0.1 is not a double, and 2*0.3/1e-5 not 600
 def span_in_words(low: float, high: float, digits: int = DIGITS) -> str:
     """A range in all of which something holds, "0.1 to 0.25": its ends are rounded inwards, with more digits if these meet."""
     if low == high:
-        return f"{low:.{digits}g}"
+        return in_all_digits(low)
+    return " to ".join(ends_in_words(low, high, digits))
+
+
+def ends_in_words(low: float, high: float, digits: int = DIGITS) -> tuple[str, str]:
+    """The ends of a range in all of which something holds, or which is to be searched, rounded inwards."""
     while digits < MOST_DIGITS:
         ends = rounded_up(low, digits), rounded_down(high, digits)
         if float(ends[0]) < float(ends[1]):
-            return f"{ends[0]} to {ends[1]}"
+            return ends
         digits += 1
-    return f"{low:.{digits}g} to {high:.{digits}g}"
+    return in_all_digits(low), in_all_digits(high)
 
 
 def span_around(low: float, high: float, digits: int = DIGITS) -> str:

@@ -24,6 +24,7 @@ from wavesweep.program.analyses.claim_words import (
 )
 from wavesweep.program.analyses.claims import Claim, Property, Status
 from wavesweep.program.columns import whose_column
+from wavesweep.program.number_words import in_all_digits
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
@@ -294,7 +295,7 @@ def _own_place(spec: Spec) -> str:
     if not along:
         return "With its own numbers"
     unit = "" if along.unit in ("", "1") else f" {along.unit}"
-    return f"With its own {spec.along} = {spec.values[along.path]:g}{unit}"
+    return f"With its own {spec.along} = {in_all_digits(spec.values[along.path])}{unit}"
 
 
 def _known(table: Table, *, doubtful: bool) -> str:

@@ -12,7 +12,7 @@ from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.program.analyses.claim_words import doubted_as, scope_in_words, vouched_for
 from wavesweep.program.analyses.claims import Claim, Question, Status, of_rows, questions
 from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
-from wavesweep.program.number_words import lasting, rounded_down, rounded_up
+from wavesweep.program.number_words import in_all_digits, lasting, rounded_down, rounded_up
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.tables.columns import fields_of
@@ -27,8 +27,9 @@ MOST_VALUES = 6  # of an axis that are named
 # of a table of intervals that a report shows; of a longer one the rows with the largest and the
 # least end
 MOST_REPORT_ROWS = 24
-# of an end, how far beyond it the loop is looked at: there may be another interval next to it
-BEYOND = (1e-3, 1e-6, 1e-9)
+# of an end, how far beyond it the loop is looked at, and in how many digits that is a number: there
+# may be another interval next to it
+BEYOND = ((1e-3, 6), (1e-6, 9), (1e-9, 12))
 HEADS = {
     "guarantee": "for",
     "hand": "for",
@@ -53,7 +54,7 @@ def question(spec: Spec) -> str:
         along, other_axes = sweep_axes(spec)
     except WavesweepError:  # a drawn loop without an axis to look along
         return f"{asked[:1].upper()}{asked[1:]}, and how far may each of its numbers go?"
-    text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)}"
+    text = f"For which {along.name} from {in_all_digits(along.start)} to {in_all_digits(along.stop)}{_unit(spec, along)}"
     single = []
     several = []
     for axis in other_axes:
@@ -176,7 +177,10 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
                 mass = row[f"{end}_hand_mass"]
                 damping = row[f"{end}_hand_damping"]
                 stiffness = row[f"{end}_hand_stiffness"]
-                hand = f"a hand of {mass:.4g} kg, {damping:.4g} N*s/m and {stiffness:.4g} N/m"
+                hand = (
+                    f"a hand of {in_all_digits(mass)} kg, {in_all_digits(damping)} N*s/m "
+                    f"and {in_all_digits(stiffness)} N/m"
+                )
                 beyond = rounded_up(row[end]) if end == "high" else rounded_down(row[end])
                 rows_found.append([at, f"{along} beyond {beyond}", hand])
     return rows_found
@@ -189,8 +193,9 @@ def _beyond(
     makes it so."""
     from wavesweep.program.analyses.poles import poles
 
-    for step in BEYOND:
-        value = end + side * step * abs(end or 1.0)
+    away = rounded_up if side > 0 else rounded_down
+    for step, digits in BEYOND:
+        value = float(away(end + side * step * abs(end or 1.0), digits))
         try:
             modes = poles(spec.with_values({**axes, along: value}))
         except SpecError:  # beyond what the spec takes, as a stiffness below 0
@@ -207,7 +212,10 @@ def _beyond(
             hz = mode["shown_hz"]
             motion = f"an oscillation of {hz:.4g} Hz" if hz > 0 else "without oscillation"
             grows = lasting(mode["time_constant_s"])
-            yield [f"{along} = {value:.7g}", f"eigenvalue {z} per frame, {size}: {motion}, {grows}"]
+            yield [
+                f"{along} = {in_all_digits(value)}",
+                f"eigenvalue {z} per frame, {size}: {motion}, {grows}",
+            ]
             return
 
 

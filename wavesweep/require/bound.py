@@ -224,8 +224,8 @@ class Bound:
 def words_of(written: Mapping[str, object], clock: str) -> str:
     """What is required, in words; written: see `Require.written`. clock: what a radius is per."""
     words = {
-        "radius": f"within {{:g}} per {clock}",
-        **{name: f"down to {time.share} in {{:g}} s" for name, time in TIMES_OF_MODES.items()},
+        "radius": f"within {{:.15g}} per {clock}",
+        **{name: f"down to {time.share} in {{:.15g}} s" for name, time in TIMES_OF_MODES.items()},
         "bounded": "on the unit circle",
     }
     modes = " and ".join(
@@ -245,7 +245,7 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
         f"every mode {modes}" if modes else "",
         damped or ("" if modes else "stability"),
         gain
-        and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
+        and f"a gain of at most {gain['at_most']:.15g} from {gain['from']} to {gain['to']}{_band(gain)}",
         *map(_at_cut, [margins] if isinstance(margins, Mapping) else margins),
         *(
             measure.words.format(**{**written[name], "from_": written[name]["from"]})
@@ -259,10 +259,10 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
 def _at_cut(margins):
     """The margins at a cut in words."""
     said = {
-        "Ms": "Ms of at most {:g}",
-        "disk": "a disk margin of at least {:g}",
-        "gain": "a gain margin of at least {:g}, up and down,",
-        "phase_deg": "a phase margin of at least {:g} deg",
+        "Ms": "Ms of at most {:.15g}",
+        "disk": "a disk margin of at least {:.15g}",
+        "gain": "a gain margin of at least {:.15g}, up and down,",
+        "phase_deg": "a phase margin of at least {:.15g} deg",
     }
     words = " and ".join(
         text.format(margins[name]) for name, text in said.items() if name in margins
@@ -272,5 +272,5 @@ def _at_cut(margins):
 
 def _band(gain):
     """The band of a gain in words, and of what it is."""
-    band = " between {:g} and {:g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
+    band = " between {:.15g} and {:.15g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
     return f"{band} in the energy of all ticks"

@@ -47,7 +47,7 @@ class Damped(NamedTuple):
         else:
             which = "every pair of modes that oscillates"
         if self.slower_than:
-            slow = f" that takes {self.slower_than:g} s or more to fall to 1/e"
+            slow = f" that takes {self.slower_than:.15g} s or more to fall to 1/e"
         else:
             slow = ""
-        return f"{which}{slow} of a damping ratio of at least {self.ratio:g}"
+        return f"{which}{slow} of a damping ratio of at least {self.ratio:.15g}"

@@ -12,7 +12,7 @@ from wavesweep.program.analyses.claims import Claim, Status, own_scope, required
 from wavesweep.program.analyses.interval_jobs import job_over
 from wavesweep.program.analyses.own_design import is_an_end, searched
 from wavesweep.program.columns import Columns, whose_column
-from wavesweep.program.number_words import span_in_words
+from wavesweep.program.number_words import in_all_digits, span_in_words
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import keys_of, make_grid
 from wavesweep.program.sweep.running import in_memory
@@ -58,15 +58,17 @@ def facts(spec: Spec, own: Mapping[str, Any], *_: object) -> dict[str, Any]:
     else:
         met = f"met nowhere in {span_in_words(low, high)}"
     if is_an_end(value, ends):
-        reason = f"{name} = {value:g} on an end, {met}"
+        reason = f"{name} = {in_all_digits(value)} on an end, {met}"
     elif status is Status.REFUTED:
-        reason = f"{name} = {value:g}, {met}"
+        reason = f"{name} = {in_all_digits(value)}, {met}"
     else:
         doubts = dict.fromkeys(rows["doubt"][~rows["certified"]].tolist())
         unproved = "; ".join(DOUBTS[word].meaning for word in doubts)
         inside = any(low < value < high for low, high in ends)
         known = "was found to meet it" if inside else "was not found to meet it"
-        reason = f"{name} = {value:g} {known}, {met}, which is not certified: {unproved}"
+        reason = (
+            f"{name} = {in_all_digits(value)} {known}, {met}, which is not certified: {unproved}"
+        )
     claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
     return {"required": found, "claims": [claim]}
 

@@ -238,9 +238,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
     yield from in_doubt(found["doubtful_rows"], found["rows"], "not certified", "derivative")
 
 
-def _inside(end: Numbers) -> str:
-    """An end of an interval, rounded into it."""
-    value = end["limit"]["value"]
+def _inside(end: Numbers, value: float) -> str:
+    """A value at an end of an interval, rounded as the end is, into the interval."""
     if end["end"] == "low":
         return rounded_up(value)
     return rounded_down(value)
@@ -257,7 +256,7 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     if end["damping_ratio"] is not None:
         damped = f", damping ratio {end['damping_ratio']:.3g} just inside"
     yield (
-        f"{end['end']} end, {name} = {_inside(end)}{_unit(limit['unit'])}{corner}: set by {mode}{damped}",
+        f"{end['end']} end, {name} = {_inside(end, limit['value'])}{_unit(limit['unit'])}{corner}: set by {mode}{damped}",
         False,
     )
     if end["states"]:
@@ -275,7 +274,7 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
         said = felt["value"] == limit["value"] == 0  # a limit of 0 has no changes in per cent
         warning = warning and not said
         yield (
-            f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}",
+            f"  felt there: {_inside(end, felt['value'])}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}",
             warning,
         )
 

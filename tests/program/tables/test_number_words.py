@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.program.number_words import rounded_down, rounded_up, span_around, span_in_words
+from wavesweep.program.number_words import in_all_digits, rounded_down, rounded_up, span_around, span_in_words
 
 
 @pytest.mark.parametrize("digits", [1, 3, 6])
@@ -21,6 +21,13 @@ def test_ends_of_a_range_do_not_look_alike():
     assert span_in_words(0.1150001, 0.1150002, 3) == "0.1150001 to 0.1150002"
     assert span_in_words(2.0, 2.0) == "2"
     assert span_in_words(1.0, np.nextafter(1.0, 2)) == "1 to 1.0000000000000002"
+
+
+def test_a_member_of_a_set_reads_back():
+    rng = np.random.default_rng(3)
+    for value in [0.1, 20.0, *(rng.normal(size=300) * 10.0 ** rng.integers(-9, 9, 300)).tolist()]:
+        assert float(in_all_digits(value)) == value
+    assert (in_all_digits(0.1), in_all_digits(20.0)) == ("0.1", "20")
 
 
 def test_a_range_is_rounded_inwards_where_something_holds_and_outwards_where_it_does_not():

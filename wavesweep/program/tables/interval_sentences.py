@@ -188,7 +188,7 @@ class Sentences:
                 goes = "every interval goes"
             else:
                 goes = "it goes"
-            said += f"; {goes} on to {self._numbers['range'][1]:.6g}, where the swept range ends"
+            said += f"; {goes} on to {rounded_down(self._numbers['range'][1])}, where the swept range ends"
         return said
 
     def _without_gap(self) -> str:
@@ -197,7 +197,7 @@ class Sentences:
         if without is None or without["value"] == self._numbers["largest"]["value"]:
             return ""
         claim = self._claim.of_row(certified=without["certified"])
-        first = f"{everywhere(claim)} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
+        first = f"{everywhere(claim)} for every {self._along} from {rounded_up(self._numbers['range'][0])} up to"
         number = rounded_down(without["value"])
         return f"{first} {number}{self._unit}{self._place(without)}{unless(claim, known=without['certified'])}"
 
