@@ -90,4 +90,4 @@ def test_arms_whose_positions_both_return():
 def test_what_a_cover_leaves_open_is_not_proved(monkeypatch):
     monkeypatch.setattr(two_ports, "BOXES", 20)
     pair = Pair(pairs_of(loop_with(n=1), "", (0.0, 0.0)))
-    assert pair.open_in(0.0, 0.0, lambda _, box, __: Cover(np.array([box]), np.zeros((0, 2)), 1)) != []
+    assert pair.open_in(0.0, 0.0, lambda _, box, __: Cover(np.array([box]), np.zeros((0, 2)))) != []

@@ -25,7 +25,7 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.job import Job
 
 PASSIVE = (
-    "determinant of {}, interpolated over number and angle with sampled bounds, positive by Bernstein coefficients; outside, "
+    "determinant of {}, a power series over number and angle with sampled bounds, positive by Bernstein coefficients; outside, "
     "angles and directions in which energy comes out"
 )
 WHAT = {

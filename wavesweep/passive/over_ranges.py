@@ -38,8 +38,6 @@ REACTION = "ports.push"  # the junction of the force that pushes the device, but
 # errors of the entries of a map of a frame, in roundings of the sizes of their terms
 ENTRY_ROUNDINGS = 16.0
 
-ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
-
 Covering = Callable[[object, list, int], Any]
 """From functions, a box of numbers and a count of points to its `Cover` (see
 `engine.intervals`), None without a solution."""

@@ -2,14 +2,13 @@
 searched, then checked.
 
 A finder looks at values of the number. An interval that it finds is checked by the sign of a
-determinant over the number and the angle, interpolated with bounds that are sampled (see
+determinant over the number and the angle, with bounds that are sampled (see
 `engine._stability.positive`). What lies outside is refuted by angles at which energy is taken out
 (see `passive.over_ranges`), or because the loop is unstable.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
 from wavesweep.passive.channel import channel_of
 from wavesweep.passive.over_ranges import (
-    ANGLES,
     Covering,
     Determinant,
     Maps,
@@ -135,17 +133,13 @@ class _OneMap:
         least_of_one, *_ = np.linalg.eigvalsh(hermitian)
         if least_of_one <= 1e-12 * size.max():
             return None
-        # No eigenvalue changes its sign: the determinant is not 0 on the panels of all angles.
-        open_ = []
-        for first, last in pairwise(ANGLES):
-            # Points of number and angle that the proof of a panel may take.
-            covered = cover(Determinant(self.maps), [[low, first], [high, last]], 20_000)
-            if covered is None:
-                return None
-            if len(covered.unstable):
-                return float(covered.unstable[0, 0])
-            open_ += [box[:, 0] for box in covered.open]
-        return open_
+        # No eigenvalue changes its sign where the determinant is not 0 at any angle.
+        covered = cover(Determinant(self.maps), [[low, 0.0], [high, np.pi]], 100_000)
+        if covered is None:
+            return None
+        if len(covered.negative):
+            return float(covered.negative[0, 0])
+        return [box[:, 0] for box in covered.open]
 
     def witness(self, low: float, high: float) -> Witness:
         """What takes energy in the middle of two values, at the angle where it is farthest from
@@ -344,16 +338,15 @@ def runs_of(passive, span, more) -> tuple[np.ndarray, np.ndarray]:
 def cover_of(loop: HeldLoop, path: str) -> Covering:
     """What covers boxes of a number of the loop, and of an angle; a box with a loop that has no
     solution has no cover."""
+    resolution = Resolution(loop.drawing, loop.values, [Side(path)])
+
+    def resolved(low, high):
+        return not resolution.unresolved(np.array([[low], [high]])).any()
 
     def cover(functions, box, most):
-        first, last = box
-        count = len(first)
-        bounds = np.array([[-np.inf], [np.inf]]).repeat(count, 1)
-        sides = [Side(path)] + [Side()] * (count - 1)
         try:
-            bounds[:, 0] = loop.domain(path, (first[0], last[0]))
-            resolution = Resolution(loop.drawing, loop.values, sides)
-            return positive(functions, box, bounds, most, resolution)
+            limits = loop.domain(path, (box[0][0], box[1][0]))
+            return positive(functions, box, limits, resolved, most)
         except IllPosedLoopError:
             return None
 

@@ -36,7 +36,6 @@ from wavesweep.engine.poles import eigenvalues, is_stable
 from wavesweep.engine.response import Port
 from wavesweep.haptics.held_loop import HeldLoop
 from wavesweep.passive.over_ranges import (
-    ANGLES,
     ENTRY_ROUNDINGS,
     Covering,
     away_from_0,
@@ -49,6 +48,7 @@ from wavesweep.passive.over_ranges import (
 OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment
 LONGEST_TWO_PORT_FRAME = 100  # ticks of a frame
 STEPS, SETTLED = 40, 1e-9  # of balancing, and changes of the logarithms of weights that end it
+ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the first boxes of a proof
 NEAR_REST = 1e-4  # rad per frame: in place of 0, where forces that move nothing leave no impedance
 TRIED = np.concatenate(
     [np.geomspace(NEAR_REST, 0.03, 8), np.linspace(0.06, np.pi, 40)]
@@ -382,7 +382,7 @@ class PairDeterminant:
         """Whether a proof covers all of a box of the number and the angle."""
         first, last, below, above = box
         covered = cover(self, [[first, below or -above / 2], [last, above]], MOST)
-        return covered is not None and not len(covered.open) and not len(covered.unstable)
+        return covered is not None and not len(covered.open) and not len(covered.negative)
 
     def hermitian(self, numbers, theta) -> HermitianPart:
         """The Hermitian part, continued to complex numbers and angles."""

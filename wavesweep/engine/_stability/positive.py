@@ -1,11 +1,16 @@
-"""Proofs that analytic functions of several numbers are positive all over a box of these.
+"""Proofs that analytic functions of one or two numbers are positive all over a box of these.
 
-They are interpolated at Chebyshev nodes; their size on an ellipse about one number at a time bounds
-the error between these. If the Bernstein coefficients of the interpolant do not prove that it is
-positive, the box is divided.
+On a box with the middle c and half widths h let f be analytic for x = c + h t, |t_i| <= RADIUS, and P the
+part of its power series of degree DEGREE or less in each t_i. f - P vanishes to that degree along each
+line through the middle, so by Schwarz's lemma
+
+    |f(t) - P(t)| <= RADIUS^-(DEGREE + 1) max |f - P| on the circles |t_i| = RADIUS,   |t_i| <= 1,
+
+and P is a convex combination of its Bernstein coefficients. So f is positive where these are beyond that
+remainder; else the box is halved. f is computed in CIRCLE points of each circle: bounds are sampled.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import lru_cache
 from itertools import product
 from math import comb
@@ -15,23 +20,14 @@ import numpy as np
 
 from wavesweep.engine.doubles import EPS
 
-MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
-# sum of the semi-axes of the ellipse about a number, in half widths of its part
-NUMBER_ELLIPSE = 4.0
-RIM_POINTS = 8  # on its upper half
-NUMBER_RIM = NUMBER_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
-NUMBER_RIM = (NUMBER_RIM + 1 / NUMBER_RIM) / 2
-NUMBER_EXTENT = (NUMBER_ELLIPSE + 1 / NUMBER_ELLIPSE) / 2
-# of the other numbers, at which the ellipse about one is evaluated
-COARSE_PLACES = (-1.0, 0.0, 1.0)
-# largest error of the interpolant, relative to the smallest value seen
-LARGEST_INTERPOLANT_ERROR = 0.25
-# ratio of the ends of a number above which it is divided at their geometric mean
-LOGARITHMIC_FROM = 3.0
-# logarithm of the factor by which each further number increases the error of an interpolant
-LOG_LEBESGUE = 0.7
-SHORTENED_BY = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
-MOST_PIECES = 4096
+RADIUS = 2.0  # of the circles, in half widths: so far expressions are resolved, see `Resolution`
+DEGREE = 7
+CIRCLE = 16  # points of a circle
+SAFE = 1.5  # on the largest value at points of the circles, for those between
+LOGARITHMIC_FROM = (
+    3.0  # ratio of the ends of a number, from which on it is halved at their geometric mean
+)
+AT_ONCE = 4000  # points that are computed together
 
 Box = np.ndarray
 """Low and high ends of some numbers, `(2, numbers)`."""
@@ -60,367 +56,144 @@ class Functions(Protocol):
         """Values at points `(n, numbers)`, real or complex."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cover:
-    """What is known about a box.
-
-    open: the parts that are not proved, `(parts, 2, numbers)`; empty if all of the box is proved.
-    unstable: points at which a function is negative, `(points, numbers)`. used: points at which
-    they were computed.
-    """
+class Cover(NamedTuple):
+    """What is known of a box: the parts that are not proved, `(parts, 2, numbers)`, and points at which a
+    function is surely negative, `(points, numbers)`."""
 
     open: np.ndarray
-    unstable: np.ndarray
-    used: int
+    negative: np.ndarray
 
 
-class Resolved(Protocol):
-    """Which boxes are narrow enough for the samples that are taken of functions, see
-    `_loops.resolution`."""
+class _Series(NamedTuple):
+    """Power series in so many numbers from values on circles.
 
-    used: int
-
-    def unresolved(self, box: Box) -> np.ndarray:
-        """Along which numbers a box may have to be divided, a mask `(numbers,)`; none of them if
-        it is narrow enough."""
-
-
-def positive(
-    functions: Functions, box: Box, bounds: Box, most: int, resolution: Resolved | None = None
-) -> Cover:
-    """Prove that functions are positive on a box; the points `unstable` are those where one is
-    surely negative.
-
-    box: a number whose two ends are equal is no dimension of it. bounds: the range of each number
-    in which the functions are analytic. most: points to compute at most. resolution: asked about
-    each part of the box; None if the functions have no narrow features.
-    """
-    box = np.asarray(box, float)
-    proof = _BoxProof(functions, box, np.asarray(bounds, float), resolution)
-    queue = [box]
-    negative = np.zeros((0, box.shape[1]))
-    while queue and proof.used < most and not len(negative):
-        ends = queue.pop(0)
-        with np.errstate(all="ignore"):  # what overflows is not proved
-            negative, open_ = proof.judged(ends)
-        queue += open_
-    return Cover(np.array(queue).reshape(-1, *box.shape), negative, proof.used)
-
-
-class _Piece:
-    """A piece of a box, with units of the states in it.
-
-    ends: `(2, numbers)`. wide: the numbers in which it is wider than nothing.
+    t: the points, `(points, numbers)`, of which the conjugates are left out. terms: from values there to
+    coefficients, of which the real part is taken, `(terms, points)`. at_points: back to values there,
+    `(points, terms)`. bernstein: from coefficients to those of Bernstein's polynomials on [-1, 1],
+    `(controls, terms)`.
     """
 
-    def __init__(self, ends, functions):
-        self.ends = ends
-        self.wide = np.flatnonzero(ends[0] < ends[1])
-        self.middle = ends.mean(0)
-        self.half = (ends[1] - ends[0]) / 2
-        self.units = functions.units(self.middle)
-
-    def placed(self, grid):
-        """Points of the piece: a row of `grid`, from -1 to 1, for each."""
-        x = np.repeat(self.middle[None].astype(grid.dtype), len(grid), 0)
-        x[:, self.wide] += grid * self.half[self.wide]
-        return x
-
-    def divided(self, size):
-        """The halves of the piece, divided along the number with the largest `size`."""
-        return _halves(self.ends, self.wide[np.argmax(size)])
-
-
-class _Scale(NamedTuple):
-    """What functions are divided by on a piece, `exp(trend x + peak)`, x from -1 to 1: after it
-    they are at most 1 at the coarse places, and a polynomial follows them more easily."""
-
-    trend: np.ndarray
-    peak: np.ndarray
-
-    @classmethod
-    def of(cls, log, grid):
-        trend = _trend(log, grid)
-        return cls(trend, (log - trend @ grid.T).max(1))
-
-    def removed(self, log, places):
-        """Logarithms of sizes, without those of what the functions are divided by."""
-        return log - (self.trend @ places.T).real - self.peak[:, None]
-
-
-class _BoxProof:
-    """Functions on the pieces of a box, with a count of the points at which they were computed."""
-
-    def __init__(self, functions, box, limits, resolution):
-        self.functions = functions
-        self.limits = limits
-        self.resolution = resolution
-        self.used = 0
-        self.widths = np.where(np.ptp(box, 0) > 0, np.ptp(box, 0), 1.0)
-
-    def judged(self, ends):
-        """The unstable points found in a piece, and its parts that are not proved."""
-        piece = _Piece(ends, self.functions)
-        wide = piece.wide
-        grid = _grid([COARSE_PLACES] * wide.size)
-        points = piece.placed(grid)
-        phase, log, error, pivots = self._values(points, piece.units)
-        negative = (phase.real < 0) & (EPS * error < 1)
-        if negative.any():
-            return points[negative.any(0)], [ends]
-        below = piece.middle - NUMBER_EXTENT * piece.half < self.limits[0]
-        above = piece.middle + NUMBER_EXTENT * piece.half > self.limits[1]
-        outside = (below | above)[wide]
-        if not np.isfinite(log).all() or outside.any():
-            return self._none, piece.divided(piece.half[wide] * (outside | ~outside.any()))
-        if self.resolution is not None:
-            before = self.resolution.used
-            unresolved = self.resolution.unresolved(ends)[wide]
-            self.used += self.resolution.used - before
-            if unresolved.any():
-                shares = (piece.half / self.widths)[wide]
-                return self._none, piece.divided(unresolved * shares)
-        return self._interpolated(piece, log, pivots)
-
-    def _interpolated(self, piece, log, pivots):
-        """The same, from the logarithms and pivots at the coarse places; the piece is divided if
-        it needs too many nodes.
-
-        An interpolant of n nodes is off by at most `4 far r^(1 - n)/(r - 1)`, r = NUMBER_ELLIPSE, times
-        its Lebesgue constant in each number.
-        """
-        wide = piece.wide
-        grid = _grid([COARSE_PLACES] * wide.size)
-        scale = _Scale.of(log, grid)
-        least = np.exp((log - scale.trend @ grid.T).min(1) - scale.peak)
-        centre = pivots.real.mean(0)
-        far = []
-        steps = []
-        for at in range(wide.size):
-            size, step = self._beyond(piece, at, scale, centre)
-            far.append(size)
-            steps.append(step)
-        far = np.stack(far)
-        steps = np.max(steps, axis=0)
-        allowed = LARGEST_INTERPOLANT_ERROR / max(wide.size, 1) * least
-        needed = np.log(4 / (NUMBER_ELLIPSE - 1) * far / allowed).max(1, initial=0.0)
-        counts = np.ceil(1 + (needed + LOG_LEBESGUE * wide.size) / np.log(NUMBER_ELLIPSE))
-        counts = np.clip(counts, LEAST_NODES, np.inf)
-        if not (counts <= MOST_NODES).all() or counts.prod() > 20_000:  # nodes in all
-            # Divide along the number along which the sizes on the other ellipses change most.
-            # A larger change of the logarithm from one coarse place to the next is steep.
-            steep = np.isfinite(counts).all() and steps.max() > 0.3
-            return self._none, piece.divided(steps if steep else counts)
-        return self._within(piece, [nodes(int(count)) for count in counts], scale, far)
-
-    @property
-    def _none(self):
-        return np.zeros((0, self.limits.shape[1]))
-
-    def _within(self, piece, nodes, scale, far):
-        """The same, from the values at these nodes."""
-        wide = piece.wide
-        grid = _grid(nodes)
-        counts = [len(places) for places in nodes]
-        points = piece.placed(grid)
-        phase, log, error, _ = self._values(points, piece.units)
-        negative = (phase.real < 0) & (EPS * error < 1)
-        if negative.any():
-            return points[negative.any(0)], [piece.ends]
-        if not np.isfinite(log).all():
-            return self._none, piece.divided(piece.half[wide])
-        value = phase.real * np.exp(scale.removed(log, grid))
-        constants = 2 / np.pi * np.log(counts) + 1  # upper bounds on the Lebesgue constants
-        noise = 2 * constants.prod() * (EPS * error * np.abs(value)).max(1)
-        sizes = np.array(
-            [4 * NUMBER_ELLIPSE ** (1 - count) / (NUMBER_ELLIPSE - 1) for count in counts]
-        )
-        noise += (far * (sizes * constants.prod() / constants)[:, None]).sum(0)
-        open_ = []
-        for row, off in zip(value, noise, strict=True):
-            open_ += _positive(row.reshape(counts), off)
-        if not open_:
-            return self._none, []
-        low = np.min([low for low, _ in open_], 0)
-        high = np.max([high for _, high in open_], 0)
-        middle = piece.middle[wide]
-        half = piece.half[wide]
-        rest = piece.ends.copy()
-        rest[0, wide] = middle + half * low
-        rest[1, wide] = middle + half * high
-        if (high - low).prod() <= 2 ** (wide.size - 1):
-            return self._none, [rest]
-        steepest = np.argmax((high - low) * np.array(counts))
-        return self._none, _halves(rest, wide[steepest])
-
-    def _values(self, x, units):
-        self.used += len(x)
-        return self.functions.values(x, units)
-
-    def _beyond(self, piece, at, scale, centre):
-        """Bounds on the size of each function on the ellipse about one number, with the others
-        at COARSE_PLACES, infinite near a pole; and the change of its logarithm along each of the
-        others."""
-        count = piece.wide.size
-        coarse = _grid([COARSE_PLACES] * (count - 1))
-        places = coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1)
-        places = np.insert(places, at, NUMBER_RIM, axis=2).reshape(-1, count)
-        _, log, error, pivots = self._values(piece.placed(places), piece.units)
-        log = scale.removed(log + np.log1p(np.minimum(EPS * error, 10.0)), places)
-        log = log.reshape(len(log), *[len(COARSE_PLACES)] * (count - 1), RIM_POINTS)
-        # Between two points it may be larger than at both, by no more than they differ.
-        axes = tuple(range(1, count + 1))
-        steps = [np.abs(np.diff(log, axis=axis)).max(axes) for axis in axes]
-        size = 2 * np.exp(log.max(axes) + sum(steps) / 2)
-        # a pole may be inside
-        turns = np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1
-        changes = []
-        for axis in range(count):
-            changes.append(0.0 if axis == at else steps[axis - (axis > at)].max())
-        changes = np.nan_to_num(changes, posinf=1e9)
-        return np.where(np.isfinite(size) & ~turns, size, np.inf), changes
-
-
-def _grid(nodes):
-    """All combinations of places of each number, a row each."""
-    rows = int(np.prod([len(places) for places in nodes]))
-    return np.array(list(product(*nodes)), float).reshape(rows, len(nodes))
-
-
-def _halves(ends, axis):
-    """The halves of a piece along a number, in the logarithm if its ends differ by much."""
-    low, high = ends[:, axis]
-    middle = (low + high) / 2
-    if high > LOGARITHMIC_FROM * low > 0:
-        middle = np.sqrt(low * high)
-    lower = ends.copy()
-    lower[1, axis] = middle
-    upper = ends.copy()
-    upper[0, axis] = middle
-    return [lower, upper]
-
-
-def _trend(log, grid):
-    """The exponential growth rate of each function with each number, by least squares."""
-    regressors = np.column_stack([grid, np.ones(len(grid))])
-    return np.linalg.lstsq(regressors, log.T, rcond=None)[0][:-1].T
+    t: np.ndarray
+    terms: np.ndarray
+    at_points: np.ndarray
+    bernstein: np.ndarray
 
 
 @lru_cache
-def _to_bernstein(count):
-    """From coefficients of Chebyshev polynomials to Bernstein coefficients on [-1, 1]."""
-    k = np.arange(count)
-    x = np.linspace(-1, 1, count)
-    T = np.polynomial.chebyshev.chebvander(x, count - 1)
-    B = np.stack(
-        [
-            comb(count - 1, j) * ((1 + x) / 2) ** j * ((1 - x) / 2) ** (count - 1 - j)
-            for j in k.tolist()
-        ],
-        axis=1,
-    )
-    return np.linalg.solve(B, T)
+def _series(numbers: int) -> _Series:
+    circle = RADIUS * np.exp(2j * np.pi * (np.arange(CIRCLE) + 0.5) / CIRCLE)
+    t = np.array([*product(circle[: CIRCLE // 2], *[circle] * (numbers - 1))])
+    degrees = range(DEGREE + 1)
+    at_points = (t[:, None, :] ** np.array([*product(degrees, repeat=numbers)])).prod(-1)
+    # t^i = (2 s - 1)^i = sum_j comb(i, j) (2 s)^j (-1)^(i - j), s^j = sum_k comb(k, j)/comb(n, j) B_k(s)
+    of_s = np.array([[comb(i, j) * 2.0**j * (-1.0) ** (i - j) for i in degrees] for j in degrees])
+    alone = np.array([[comb(k, j) / comb(DEGREE, j) for j in degrees] for k in degrees]) @ of_s
+    bernstein = np.ones((1, 1))
+    for _ in range(numbers):
+        bernstein = np.kron(bernstein, alone)
+    return _Series(t, 1 / at_points.T / len(t), at_points, bernstein)
 
 
-def _turned(array, matrices):
-    """The array with a matrix applied along each axis."""
-    for axis, matrix in enumerate(matrices):
-        array = along(matrix, array, axis)
-    return array
+def positive(
+    functions: Functions,
+    box: Box,
+    limits: tuple[float, float],
+    resolved: Callable[[float, float], bool],
+    most: int,
+) -> Cover:
+    """Prove that functions are positive on a box; a number whose two ends are equal does not vary.
 
-
-def _positive(values, noise):
-    """The parts of [-1, 1]^n in which an interpolant is not proved to exceed the noise, as pairs
-    (low, high).
-
-    Small terms of high degree are dropped, and their size is added to the noise: the rest is
-    divided faster, and its Bernstein coefficients lose fewer digits.
+    limits: of the first number, beyond which they are not analytic. resolved: whether they have no narrow
+    features between two values of it. most: points to compute at most.
     """
-    dimensions = values.ndim
-    series = _turned(values, map(to_series, values.shape))
-    noise += 2**dimensions * values.size * EPS * np.abs(values).max()
-    series, left_out = _shortened(series, SHORTENED_BY * max(values.min() - noise, 0.0))
-    to = list(map(_to_bernstein, series.shape))
-    noise += left_out
-    rounding = (
-        50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(matrix, np.inf) for matrix in to])
-    )
-    pieces = _turned(series, to)
-    pieces = pieces[None]
-    low = np.full((1, dimensions), -1.0)
-    high = np.full((1, dimensions), 1.0)
-    over = tuple(range(1, dimensions + 1))
-    for _ in range(9 * dimensions):  # halvings of an interpolant, for each number
-        open_ = pieces.min(over) <= noise + rounding
-        pieces = pieces[open_]
-        low = low[open_]
-        high = high[open_]
-        if not len(pieces) or len(pieces) > MOST_PIECES:
-            break
-        slopes = [
-            np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0)
-            for axis in range(dimensions)
-        ]
-        steepest = np.stack(slopes).argmax(0)
-        halves = []
-        for axis in np.unique(steepest):
-            index = steepest == axis
-            lower = low[index]
-            upper = high[index]
-            middle = (lower[:, axis] + upper[:, axis]) / 2
-            below = upper.copy()
-            above = lower.copy()
-            below[:, axis] = above[:, axis] = middle
-            halves += zip(
-                _halved(pieces[index], 1 + axis), (lower, above), (below, upper), strict=True
-            )
-        pieces, low, high = (np.concatenate(arrays) for arrays in zip(*halves, strict=True))
-    return list(zip(low, high, strict=True))
+    box = np.asarray(box, float)
+    wide = np.flatnonzero(box[0] < box[1])
+    per_box = 1 + len(_series(wide.size).t)
+    units = functions.units(box.mean(0))
+    queue = [box]
+    used = 0
+    while queue and used < most:
+        together = max(1, AT_ONCE // per_box)
+        boxes = np.array(queue[:together])
+        queue = queue[together:]
+        low, high = boxes[..., 0].T
+        reach = RADIUS * (high - low) / 2
+        middle = (low + high) / 2
+        known = (low == high) | (middle - reach >= limits[0]) & (middle + reach <= limits[1])
+        known[known] = [resolved(*ends) for ends in boxes[known][..., 0].tolist()]
+        for ends in boxes[~known]:
+            queue += _halves(ends, 0)
+        boxes = boxes[known]
+        if not len(boxes):
+            continue
+        used += per_box * len(boxes)
+        with np.errstate(all="ignore"):
+            judged = _judged(functions, units, boxes, wide)
+        if judged.negative.any():
+            return Cover(np.array([*queue, *boxes]), boxes.mean(1)[judged.negative])
+        for at in np.flatnonzero(~judged.positive):
+            queue += _halves(boxes[at], wide[judged.number[at]])
+    return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])))
 
 
-def _shortened(series, room):
-    """The series without its highest degrees in each number, and the sum of the dropped terms,
-    at most `room`."""
-    size = np.abs(series)
-    low = []
-    for axis in range(size.ndim):
-        by_degree = size.sum(tuple(i for i in range(size.ndim) if i != axis))
-        tail = np.cumsum(by_degree[::-1])[::-1]  # of this degree and all above
-        low.append(slice(max(1, int((tail > room / size.ndim).sum()))))
-    low = tuple(low)
-    return series[low], size.sum() - size[low].sum()
+class _Judged(NamedTuple):
+    """Whether functions are positive all over each box, whether one is surely not in its middle, and which
+    of the wide numbers to halve."""
+
+    positive: np.ndarray
+    negative: np.ndarray
+    number: np.ndarray
 
 
-def _halved(b, axis):
-    """The Bernstein coefficients of both halves, by de Casteljau's algorithm."""
-    b = np.moveaxis(b, axis, -1)
-    count = b.shape[-1]
-    left = []
-    right = []
-    now = b
-    for _ in range(count):
-        left.append(now[..., 0])
-        right.append(now[..., -1])
-        now = (now[..., :-1] + now[..., 1:]) / 2
-    return np.moveaxis(np.stack(left, -1), -1, axis), np.moveaxis(
-        np.stack(right[::-1], -1), -1, axis
-    )
+def _judged(functions, units, boxes, wide) -> _Judged:
+    series = _series(wide.size)
+    t = series.t
+    half = (boxes[:, 1] - boxes[:, 0]) / 2
+    points = np.repeat(boxes.mean(1)[:, None], 1 + len(t), 1).astype(complex)
+    points[:, 1:, wide] += half[:, None, wide] * t
+    found = functions.values(points.reshape(-1, points.shape[-1]), units)
+    phase, log, error = (each.reshape(-1, *points.shape[:2]) for each in found[:3])
+    pivots = found.pivots.reshape(*points.shape[:2], -1)
+
+    negative = (phase[..., 0].real < 0) & (EPS * error[..., 0] < 1)
+    finite = np.isfinite(log).all((0, 2)) & np.isfinite(pivots).all((1, 2))
+    # Divided by an exponential of t, so that a polynomial follows them more easily.
+    log = np.where(finite[:, None], log - log[..., :1], 0.0)
+    trend = 2 * (log[..., 1:] @ t.conj()).real / len(t) / RADIUS**2
+    value = phase[..., 1:] * np.exp(log[..., 1:] - trend @ t.T)
+    terms = (value @ series.terms.T).real
+    beyond = np.abs(value - terms @ series.at_points.T)
+    rest = RADIUS ** -(DEGREE + 1.0) * beyond.max(-1) + np.abs(1 - terms[..., 0])
+    noise = EPS * (error[..., 1:] * np.abs(value)).max(-1)
+    controls = terms @ series.bernstein.T
+    proved = (controls.min(-1) > SAFE * rest + noise).all(0)
+
+    # Of a pivot without zeros the logarithm is analytic too.
+    ratio = pivots[:, 1:] / pivots[:, :1]
+    slopes = np.einsum("npk,pi->nik", np.log(ratio), t.conj()).real / len(t) / RADIUS**2
+    turned = np.abs(ratio * np.exp(-t @ slopes) - 1).max((1, 2), initial=0.0)
+    regular = SAFE * turned < 1
+    in_numbers = controls.reshape(*controls.shape[:2], *[DEGREE + 1] * wide.size)
+    changes = []
+    for number in range(wide.size):
+        of_terms = (
+            np.abs(np.diff(in_numbers, axis=2 + number))
+            .reshape(*controls.shape[:2], -1)
+            .max((0, 2))
+        )
+        of_pivots = np.nan_to_num(np.abs(slopes[:, number]).max(-1, initial=0.0), nan=1.0)
+        changes.append(np.where(regular, of_terms, of_pivots))
+    return _Judged(finite & regular & proved, negative.any(0), np.argmax(changes, axis=0))
 
 
-@lru_cache(maxsize=64)
-def nodes(count: int) -> np.ndarray:
-    """Return so many Chebyshev nodes on [-1, 1]."""
-    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
-
-
-@lru_cache(maxsize=64)
-def to_series(count: int) -> np.ndarray:
-    """Return the matrix from values at the nodes to the coefficients of Chebyshev polynomials."""
-    series = 2 / count * np.cos(np.outer(np.arange(count), np.arccos(nodes(count))))
-    series[0] /= 2
-    return series
-
-
-def along(matrix: np.ndarray, array: np.ndarray, axis: int) -> np.ndarray:
-    """Return the array with a matrix applied along an axis."""
-    return np.moveaxis(np.tensordot(matrix, array, (1, axis)), 0, axis)
+def _halves(box, number):
+    """The halves of a box along a number, in the logarithm if its ends differ by much."""
+    low, high = box[:, number]
+    middle = (low + high) / 2
+    if high > LOGARITHMIC_FROM * low > 0:
+        middle = np.sqrt(low * high)
+    lower = box.copy()
+    lower[1, number] = middle
+    upper = box.copy()
+    upper[0, number] = middle
+    return [lower, upper]
