@@ -12,19 +12,32 @@ then grows more.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.engine.switched import Word, crossing, is_refuted, product_of, refuted_beyond
+from wavesweep.engine.switched import (
+    Word,
+    crossing,
+    is_refuted,
+    places_between,
+    product_of,
+    refuted_beyond,
+)
 from wavesweep.for_all.channel_families import LOST
 from wavesweep.for_all.message_rings import RingFrames
 
 SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
-PERIODS = (1, 2, 3, 5, 8, 13)  # in a pattern
+SOON = (1, 2, 3, 4)  # those of the patterns that are tried at each number
+PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 13)  # in a pattern
+STEPS = 4  # from a number at which all periods are tried to the next one
 MOST_PLACES = 400  # of a pattern
-BEFORE = -(10**9)  # the number of a message from before all others
 # Of the largest gain at a place: what a change of a path costs, in turn until the pattern grows.
 COSTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9)
+# Of the way to a refuted number from the last one at which no pattern was found, how far back
+# from it others are looked for.
+BACK = (0.5, 0.25, 0.1, 0.03, 0.01, 0.003)
 
 
 def growing_pattern(
@@ -39,80 +52,206 @@ def growing_pattern(
     known: patterns to begin with, before others. periods: in these. The search ends with the first
     one that grows.
     """
-    places = len(family.slots)
-    A = family.at(x)
+    ring = _Ring.of(family)
     best: tuple[float, Word] = (0.0, ())
-    for start in filter(None, (*known, *_starts(family, periods))):
+    for found in _climbs(family.at(x), ring, (*known, *_starts(ring, periods))):
+        best = max(best, found)
+        if best[0] >= 1:
+            break
+    return best
+
+
+def _climbs(A, ring, starts) -> Iterator[tuple[float, Word]]:
+    """Yield where a climb from each of some patterns ends: the growth per period, and a pattern."""
+    for start in filter(None, starts):
         word = start
         rate = _rate(A, word)
         for _ in range(10):  # changes on the way up
             if not 0 < rate < np.inf:  # of a product that is 0 nothing is the largest eigenvalue
                 break
-            gains = _gains(A, family, word)
+            gains = _gains(A, ring, word)
             for cost in COSTS:
-                ahead = realised(family, _changed(family, word, gains, cost))
+                ahead = ring.realised(ring.changed(word, gains, cost))
                 farther = _rate(A, ahead)
                 if farther > rate * (1 + 1e-9):
                     break
             else:
                 break
             word, rate = ahead, farther
-        best = max(best, (rate ** (places / len(word)), word))
-        if rate >= 1:
-            break
-    return best
+        yield rate ** (ring.places / len(word)), word
 
 
 def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[float, Word]:
     """Return the number closest to the start at which a pattern is proved to grow, of those that
-    a search finds, and that pattern; NaN and () if there is none."""
-    at = limit
-    best: tuple[float, Word] = (np.nan, ())
-    # Of the way to a refuted number, how far before it others are looked for.
-    for back in (0.0, 0.2, 0.1, 0.03):
-        for _ in range(8):
-            x = at + back * (start - at)
-            rate, word = growing_pattern(family, x, (best[1],) if best[1] else ())
-            if rate < 1:
+    a search finds, and that pattern; NaN and () if there is none.
+
+    It goes from the start to the limit by numbers that follow from neither, and then back from
+    the first one that is refuted: so a limit farther away finds the same. At each the climbs begin
+    with the patterns of the number before, the best of each length, and at some with all others.
+    """
+    ring = _Ring.of(family)
+    at, best = np.nan, ()
+    tracked: dict[int, tuple[float, Word]] = {}
+    for before, x, periods in _tried(start, limit):
+        known = [word for _, word in tracked.values()]
+        tracked = {}
+        for rate, word in _climbs(family.at(x), ring, (*known, *_starts(ring, periods))):
+            found = _begins(family, word, before, x) if rate >= 1 else None
+            if found is not None and (limit - found) * (limit - start) >= 0:
+                at, best = found, word
                 break
-            begins = crossing(family, word, start, x)
-            refuted = refuted_beyond(family, word, begins, x)
-            if refuted is None and is_refuted(family, word, x):
-                refuted = x
-            if refuted is None:
-                break
-            at, best = float(refuted), (float(refuted), word)
-            if not back:
-                break
-        if not best[1]:  # nothing grows at the limit
+            tracked[len(word)] = max(tracked.get(len(word), (0.0, ())), (rate, word))
+        if best:
             break
-    return best
+    for back in BACK if best else ():
+        for _ in range(8):
+            x = at + back * (before - at)
+            if (x - start) * (limit - start) <= 0:
+                break
+            known = (best, *(word for _, word in tracked.values()))
+            rate, word = growing_pattern(family, x, known, SOON)
+            found = _begins(family, word, before, x) if rate >= 1 else None
+            if found is None:
+                break
+            at, best = found, word
+    return at, best
+
+
+def _tried(start, limit):
+    """Yield numbers between, each with the one before it, and the periods of the patterns that are
+    tried there."""
+    for before, x in places_between(start, limit):
+        steps = np.linspace(before, x, 1 + STEPS)
+        for inside, ahead in pairwise(steps.tolist()):
+            if (ahead - start) * (limit - start) > 0:
+                yield inside, ahead, PERIODS if ahead == x else SOON
+
+
+def _begins(family, word, before, x):
+    """The number at which a pattern that grows at x is proved to begin to, on the way from
+    `before`; None if there is none."""
+    at = refuted_beyond(family, word, crossing(family, word, before, x), x)
+    if at is None and is_refuted(family, word, x):
+        return float(x)
+    return at
 
 
 def realised(family: RingFrames, word: Word) -> Word:
     """Return the pattern in which nothing that is held is older than before; () if the family has
     none of its matrices."""
-    at = {(held.tick, held.back): index for index, held in enumerate(family.symbols)}
-    numbers = _numbers(family, word)
-    period = family.loop.drawn.ticks
-    places = len(family.slots)
-    found = []
-    for step, symbol in enumerate(word):
-        held = family.symbols[symbol]
-        now = held.tick + period * (step // places)
-        back = []
-        for channel, newest, own in zip(family.loop.channels, numbers, held.back, strict=True):
-            back.append(None if own is None else channel.sent(now) - int(newest[now]))
-        found.append(at.get((held.tick, tuple(back))))
-    return () if None in found else tuple(found)
+    return _Ring.of(family).realised(word)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ring:
+    """What may be held at the places of a ring.
+
+    backs `(symbols, channels)`: with each matrix, in messages, 0 where nothing reads a channel; read
+    `(places, channels)`: whether something does. first `(places + 1,)`: of the matrices of each
+    place, which are next to each other. at `(places, ...)`: the matrix of each choice, -1 without.
+    ticks `(places,)`: of the period.
+    """
+
+    family: RingFrames
+    backs: np.ndarray
+    read: np.ndarray
+    first: np.ndarray
+    at: np.ndarray
+    ticks: np.ndarray
+
+    @staticmethod
+    def of(family: RingFrames) -> _Ring:
+        """That of a family."""
+        held = [[-1 if back is None else back for back in each.back] for each in family.symbols]
+        backs = np.array(held)
+        first = np.searchsorted(family.place, np.arange(family.place.max() + 2))
+        at = np.full((first.size - 1, *backs.max(0) + 1), -1)
+        read = backs[first[:-1]] >= 0
+        backs = np.maximum(backs, 0)
+        at[(family.place, *backs.T)] = np.arange(len(backs))
+        ticks = np.array([family.symbols[index].tick for index in first[:-1]])
+        return _Ring(family, backs, read, first, at, ticks)
+
+    @property
+    def places(self) -> int:
+        """How many there are."""
+        return self.first.size - 1
+
+    def realised(self, word: Word) -> Word:
+        """See `realised`."""
+        if not word:
+            return ()
+        step = np.arange(len(word))
+        place = step % self.places
+        now = self.ticks[place] + self.family.loop.drawn.ticks * (step // self.places)
+        choices = [place]
+        for number, channel in enumerate(self.family.loop.channels):
+            newest = np.array(self.numbers(word, number))[now]
+            back = (now - channel.phase) // channel.every - newest
+            back = np.where(self.read[place, number], back, 0)
+            if (back >= self.at.shape[1 + number]).any():
+                return ()
+            choices.append(back)
+        symbols = self.at[tuple(choices)]
+        return () if (symbols < 0).any() else tuple(symbols.tolist())
+
+    def numbers(self, word: Word, number: int) -> list[int]:
+        """The number of the newest message of a channel in each tick of a pattern, counted from the
+        first that is sent in it."""
+        channel = self.family.loop.channels[number]
+        period = self.family.loop.drawn.ticks
+        ticks = np.arange(period * len(word) // self.places)
+        sent = (ticks - channel.phase) // channel.every
+        since = ticks - channel.phase - sent * channel.every
+        oldest = np.maximum(0, -((since - channel.late) // channel.every)) + channel.lost
+        least = sent - oldest
+        step = np.arange(len(word))
+        now = self.ticks[step % self.places] + period * (step // self.places)
+        read = self.read[step % self.places, number]
+        wanted = sent[now] - self.backs[list(word), number]
+        least[now[read]] = np.maximum(least[now[read]], wanted[read])
+        # One that is held for the first time is late by no more than it may be.
+        earliest = (sent - (channel.late - since) // channel.every).tolist()
+        newest_sent = sent.tolist()
+        lowest = least.tolist()
+        count = ticks.size // channel.every
+        newest = lowest
+        before = None
+        # Until it repeats, which it does, as what is held is never older than a turn before.
+        while before != newest[-1] - count:
+            before = held = newest[-1] - count
+            newest = []
+            for tick in range(ticks.size):
+                if held < lowest[tick]:
+                    fresh = max(lowest[tick], earliest[tick])
+                    held = fresh if fresh <= newest_sent[tick] else held
+                    lowest[tick] = max(lowest[tick], held)
+                else:
+                    lowest[tick] = held
+                newest.append(held)
+        return newest
+
+    def changed(self, word: Word, gains: Sequence[np.ndarray], cost: float) -> Word:
+        """The pattern with what gains most at each place; cost: of a change, as a share of the
+        largest gain."""
+        most = max(own.max() - own.min() for own in gains)
+        found = []
+        for step, (symbol, gain) in enumerate(zip(word, gains, strict=True)):
+            own = symbol - self.first[step % self.places]
+            better = int(gain.argmax())
+            changes = gain[better] - cost * most > gain[own]
+            found.append(symbol - own + better if changes else symbol)
+        return tuple(found)
 
 
 def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
     """Return what happens to the messages of each channel in a pattern, in the order in which they
     are sent from the begin of a period on: ticks by which each is late, LOST of one that is lost."""
     found = {}
+    ring = _Ring.of(family)
+    newest_of = [np.array(ring.numbers(word, at)) for at in range(len(family.loop.channels))]
     for channel, newest, earlier in zip(
-        family.loop.channels, _numbers(family, word), family.loop.earlier, strict=True
+        family.loop.channels, newest_of, family.loop.earlier, strict=True
     ):
         ticks = len(newest)
         count = ticks // channel.every
@@ -132,54 +271,16 @@ def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
     return found
 
 
-def _numbers(family, word):
-    """The number of the newest message of each channel in each tick of a pattern, counted from the
-    first that is sent in it."""
-    period = family.loop.drawn.ticks
-    places = len(family.slots)
-    ticks = period * len(word) // places
-    found = []
-    for at, channel in enumerate(family.loop.channels):
-        wanted = [BEFORE] * ticks
-        for step, symbol in enumerate(word):
-            held = family.symbols[symbol]
-            now = held.tick + period * (step // places)
-            if held.back[at] is not None:
-                wanted[now] = channel.sent(now) - held.back[at]
-        count = ticks // channel.every
-        newest: list[int] = []
-        # Until it repeats, which it does, as what is held is never older than a turn before.
-        last = None
-        while last is None or newest[-1] - count != last:
-            last = newest[-1] - count if newest else BEFORE
-            number = last
-            newest = []
-            for now in range(ticks):
-                sent = channel.sent(now)
-                since = now - channel.phase - sent * channel.every
-                least = max(wanted[now], sent - channel.oldest(since))
-                # One that is held for the first time is late by no more than it may be.
-                fresh = max(least, sent - (channel.late - since) // channel.every)
-                if number < least and fresh <= sent:
-                    number = fresh
-                newest.append(number)
-                wanted[now] = max(wanted[now], number)
-        found.append(np.array(newest))
-    return found
-
-
-def _starts(family: RingFrames, numbers: Sequence[int]) -> Iterator[Word]:
+def _starts(ring: _Ring, numbers: Sequence[int]) -> Iterator[Word]:
     """Patterns that a climb begins with: what is held is the newest, the oldest, some message, or
     the one and the other in waves."""
-    places = len(family.slots)
-    oldest = np.array([[each or 0 for each in held.back] for held in family.symbols])
     source = np.random.default_rng(0)
-    members = [np.flatnonzero(family.place == at) for at in range(places)]
+    members = np.split(ring.backs, ring.first[1:-1])
     for periods in numbers:
-        length = periods * places
+        length = periods * ring.places
         if length > MOST_PLACES and periods > 1:
             break
-        shape = (length, oldest.shape[1])
+        shape = (length, ring.backs.shape[1])
         ways = [np.zeros(shape), np.ones(shape), source.random(shape)]
         steps = np.arange(length)[:, None] / length
         for waves in range(1, periods + 1):
@@ -187,12 +288,12 @@ def _starts(family: RingFrames, numbers: Sequence[int]) -> Iterator[Word]:
             phase = source.random(shape[1])
             ways.append(1.0 * (np.cos(2 * np.pi * (waves * steps + phase)) > 0))
         for way in ways:
-            word = []
-            for step in range(length):
-                own = members[step % places]
-                wanted = way[step] * oldest[own].max(0)
-                word.append(int(own[np.abs(oldest[own] - wanted).sum(1).argmin()]))
-            yield realised(family, tuple(word))
+            word = np.zeros(length, int)
+            for place, own in enumerate(members):
+                wanted = way[place :: ring.places, None] * own.max(0)
+                nearest = np.abs(own - wanted).sum(-1).argmin(1)
+                word[place :: ring.places] = ring.first[place] + nearest
+            yield ring.realised(tuple(word.tolist()))
 
 
 def _sizes(z):
@@ -210,33 +311,22 @@ def _rate(A, word):
     return float(_sizes(np.linalg.eigvals(product)).max()) if np.isfinite(product).all() else np.inf
 
 
-def _gains(A, family, word):
+def _gains(A, ring, word):
     """What each step of a pattern does to its largest eigenvalue with each matrix of its place,
     relative to that."""
-    before = [np.eye(A.shape[-1])]
-    for symbol in word:
-        before.append(A[symbol] @ before[-1])
-    z, vectors = np.linalg.eig(before[-1])
+    z, vectors = np.linalg.eig(product_of(A, word))
     at = int(_sizes(z).argmax())
-    x = vectors[:, at]
     try:
         y = np.linalg.inv(vectors)[at]
     except np.linalg.LinAlgError:
         y = np.linalg.pinv(vectors)[at]
+    before = [vectors[:, at]]
+    for symbol in word[:-1]:
+        before.append(A[symbol] @ before[-1])
     gains = [np.zeros(0)] * len(word)
     for step in range(len(word) - 1, -1, -1):
-        own = family.place == family.place[word[step]]
-        gains[step] = np.real((A[own] @ (before[step] @ x)) @ y / z[at])
+        place = step % ring.places
+        own = A[ring.first[place] : ring.first[place + 1]]
+        gains[step] = np.real((own @ before[step]) @ y / z[at])
         y = y @ A[word[step]]
     return gains
-
-
-def _changed(family, word, gains, cost):
-    """The pattern with what gains most at each place; cost: of a change, as a share of the largest
-    gain."""
-    most = max(np.ptp(own) for own in gains)
-    found = []
-    for symbol, gain in zip(word, gains, strict=True):
-        own = np.flatnonzero(family.place == family.place[symbol])
-        found.append(int(own[(gain - cost * most * (own != symbol)).argmax()]))
-    return tuple(found)

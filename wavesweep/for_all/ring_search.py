@@ -22,9 +22,7 @@ from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, 
 from wavesweep.for_all.message_rings import RingFrames
 
 WORK = 1e11  # operations of a search for norms, or of a proof on one side: some 40 s
-# Of an interval, how far within it a loop is taken to be stable while patterns are searched.
-START = 1e-3
-STARTS = (0.1, 0.01, 0.5)  # of the way to a refuted number, where a proof begins
+STARTS = (0.1, 0.01, 0.5, 1e-3, 1e-4)  # of an interval, where a proof begins
 NORMS_BEGIN = 0.2  # of what a small gain proves, where norms are searched that prove more
 BY_GAIN = "by a small gain"
 
@@ -60,19 +58,19 @@ def bracket_ring(
     """Return what is proved and refuted within an interval of a number, as `bracket`; None if
     no start of a proof is found."""
     low, high = about
-    fails, word = np.nan, ()
     gain = family.gain
-    if not gain.proved(high, high):
-        fails, word = nearest_pattern(family, low + START * (high - low), high)
-    goal = fails - tolerance / 2 * (fails - low) if word else high
-    starts = [low + share * (goal - low) for share in STARTS]
+    starts = [low + share * (high - low) for share in STARTS]
     begun = next((x for x in starts if gain.proved(x, x)), None)
     if begun is None:
         return None
-    above = gain.reached(begun, goal)
+    above = gain.reached(begun, high)
     below = gain.reached(begun, low)
-    report(below, above, 100 * (above - low) / (goal - low))
-    if above != goal and not family.few:
+    report(below, above, 100 * (above - low) / (high - low))
+    fails, word = np.nan, ()
+    if above != high:
+        fails, word = nearest_pattern(family, above, high)
+    goal = fails - tolerance / 2 * (fails - low) if word else high
+    if above < goal and not family.few:
         start = below + NORMS_BEGIN * (above - below)
         search = RingSearch.at_mean(family, start)
         centre = search and search.found(start, work)

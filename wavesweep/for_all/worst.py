@@ -25,6 +25,7 @@ from wavesweep.engine.switched import (
     nearest,
     nearest_growing,
     nearest_refuted,
+    places_between,
     refuted_beyond,
     written,
 )
@@ -231,6 +232,11 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     best = Refuted()
     tried = np.concatenate([loops.starts, loops.extremes()])
     searched = []
+    for _, x in places_between(start, limit):
+        ahead = min(x, limit) if limit > start else max(x, limit)
+        if (loops.growth.of(np.insert(tried, 0, ahead, axis=1)) >= 1).any():
+            limit = ahead
+            break
     for _ in range(6):  # climbs to points at which numbers closer to the start are refuted
         end, starts = (best.x, [*tried, best.point]) if best.word else (limit, tried)
         box = np.column_stack([sorted((start, end)), loops.box])

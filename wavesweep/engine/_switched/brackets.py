@@ -1,8 +1,10 @@
 """Whether all products of matrices in any allowed order decay, and the interval of a number for
 which they do."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from wavesweep.engine._switched.patterns import (
     growth,
     is_refuted,
     nearest,
+    places_between,
     refuted_beyond,
     short_words,
     shortest_through,
@@ -34,7 +37,7 @@ PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 # an end counts as at least this part of its distance from the start, where relative sizes are
 # formed
 NEAR_START = 0.01
-LONG_WORDS_EVERY = 12  # long words are searched at one of so many of these
+STEPS = 2  # from a number at which words are tried, of `places_between`, to the next one
 MORE = 3  # times as many words are searched where no proof is found
 # the next number for which norms are searched leaves this part of the way to the refuted one
 STRIDE = 0.35
@@ -200,6 +203,10 @@ class _Way:
         if abs(one - self.start) > abs(other - self.start):
             return one
         return other
+
+    def tries_long_words(self, x: float) -> bool:
+        """Whether words of more matrices are searched at a number: a power of 2, or the last."""
+        return math.frexp(x)[0] in (0.5, -0.5) or self.farther(x, self.limit) == x
 
     def grown(
         self, x: float, centre: Centre, word: Word, more: int = 1
@@ -398,26 +405,21 @@ def _first_refuted(way: _Way, known: Sequence[Word]) -> tuple[float, Word]:
     """The refuted number of the first words that grow on the way, the known ones before others, and
     its word; NaN and () if none grows."""
     family = way.family
-    before = way.start
     follows = family.follows
-    # Numbers between the start and the limit at which short words are tried.
-    scanned = way.start + (way.limit - way.start) * np.geomspace(1e-4, 1.0, 48)
-    for x in scanned if known else ():
-        grows = growing_of(family.at(x), known)
-        if grows:
-            return _first(family, grows, before, x, way.limit)
-        before = x
-    before = way.start
     short = list(dict.fromkeys((*short_words(follows), *shortest_through(follows))))
-    for index, x in enumerate(scanned):
-        A = family.at(x)
-        grows = growing_of(A, short)
-        if not grows and index % LONG_WORDS_EVERY == LONG_WORDS_EVERY - 1:
-            centre, _ = first_centre(A, follows)
-            grows = growing(A, follows, centre.basis)
-        if grows:
-            return _first(family, grows, before, x, way.limit)
-        before = x
+    for place, ahead in places_between(way.start, way.limit):
+        steps = np.linspace(place, ahead, 1 + STEPS)
+        for before, x in pairwise(steps.tolist()):
+            if (x - way.start) * (way.limit - way.start) <= 0:
+                continue
+            A = family.at(x)
+            grows = growing_of(A, [*known, *short])
+            if not grows and x == ahead and way.tries_long_words(x):
+                centre, _ = first_centre(A, follows)
+                grows = growing(A, follows, centre.basis)
+            found = _first(family, grows, before, x, x)
+            if found[1]:
+                return found if way.farther(found[0], way.limit) == way.limit else (np.nan, ())
     return np.nan, ()
 
 

@@ -1,7 +1,8 @@
 """Words: patterns of frames that make a loop unstable if they are repeated for ever."""
 
-from collections.abc import Sequence
-from itertools import combinations
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -22,6 +23,7 @@ WALKED = 240  # matrices of a walk
 LONGEST_RETURN = 160  # matrices of a word that is the end of a walk
 GONE_STATE = 1e-290  # a state that is gone
 ALL_WORDS_LENGTH = 4  # matrices of the words that are all tried
+NEAR_ZERO = 1e-3  # of a range with 0 in it, from which on numbers of it are tried
 MOST_RANKING_WORDS = 400  # how many these are at most
 
 Word = tuple[int, ...]
@@ -402,6 +404,26 @@ def rates_of(A: np.ndarray, words: Sequence[Word], least: float = 0.0) -> np.nda
         found[open_] = np.abs(np.linalg.eigvals(products[open_])).max(-1) ** (1 / length)
         rates[:, some] = found
     return rates
+
+
+def places_between(start: float, limit: float) -> Iterator[tuple[float, float]]:
+    """Yield numbers on the way from a start to a limit, each with the one before it, up to the first
+    one that is not before the limit.
+
+    They are powers of the root of 2, and so the same for all starts and limits; those of a range
+    with 0 in it are as small as a thousandth of its larger end.
+    """
+    up = 1 if limit > start else -1
+    least = NEAR_ZERO * max(abs(start), abs(limit))
+    lowest = math.floor(2 * math.log2(least))
+    highest = math.ceil(2 * math.log2(least / NEAR_ZERO))
+    powers = [2 ** (k / 2) for k in range(lowest, highest + 1)]
+    numbers = sorted({0.0, *powers, *(-power for power in powers)}, key=lambda x: x * up)
+    for before, x in pairwise(numbers):
+        if (x - start) * up > 0:
+            yield before, x
+        if (x - limit) * up >= 0:
+            break
 
 
 def nearest(family: Family, word: Word, start: float, x: float) -> float:
