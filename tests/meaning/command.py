@@ -9,6 +9,7 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
+from meaning.attacked import judge_attacked
 from meaning.coverage import lines
 from meaning.judge import Found, compiled, judge
 from meaning.rewritten import judge_rewritten
@@ -25,6 +26,7 @@ def main():
     parser.add_argument("--ends", type=int, default=1, help="ends and responses of each so manieth spec alone")
     parser.add_argument("--coverage", action="store_true", help="how many specs have each key, and no comparisons")
     parser.add_argument("--rewritten", type=int, default=0, help="so many specs against the same in other words, and no others")
+    parser.add_argument("--attacked", type=int, default=0, help="so many specs with sets, attacked, and no others")
     parser.add_argument("--required", type=int, default=10, help="requirements of each so manieth of these alone")
     chosen = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -36,7 +38,10 @@ def main():
     work = partial(attempt, chosen.ticks, chosen.ends, chosen.ends * chosen.required)
     if chosen.rewritten:
         numbers = range(chosen.seed, chosen.seed + chosen.rewritten)
-        work = attempt_rewritten
+        work = partial(attempt_of, rewritten_of)
+    if chosen.attacked:
+        numbers = range(chosen.seed, chosen.seed + chosen.attacked)
+        work = partial(attempt_of, judge_attacked)
     if chosen.jobs == 1:
         sys.exit(tally(map(work, numbers)))
     with ProcessPoolExecutor(chosen.jobs) as pool:
@@ -54,13 +59,18 @@ def attempt(ticks: int, ends: int, required: int, number: int) -> tuple[int, lis
             return number, [], traceback.format_exc()
 
 
-def attempt_rewritten(number: int) -> tuple[int, list[Found], str]:
-    """The same of the law of rewriting."""
+def attempt_of(judged, number: int) -> tuple[int, list[Found], str]:
+    """The same of another law, a function from the number of a spec to what it finds."""
+    try:
+        return number, judged(number), ""
+    except Exception:  # noqa: BLE001 as above
+        return number, [], traceback.format_exc()
+
+
+def rewritten_of(number: int) -> list[Found]:
+    """What `judge_rewritten` finds, in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder:
-        try:
-            return number, judge_rewritten(number, folder), ""
-        except Exception:  # noqa: BLE001 as above
-            return number, [], traceback.format_exc()
+        return judge_rewritten(number, folder)
 
 
 def tally(results) -> int:

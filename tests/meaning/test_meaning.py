@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 from meaning import exported
+from meaning.attacked import judge_attacked
 from meaning.coverage import drawn, uncovered
 from meaning.judge import compiled, judge
 from meaning.reading import machine_of, radius_of, with_value
@@ -28,6 +29,8 @@ REQUIRED = [  # a spec of each kind that takes little time
     (435, "margins.gain"), (93, "phase_deg"),
 ]  # fmt: skip
 RARE = (14, 72, 19, 27, 17, 69, 59, 107, 153)  # of specs that have what most do not
+ATTACKED = (87, 27, 30, 6)  # numbers of sets that take little time
+BEHIND_CHANNELS = (18, 26, 98, 137, 164, 176, 198, 200, 222, 248, 272, 473)
 REWRITTEN = (2, 7, 29, 70, 498)  # numbers of specs that take little time
 
 
@@ -69,6 +72,20 @@ def test_what_is_rare_means_the_same(number, tmp_path):
 @pytest.mark.parametrize("number", REWRITTEN)
 def test_a_spec_in_other_words_has_the_same_answers(number, tmp_path):
     assert [(one.what, one.mine, one.theirs) for one in judge_rewritten(number, tmp_path) if not one.same] == []
+
+
+@pytest.mark.parametrize("number", ATTACKED)
+def test_what_is_claimed_of_a_set_withstands_an_attack(number):
+    """A mass that varies, which is refused; ranges; messages lost at random before a dead time."""
+    assert [one for one in judge_attacked(number) if not one.same] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 48, 4))
+def test_what_is_claimed_of_sets_withstands_an_attack(first):
+    """Each kind of set four times; and dead times in seconds behind channels."""
+    numbers = [*range(first, first + 4), *BEHIND_CHANNELS[first // 4 :: 12]]
+    assert [(number, one) for number in numbers for one in judge_attacked(number) if not one.same] == []
 
 
 @pytest.mark.slow
