@@ -21,7 +21,7 @@ Cells divide the whole of the sides, in this order:
 
     {"split": "K_VE", "at": "12.5"}    first all lines of the lower part, then all of the upper part
     {"L": rows, "signs": "++-", "Q": [[exponents, rows], ...], "turn": -1}     a form (`form.py`); Q and turn may be left out
-    {"nodes": [{"L": rows, "Q": ...}, ...], "edges": [[node, letter, node], ...]}      forms of frames in any order
+    {"nodes": [{"L": rows, "Q": ...}, ...], "edges": [[node, letter, node], ...], "start": 0}   forms of frames in any order
     {"open": true}                     nothing is known
 
 Where [for_all] lists values of numbers, cells follow for each combination, the last key fastest, after a line of its own:
@@ -78,13 +78,14 @@ class Claim:
 class Family:
     """Kinds of frames of one loop in coordinates without drifts.
 
-    moves: {state of what may follow: {letter: (kind of frame, next state, chance)}}.
+    moves: {state of what may follow: {letter: (kind of frame, next state, chance)}}; start: the state in which a run begins.
     """
 
     frames: Frames
     drifts: list[dict[str, Fraction]]
     states: list[str]
     moves: dict[Any, dict[str, tuple[str, Any, Any]]]
+    start: Any
 
     def matrix(self, kind: str, cell: Cell) -> form.Matrix:
         return form.matrix_of(
@@ -115,10 +116,19 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker")
     allowed = for_all.read(tables, balls.exact)
-    if claim.claim == "modes" or not (allowed.varying or allowed.lost):
-        schedules, moves = own, {None: {"": ("", None, None)}}
-    else:
+    vary = bool(allowed.varying or allowed.lost)
+    messages = for_all.has_messages(loop)
+    if vary and messages:
+        raise Unreadable(
+            "frames that vary beside messages that are late or lost have no proof here"
+        )
+    if claim.claim != "modes" and messages:
+        schedules, moves, start = for_all.messages_of(loop)
+    elif claim.claim != "modes" and vary:
         schedules, moves = for_all.frames_of(allowed, loop_with)
+        start = 0
+    else:
+        schedules, moves, start = own, {None: {"": ("", None, None)}}, None
     for v in claim.drifts:
         for schedule in schedules.values():
             if not is_drift(schedule, v):
@@ -128,7 +138,7 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
         words = {"": [step for kind in _repeated(moves, claim.word) for step in words[kind]]}
     frames = Frames(words)
     drifts = coordinates(frames.live, claim.drifts)
-    return Family(frames, drifts, states_of(frames, drifts), moves)
+    return Family(frames, drifts, states_of(frames, drifts), moves, start)
 
 
 def _repeated(moves, word: list[str]) -> list[str]:
@@ -392,11 +402,11 @@ def _cells(family: Family, claim: Claim, lines: Iterator[dict]):
 def _graph(family: Family, cell: Cell, line: dict, box):
     """Refused, unless the forms of a graph decrease along every edge, and no frame that may come lacks one.
 
-    The walk begins at the first node, whatever was before. A form is positive: it is L' L at s = 0, and stays so as long as those
+    The walk begins at the node "start". A form is positive: it is L' L at s = 0, and stays so as long as those
     that follow do.
     """
-    if line.keys() - {"nodes", "edges"}:
-        raise Unreadable("a graph has nodes and edges alone")
+    if line.keys() - {"nodes", "edges", "start"}:
+        raise Unreadable("a graph has nodes, edges and a start alone")
     nodes = _expect(line["nodes"], list, "nodes")
     if not 0 < len(nodes) <= NODES:
         raise Unreadable(f"{len(nodes)} nodes; at most {NODES}")
@@ -420,7 +430,10 @@ def _graph(family: Family, cell: Cell, line: dict, box):
         edges[source, letter] = target
     matrices: dict[str, form.Matrix] = {}
     done = set()
-    reached = {(state, 0) for state in family.moves}
+    start = line.get("start", 0)
+    if start not in range(len(nodes)):
+        raise Unreadable("a graph starts at one of its nodes")
+    reached = {(family.start, start)}
     todo = list(reached)
     while todo:
         state, node = todo.pop()

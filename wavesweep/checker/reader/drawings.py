@@ -226,7 +226,9 @@ class Drawing:
             )
             return self.body(axes, *parts)
         if kind == "tf":
-            A, B, C, D = filters.transfer(self.list(name, "num"), self.list(name, "den"))
+            A, B, C, D = filters.transfer(
+                self.numbers_of(name, "num"), self.numbers_of(name, "den")
+            )
             return ["u"], ["y"], A, [[entry] for entry in B], [C], [[D]]
         return self.state_space(name)
 
@@ -271,7 +273,7 @@ class Drawing:
         nothing = [[0] * size for _ in outputs]
         return [f"f{axis}" for axis in axes], outputs, A, B, identity(2 * size), nothing
 
-    def list(self, block: str, key: str) -> list:
+    def numbers_of(self, block: str, key: str) -> list:
         return [self.number(entry, self.period(block)) for entry in self.word(block, key, [])]
 
     def wire_of_plant(self, block: str, port: str):
@@ -456,6 +458,22 @@ class Drawing:
     def run_channel(self, name, equations, writes):
         self.run_hold(name, equations, writes)
 
+    def messages(self, name, new, runs, equations, writes):
+        """The receiver gets the message that was sent so many messages before the newest one, or None, and holds what it has."""
+        now = [f"{name} now"] * runs
+        kept = (
+            self.whole(name, "late", 0) // self.every(name) + 1 - runs
+        )  # of those that may still come
+        sent = [*now, *(f"@{name} sent {at}" for at in range(kept))]
+        if runs:
+            equations[f"{name} now"] = self.one(name)
+            for at, message in enumerate(sent):
+                writes[f"@{name} sent {at}"] = {message: 1}
+        lost = runs and self.choice(name, "missing", "held", "zero") == "zero"
+        equations[f"{name}.y"] = (
+            {sent[new]: 1} if new is not None else {} if lost else {f"@held {name}.y": 1}
+        )
+
     def run_saturation(self, name, equations, writes):
         self.run_hold(name, equations, writes)
 
@@ -571,7 +589,7 @@ class Drawing:
         )
 
     def run_fir(self, name, equations, writes):
-        self.weighted(name, equations, writes, self.list(name, "coefficients"))
+        self.weighted(name, equations, writes, self.numbers_of(name, "coefficients"))
 
     def run_mean(self, name, equations, writes):
         count = self.whole(name, "n")
@@ -587,7 +605,7 @@ class Drawing:
         )
 
     def run_tf(self, name, equations, writes):
-        model = filters.transfer(self.list(name, "num"), self.list(name, "den"))
+        model = filters.transfer(self.numbers_of(name, "num"), self.numbers_of(name, "den"))
         add_model(equations, writes, name, model, self.one(name), f"{name}.y")
 
     def run_ss(self, name, equations, writes):
@@ -673,11 +691,16 @@ class Drawing:
 
     # Time
 
-    def schedule(self) -> Schedule:
+    def frame_ticks(self) -> int:
+        """After so many ticks all blocks are in step again."""
+        return math.lcm(1, *(self.every(name) for name in self.blocks if name not in self.plants))
+
+    def schedule(self, held: list[dict] | None = None) -> Schedule:
+        """All instants of one period; held: of each tick the message that each channel gets."""
         running = [
             name for name in self.blocks if name not in self.plants and name not in self.late
         ]
-        period = math.lcm(1, *(self.every(name) for name in running))
+        period = self.frame_ticks()
         if period > MOST_TICKS:
             raise Unreadable(f"a period of {period} ticks; at most {MOST_TICKS}")
         kinds: dict[object, Instant] = {}
@@ -687,9 +710,11 @@ class Drawing:
             active = tuple(
                 name for name in running if (tick - self.phase(name)) % self.every(name) == 0
             )
-            if active not in kinds:
-                kinds[active], extra = self.tick(running, active)
-            rank.append((tick * self.T, 1, active))
+            now = held[tick] if held else {}
+            own = (active, *now.items())
+            if own not in kinds:
+                kinds[own], extra = self.tick(running, active, now)
+            rank.append((tick * self.T, 1, own))
             for later, kind, instant in extra:
                 kinds[kind] = instant
                 rank.append((tick * self.T + later, 2, kind))
@@ -700,10 +725,10 @@ class Drawing:
             if order == 1:
                 ticks[at] = len(ticks)
             times.append((time, kind))
-        shown = {name: name for name in kinds[active].equations}
+        shown = {name: name for name in kinds[own].equations}
         return Schedule(period * self.T, kinds, times, ticks, self.motion(), shown)
 
-    def tick(self, running, active):
+    def tick(self, running, active, held):
         """What happens in a tick in which the blocks `active` run."""
         equations: dict[str, dict] = {}
         writes: dict[str, dict] = {}
@@ -722,6 +747,8 @@ class Drawing:
                     holds = self.blocks[name]["type"] != "impulse" or out.endswith(".sum")
                     equations[out] = {f"@held {out}": 1} if holds else {}
                 writes[f"@held {out}"] = {out: 1}
+        for name, new in held.items():
+            self.messages(name, new, name in active, equations, writes)
         if self.cut:
             runs = self.owner(self.cut) in active
             equations["cut"] = {self.cut: 1, "!cut": 1} if runs else {"@held cut": 1}

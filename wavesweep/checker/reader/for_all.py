@@ -10,7 +10,8 @@ from fractions import Fraction
 from itertools import product
 from typing import Any
 
-from wavesweep.checker.reader.controllers import SYMBOLS, Controller
+from wavesweep.checker.reader.controllers import MOST_TICKS, SYMBOLS, Controller
+from wavesweep.checker.reader.drawings import Drawing
 from wavesweep.checker.reader.expressions import names_in, parsed
 from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
 
@@ -20,6 +21,7 @@ WHOLE = {RATIO, DELAY, "device.delay", "local_model.delay"} | {
     f"filters.{name}.order" for name in ("lp1", "hp", "lp2")
 }
 MOST = 256  # combinations of listed values, and kinds of frames
+MOST_STATES = 10_000  # of what receivers have
 
 
 @dataclass
@@ -168,6 +170,119 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     if step == "nominal":
         loop.Ts = nominal.Ts
     return loop.schedule(lost)
+
+
+def has_messages(loop: Loop) -> bool:
+    """Whether something may happen to messages of channels."""
+    return isinstance(loop, Drawing) and any(
+        keys["type"] == "channel" and keys.keys() & {"late", "lost", "loss", "burst"}
+        for keys in loop.blocks.values()
+    )
+
+
+def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
+    """Stretches of a period from each tick in which a message may come or be lost, {state: {letter: (stretch, state, None)}}, and
+    the state in which a run begins, all messages there.
+
+    Message i back is the one that was sent so many messages before the newest. A receiver that has message h keeps it until a
+    newer one comes, which is no older than `late` ticks; of those that are newer than what it has no more than `lost` may be as
+    old as that. A state is (place of the next stretch, what each receiver has); a letter says the tick and what they then have.
+    """
+    channels = {
+        name: _channel(loop, name)
+        for name, keys in loop.blocks.items()
+        if keys["type"] == "channel"
+    }
+    period = loop.frame_ticks()
+    if period > MOST_TICKS:
+        raise Unreadable(f"a period of {period} ticks; at most {MOST_TICKS}")
+    cuts = [
+        tick
+        for tick in range(period)
+        if any(_may_come(channel, tick) for channel in channels.values())
+    ]
+    ends = [*cuts[1:], period + cuts[0]]
+    start = (0, tuple(0 for _ in channels))
+    moves: Moves = {}
+    schedules: dict[str, Schedule] = {}
+    todo = [start]
+    while todo:
+        place, before = state = todo.pop()
+        if state in moves:
+            continue
+        first, until = cuts[place], ends[place]
+        options = [
+            _next(channel, first, back)
+            for channel, back in zip(channels.values(), before, strict=True)
+        ]
+        moves[state] = {}
+        for after in product(*options):
+            parts = [
+                f"{name} {'gets' if new else 'has'} {back}"
+                for name, (back, new) in zip(channels, after, strict=True)
+            ]
+            letter = f"{first}: {', '.join(parts)}"
+            if letter not in schedules:
+                gets = [back if new else None for back, new in after]
+                schedules[letter] = _stretch(loop, channels, first, until, gets)
+            backs = []
+            for (back, _), (every, phase, *_) in zip(after, channels.values(), strict=True):
+                backs.append(
+                    back + sum((tick - phase) % every == 0 for tick in range(first + 1, until))
+                )
+            following = ((place + 1) % len(cuts), tuple(backs))
+            moves[state][letter] = (letter, following, None)
+            todo.append(following)
+        if len(moves) > MOST_STATES:
+            raise Unreadable(f"more than {MOST_STATES} states of messages")
+    return schedules, moves, start
+
+
+def _channel(loop: Drawing, name: str) -> tuple[int, int, int, int]:
+    """(every, phase, late, lost)."""
+    late = loop.whole(name, "late", 0)
+    lost = loop.whole(name, "lost", 0)
+    if loop.blocks[name].keys() & {"loss", "burst"}:
+        raise Unreadable(
+            f"messages of {name} are lost at random, which no proof for all of them holds for"
+        )
+    if late and loop.choice(name, "missing", "held", "zero") == "zero":
+        raise Unreadable(
+            f"messages of {name} that are late, and zero where they are missing, have no proof here"
+        )
+    return loop.every(name), loop.phase(name), late, lost
+
+
+def _may_come(channel, tick: int) -> bool:
+    """Whether in this tick a message may come, or has to be there or lost."""
+    every, phase, late, _ = channel
+    return (tick - phase) % every <= late
+
+
+def _next(channel, tick: int, back: int) -> list[tuple[int, bool]]:
+    """What a receiver may have after a tick, that had the message so far back before it: (message, whether it is new)."""
+    every, phase, late, lost = channel
+    age = (tick - phase) % every
+    kept = back + (age == 0)
+    found = [(new, True) for new in range(kept) if age + every * new <= late]
+    found.append((kept, False))
+    return [
+        (has, new)
+        for has, new in found
+        if sum(age + every * each >= late for each in range(has)) <= lost
+    ]
+
+
+def _stretch(loop: Drawing, channels, first: int, until: int, gets) -> Schedule:
+    """The instants from a tick to the one before another, of which the first one brings messages."""
+    held: list[dict] = [dict.fromkeys(channels) for _ in range(loop.frame_ticks())]
+    held[first] = dict(zip(channels, gets, strict=True))
+    whole = loop.schedule(held)
+    times = [(time + again * whole.period, kind) for again in (0, 1) for time, kind in whole.times]
+    begin = first * loop.T
+    end = until * loop.T
+    times = [(time - begin, kind) for time, kind in times if begin <= time < end]
+    return Schedule(end - begin, whole.kinds, times, {}, whole.motion, {})
 
 
 STEPPED = {
