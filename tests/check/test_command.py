@@ -6,6 +6,7 @@ import re
 import pytest
 
 import wavesweep as library
+from wavesweep.check.room_of_numbers import limits
 from wavesweep.program.spec import SYMBOLS
 
 DESIGN = """
@@ -83,3 +84,18 @@ def test_a_dead_time_that_another_one_reads_is_named(first, late, wavesweep, tmp
     assert ("a and b are dead times in series" in said) == bool(late)
     assert late in said
     assert "in place 3.4 ms after" in said
+
+
+@pytest.mark.slow
+def test_the_range_of_a_cutoff_ends_in_numbers_of_json():
+    loop = {
+        "rates": {"tick_hz": 4000},
+        "numbers": {"f": 400.0},
+        "block": {
+            "m": {"type": "mass", "mass": 1, "damping": 1},
+            "lp": {"type": "butterworth", "order": 2, "cutoff_hz": "f"},
+        },
+        "wire": {"lp.u": "m.v", "m.f": "-10*lp.y"},
+    }
+    (found,) = limits(library.load(loop))
+    assert json.loads(json.dumps(found)) == found

@@ -58,3 +58,16 @@ def test_a_drawn_loop_is_looked_along_its_number_sweeps_no_other_that_was_chosen
     found = load(tomllib.loads(text_of(spec, {"kv": 20.0, "kp": 1.5, "settling": 0.05}, 0.0)))
     assert ([axis.name for axis in found.sweep], found.along) == (["kv"], "kv")
     assert (found.values["numbers.kp"], found.simulate["input"], found.simulate["duration_s"]) == (1.5, "step", 0.5)
+
+
+def test_a_channel_is_written_as_it_stands_without_a_table_for_all():
+    drawn = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"k": 1.0},
+        "block": {"x": {"type": "mass", "mass": 1.0, "damping": 1.0}, "net": {"type": "channel", "lost": 1}},
+        "wire": {"net.u": "-k*x.x", "x.f": "net.y"},
+        "design": {"vary": {"k": {"start": 0.5, "stop": 2}}, "wish": {"damping_ratio": {}}},
+    }
+    found = load(tomllib.loads(text_of(load(drawn), {"k": 0.7, "damping_ratio": 0.4}, 1.0)))
+    assert found.values["numbers.k"] == 0.7
+    assert found.drawing.channels

@@ -43,3 +43,9 @@ def test_its_eigenvalues_are_those_of_the_complex_loop_and_their_conjugates(cut)
     for ours, theirs in zip(both, z, strict=True):
         expected = np.poly(np.concatenate([theirs, theirs.conj()])).real
         np.testing.assert_allclose(np.poly(ours).real, expected, atol=1e-12)
+
+
+def test_dead_times_in_both_parts_have_the_whole_ticks_of_the_loop():
+    loops = Loops(load(LOOP).drawing, dict(load(LOOP).values)).with_gain_at("net.y")
+    turned = loops.with_complex_factor(Tree.number(1.0), Tree.number(0.0))
+    assert turned.radii()[0] == pytest.approx(loops.radii()[0], rel=1e-10)

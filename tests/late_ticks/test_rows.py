@@ -10,6 +10,7 @@ from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.late_ticks import rows as late_rows
 from wavesweep.late_ticks.bracket import Bracket, End
 from wavesweep.late_ticks.patterns import in_words as pattern_in_words
+from wavesweep.late_ticks.tick_curves import late_ticks
 from wavesweep.program.sweep.grid import own_loop
 
 pytestmark = pytest.mark.asks("for_all")
@@ -122,3 +123,15 @@ def test_rates_that_do_not_divide_and_numbers_inside_the_device_are_refused():
     loop = wavesweep.compile(changed(sweep=along))
     with pytest.raises(UsageError, match="one wire or gain reads"):
         loop.stable_intervals(along="device.damping", span=(1, 2))
+
+
+@pytest.mark.slow
+def test_lengths_are_divided_where_curves_need_it_alone():
+    """Ticks of up to 31 times their own time need few cells, and the short ones the fewest."""
+    loop = own_loop(wavesweep.load(changed(rates={"ratio": 1})))
+    ticks = late_ticks(loop, "", (1e-3, 31e-3))
+    assert ticks.cells < 16
+    assert ticks.lengths[0] == 1e-3
+    assert ticks.lengths[-1] == pytest.approx(31e-3)
+    widths = np.diff(np.log(ticks.lengths))
+    assert widths[0] > 1.5 * widths[-1]

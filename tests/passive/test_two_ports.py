@@ -11,7 +11,8 @@ import wavesweep
 from wavesweep.engine._stability.positive import Cover
 from wavesweep.haptics.held_loop import held_loop
 from wavesweep.passive import two_ports
-from wavesweep.passive.port_rows import index, pair_margin
+from wavesweep.passive.port_jobs import curves
+from wavesweep.passive.port_rows import curve, index, pair_margin
 from wavesweep.passive.two_ports import Pair, pairs_of, worst
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.hand_rows import hands_of
@@ -91,3 +92,12 @@ def test_what_a_cover_leaves_open_is_not_proved(monkeypatch):
     monkeypatch.setattr(two_ports, "BOXES", 20)
     pair = Pair(pairs_of(loop_with(n=1), "", (0.0, 0.0)))
     assert pair.open_in(0.0, 0.0, lambda _, box, __: Cover(np.array([box]), np.zeros((0, 2)))) != []
+
+
+@pytest.mark.slow
+def test_a_sweep_without_values_has_the_curve_of_the_specs_own_loop():
+    spec = wavesweep.load(SPEC, ["sweep.n="])
+    (of_grid,) = curves(spec, ())
+    own = curve(held_loop(own_loop(spec)))
+    for name, column in own.items():
+        np.testing.assert_array_equal(of_grid[name], column)

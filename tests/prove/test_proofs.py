@@ -180,3 +180,47 @@ def test_a_mode_that_stays_on_the_circle_is_never_stable_or_in_doubt(prove):
 def test_a_proof_that_takes_too_many_operations_is_none(prove):
     assert prove(read(ARM), "c", (-1.0, 20.0), operations=1e3) is None
     assert prove(read(ARM), "c", (-1.0, 20.0)).intervals
+
+
+BETWEEN_TWO_BODIES = """
+[rates]
+tick_hz = 5
+[block.dev]
+type = "mass"
+mass = "m"
+stiffness = 44.0
+[block.l]
+type = "delay"
+steps = 2
+[block.pf]
+type = "hold"
+[wire]
+"l.u" = "dev.v"
+"pf.u" = "-0.5*l.y"
+"dev.f" = "pf.y"
+[numbers]
+m = 0.57
+"""
+
+
+@pytest.mark.slow
+def test_stretches_of_no_width_between_unstable_ones_need_no_proof():
+    """Ends where the delayed damping meets the circle, by eigenvalues of a sampled oscillator with two ticks of delay."""
+    found = wavesweep.compile(read(BETWEEN_TWO_BODIES)).stable_intervals(along="m", span=(0.0285, 5))
+    assert found["certified"].all()
+    ends = [(0.0380367, 0.0445813), (0.0571126, 0.0826611), (0.2207754, 0.4516109), (4.6148616, 5.0)]
+    np.testing.assert_allclose(found[["low", "high"]], ends, atol=6e-8)
+    for low, high in ends[:3]:
+        assert _radius(np.nextafter(low + 1e-6, 1)) < 1 < _radius(low - 1e-6)
+        assert _radius(high - 1e-6) < 1 < _radius(high + 1e-6)
+
+
+def _radius(m):
+    """Spectral radius of an undamped body on a spring, 5 Hz, with the force -0.5 v of two ticks ago."""
+    w, T = np.sqrt(44.0 / m), 0.2
+    plant = [[np.cos(w * T), np.sin(w * T) / w], [-w * np.sin(w * T), np.cos(w * T)]]
+    force = [(1 - np.cos(w * T)) / 44.0, np.sin(w * T) / (w * m)]
+    A = np.zeros((4, 4))
+    A[:2, :2], A[:2, 3] = plant, -0.5 * np.array(force)
+    A[2, 1] = A[3, 2] = 1
+    return np.abs(np.linalg.eigvals(A)).max()

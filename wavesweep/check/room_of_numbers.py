@@ -84,8 +84,8 @@ def _limit(spec, name, path, span, of_key=(False, False), again=False):
     if rows is None:
         return limit | {"stable": None, "doubt": LATE, "certified": False}
     # A filter's cutoff is next to half its rate.
-    from_moves = of_key[0] and rows["open_low"][0] == start
-    to_moves = of_key[1] and rows["open_high"][-1] == stop
+    from_moves = of_key[0] and float(rows["open_low"][0]) == start
+    to_moves = of_key[1] and float(rows["open_high"][-1]) == stop
     if not again and (from_moves or to_moves):
         start += LEFT_OUT_OF_WAY * (value - start) * from_moves
         stop += LEFT_OUT_OF_WAY * (value - stop) * to_moves

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine._drawing import complex_gain, gain_at_signal
 from wavesweep.engine._drawing.delays_in_series import with_delays_of_one_step
-from wavesweep.engine._drawing.drawing import Drawing, name_of, path_of
+from wavesweep.engine._drawing.drawing import Drawing, name_of, path_of, scalars
 from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._loops import dead_time, domain, from_drawing
 from wavesweep.engine._loops.common_tick import with_common_tick
@@ -76,8 +76,9 @@ class Loops(NamedTuple):
         real loops of twice the size, see `complex_gain`."""
         drawing = complex_gain.with_complex_factor(self.drawing, re, im)
         values = dict(self.values)
+        built = dead_time.built(self.drawing, scalars(values))
         for path in drawing.building:  # of both parts dead times have the same whole ticks
-            values[path] = self.values[path.replace(complex_gain.TWIN, "")]
+            values[path] = built[path.replace(complex_gain.TWIN, "")]
         return Loops(drawing, values)
 
     @property

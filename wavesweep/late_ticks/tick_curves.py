@@ -118,23 +118,31 @@ def late_ticks(
     interval: the least and the largest length of a tick (s). least_cells: into which it is divided
     at least. Errors: IllPosedLoopError for an algebraic loop without a solution.
     """
-    cells = least_cells
-    while True:
-        lengths = np.geomspace(*interval, cells + 1)
+    curves = []
+    lengths = [interval[0]]
+    ahead = list(itertools.pairwise(np.geomspace(*interval, least_cells + 1)))
+    while ahead:
+        low, high = ahead.pop(0)
+        few = len(curves) + len(ahead) + 2 <= MOST_CELLS
         try:
-            curves = [_curves(loops, *ends) for ends in itertools.pairwise(lengths)]
-            if 2 * cells > MOST_CELLS or all(map(_is_near, curves)):
-                break
+            cell = _curves(loops, low, high)
+            divided = few and not _is_near(cell)
         except UnresolvedError as error:
-            if 2 * cells > MOST_CELLS:
+            if not few:
                 raise IllPosedLoopError(WIDE) from error
-        cells *= 2
+            divided = True
+        if divided:
+            middle = np.sqrt(low * high)
+            ahead[:0] = [(low, middle), (middle, high)]
+        else:
+            curves.append(cell)
+            lengths.append(high)
     points = []
     for cell in curves:
         for j in range(DEGREE + 1):
             points.append({name: _point(both, j) for name, both in cell.items()})
     family, places = _family(loops, along, points)
-    return LateTicks(family, lengths, places, cells)
+    return LateTicks(family, np.array(lengths), places, len(curves))
 
 
 def moving(drawing: Drawing) -> list[str]:
@@ -186,9 +194,8 @@ def _is_near(curves) -> bool:
     for both in curves.values():
         for control, rest in both:
             size = np.abs(control).max(0)
-            rounding = ROUNDINGS * UNIT_ROUNDING * (1 + size.max(initial=0.0))
-            # Of an entry: a cell that leaves more out of its curve is divided.
-            if (rest > 1e-7 * size + rounding).any():
+            # Of an entry, or of the largest one beside one that is nearly 0.
+            if (rest > 1e-7 * size + 1e-12 * (1 + size.max(initial=0.0))).any():
                 return False
     return True
 

@@ -598,7 +598,8 @@ def proved_by_balls(
             if not (agree_before and agree_after):
                 continue  # what contradicts its neighbours is not taken for proved
             remains[before + 1 : after] = False
-            new.append(_tiles_of_intervals(column, a, b, intervals))
+            if a < b:  # else windows lie between two unstable stretches that meet
+                new.append(_tiles_of_intervals(column, a, b, intervals))
             elsewhere = (lost[0] != column) | (lost[2] <= a) | (lost[1] >= b)
             lost = tuple(fact[elsewhere] for fact in lost)
     return Tiles.join([joined.take(remains & ~outer), *new]), lost

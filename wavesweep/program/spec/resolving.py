@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from wavesweep.engine.drawing import LONGEST_DELAY, Drawing, faults
 from wavesweep.engine.keys import (
     HIGHEST_ORDER,
-    LONGEST_FRAME,
     Leaf,
     Mistakes,
     Place,
     expectation,
     show,
 )
-from wavesweep.haptics.controllers import CONTROLLERS, MOST_SLOW_STEPS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.reading.keys import (
     BAND_EDGES,
     DEVICES,
@@ -29,6 +28,10 @@ from wavesweep.program.reading.keys import (
 )
 
 DELAY = "environment.delay"
+# ticks after which rates that do not divide are in step again: commands take minutes with more, and
+# seconds with few
+MOST_TICKS_IN_STEP = 10_000
+FEW_TICKS_IN_STEP = 2000
 TWINS = {
     "rates.ratio": "rates.slow_hz",
     "rates.slow_hz": "rates.ratio",
@@ -168,14 +171,18 @@ def _resolve_rates(
         else:
             expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}, or by a fraction of "
             expected += (
-                f"at least 2 after which both are in step again within {LONGEST_FRAME} ticks"
+                f"at least 2 after which both are in step again within {MOST_TICKS_IN_STEP} ticks"
             )
             below = math.floor(min(fast_hz / checked[path], HIGHEST_RATIO))
             # With their ratios, as few of these rates are short decimals.
             ratios = [
                 ratio_near for ratio_near in (below, below + 1) if 1 <= ratio_near <= HIGHEST_RATIO
             ]
-            expected += f" (the nearest: {' and '.join(f'{fast_hz / ratio_near:g} Hz, ratio = {ratio_near}' for ratio_near in ratios)})"
+            nearest = [f"{fast_hz / near:g} Hz, ratio = {near}" for near in ratios]
+            if 2 <= fast_hz / checked[path] <= HIGHEST_RATIO:
+                ticks, steps = _short_fraction(fast_hz / checked[path], FEW_TICKS_IN_STEP)
+                nearest.append(f"{fast_hz * steps / ticks!r} Hz, {ticks} ticks")
+            expected += f" (the nearest: {' and '.join(nearest)})"
             if checked[path] > fast_hz:
                 expected = f"at most rates.fast_hz = {fast_hz!r} (are the two swapped?)"
             mistakes.refuse(
@@ -194,13 +201,19 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
     # of both numbers and of their product, at most 1.5 units in the last place.
     if math.isclose(slow_hz * ratio, fast_hz, rel_tol=4e-16):
         return ratio
-    from fractions import Fraction
-
-    ticks, steps = Fraction(quotient).limit_denominator(MOST_SLOW_STEPS).as_integer_ratio()
-    fits = math.isclose(slow_hz * ticks, fast_hz * steps, rel_tol=5e-16) and ticks <= LONGEST_FRAME
-    if fits and 2 <= quotient <= HIGHEST_RATIO:
+    if not 2 <= quotient <= HIGHEST_RATIO:
+        return None
+    ticks, steps = _short_fraction(quotient, MOST_TICKS_IN_STEP)
+    if math.isclose(slow_hz * ticks, fast_hz * steps, rel_tol=5e-16):
         return ticks / steps
     return None
+
+
+def _short_fraction(quotient: float, most: int) -> tuple[int, int]:
+    """Ticks, at most so many, and slow steps of the nearest ratio of both."""
+    from fractions import Fraction
+
+    return Fraction(quotient).limit_denominator(int(most / quotient)).as_integer_ratio()
 
 
 def _resolve_filter(

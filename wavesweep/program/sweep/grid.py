@@ -61,7 +61,7 @@ class Grid:
             zip((axis.path for axis in self.axes), _digits(self.axes, combination), strict=True)
         )
         if not self.loop_axes:
-            return np.zeros(np.size(combination), int)
+            return np.zeros(np.shape(combination), int)
         shape = tuple(len(axis.values) for axis in self.loop_axes)
         return np.ravel_multi_index([digits[axis.path] for axis in self.loop_axes], shape)
 
