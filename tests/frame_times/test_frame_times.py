@@ -411,3 +411,13 @@ def test_stamps_of_fast_ticks_give_their_interval(wavesweep, written, fixed):
     assert ("a timer at fixed times" in err) == fixed
     spec = load(ENGINE | {"for_all": {"tick": tick}})
     assert spec.tick.interval(spec.tick_hz) == (tick["start"], tick["stop"])
+
+
+def test_times_whose_name_has_another_unit_than_their_numbers_are_refused_with_the_scale_of_seconds(tmp_path):
+    path = tmp_path / "frames.csv"
+    path.write_text("time_us\n" + "".join(f"{0.0245 * row:.4f}\n" for row in range(60)))
+    with pytest.raises(
+        UsageError, match=r"time: expected frames of about a tick of 1 ms or more, found 2.45e-08 s .*--scale time=1 "
+    ):
+        read_run(path, 1000.0, {}, {}, own_ticks=True)
+    assert read_run(path, 1000.0, {}, {"time": 1.0}, own_ticks=True).ticks[0] == pytest.approx(24.5)

@@ -298,3 +298,47 @@ def test_intervals_from_an_analogue_response_of_the_velocity_contain_the_truth(t
 def written_response(path, H, name="admittance"):
     table = np.c_[HERTZ, np.abs(H), np.degrees(np.angle(H))]
     np.savetxt(path, table, delimiter=",", header=f"frequency_hz,{name}_abs,{name}_deg", comments="")
+
+
+def _of_whole(step):
+    return lambda times, _: np.floor(times / step) * step
+
+
+STAMPS = {  # the rate of a log, and its stamps of these times
+    "600 Hz, whole ms": (600, _of_whole(1e-3)),
+    "700 Hz, whole ms": (700, _of_whole(1e-3)),
+    "450 Hz, whole ms": (450, _of_whole(1e-3)),
+    "334 Hz, whole ms": (334, _of_whole(1e-3)),
+    "640 Hz, rounded to ms": (640, lambda times, _: np.round(times, 3)),
+    "1200 Hz, half ms": (1200, _of_whole(5e-4)),
+    "960 Hz, fifths of a ms": (960, _of_whole(2e-4)),
+    "late by up to a fifth": (1000, lambda times, rng: times + 2e-4 * rng.random(len(times))),
+    "late by up to two fifths": (1000, lambda times, rng: times + 4e-4 * rng.random(len(times))),
+    "slow, late by up to a third": (500, lambda times, rng: times + 6e-4 * rng.random(len(times))),
+    "normal": (1000, lambda times, rng: times + 1e-4 * rng.standard_normal(len(times))),
+    "late now and then": (1000, lambda times, rng: times + 1e-4 * rng.exponential(size=len(times)).clip(0, 4)),
+    "the first one early": (1000, lambda times, _: times - 4e-4 * (times == times[0])),
+    "the last one late": (1000, lambda times, _: times + 4e-4 * (times == times[-1])),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", STAMPS)
+def test_stamps_that_jitter_leave_the_mass_and_the_damping_in_their_intervals(kind, tmp_path):
+    """Rows are equally spaced, and the stamps are not: a mass is in proportion to the square of the period."""
+    rate, stamps = STAMPS[kind]
+    rng = np.random.default_rng(len(kind))
+    force = np.repeat(rng.uniform(-1, 1, 300), 5)
+    decay = np.exp(-15.0 / rate)
+    x, v = np.zeros((2, len(force)))
+    for k, push in enumerate(force[:-1]):
+        end = push / 1.5
+        x[k + 1] = x[k] + end / rate + (v[k] - end) * (1 - decay) / 15.0
+        v[k + 1] = end + (v[k] - end) * decay
+    path = tmp_path / "log.csv"
+    rows = np.c_[stamps(np.arange(len(force)) / rate, rng), force, np.round(x / 1e-5) * 1e-5]
+    np.savetxt(path, rows, delimiter=",", header="time,force,position", comments="", fmt="%.9f")
+    found = of_identify.identify(path).facts["parameters"]
+    assert found["mass"]["low"] <= 0.1 <= found["mass"]["high"]
+    assert found["damping"]["low"] <= 1.5 <= found["damping"]["high"]
+    assert found["mass"]["high"] - found["mass"]["low"] < 1e-4

@@ -5,7 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.identification.points import response_of, walls_of
+from wavesweep.identification.points import read_response, response_of, walls_of
 
 RESPONSE = "frequency_hz,admittance_abs,admittance_deg\n1,0.002,-1\n2,0.003,-5\n"
 
@@ -57,3 +57,19 @@ def test_a_cell_that_is_too_long_is_named_as_such(tmp_path):
     rows = "".join(f"{n},{100 + n},1\n" for n in range(20))
     with pytest.raises(UsageError, match=r"points.csv: expected cells of at most 131072 letters"):
         walls_of(spec_of(tmp_path, "z_width", f"B_VE,K_VE,stable\n{rows}20,1,{'1' * 140_000}\n"))
+
+
+def test_walls_and_responses_of_another_kind_of_hand_are_refused(tmp_path):
+    with pytest.raises(UsageError, match=r"points.csv: K_VE \(N\*m/rad\): expected N/m, found N\*m/rad"):
+        walls_of(spec_of(tmp_path, "z_width", "B_VE,K_VE (N*m/rad)\n0,900\n1,1000\n"))
+
+
+def test_a_response_has_the_units_in_the_names_of_its_columns(tmp_path):
+    path = tmp_path / "frf.csv"
+    path.write_text("frequency_hz,FRF (mm/N),phase (rad)\n1,2,-1\n2,3,-0.5\n")
+    columns = {"admittance_abs": "FRF (mm/N)", "admittance_deg": "phase (rad)"}
+    found = read_response(path, 1, columns=columns)
+    assert found.admittance == pytest.approx(np.array([2e-3, 3e-3]) * np.exp([-1j, -0.5j]), rel=1e-14)
+    path.write_text("frequency_hz,FRF (dB),phase (rad)\n1,2,-1\n2,3,-0.5\n")
+    with pytest.raises(UsageError, match=r"expected m/N or rad/\(N\*m\), found dB; --scale admittance=FACTOR"):
+        read_response(path, 1, columns=columns | {"admittance_abs": "FRF (dB)"})

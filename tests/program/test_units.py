@@ -27,7 +27,10 @@ SPELLINGS = {  # by the expected unit: what turns numbers in each of these into 
     | dict.fromkeys(("U/min", "Hz", "1/s", "erpm", "ERPM", "m/s"))
     | dict.fromkeys(("rad_s", "rad_per_s", "rad s-1"), 1),
     "m/s^2": dict.fromkeys(("m/s²", "m/s2", "m_s2", "m·s⁻²"), 1) | {"mm/s^2": "1e-3", "g": None},
-    "kg*m^2": {"g*cm^2": "1e-7", "kg·m²": 1, "kg": None},
+    "kg*m^2": dict.fromkeys(("kg·m²", "kgm^2", "kgm2", "kg m2"), 1)
+    | dict.fromkeys(("g*cm^2", "gcm2", "gcm²"), "1e-7")
+    | {"kg": None},
+    "N*m*s/rad": {"Nms/rad": 1, "mNms/rad": "1e-3", "N*m": None, "Nms": None},
     "Hz": {"kHz": "1e3", "KHZ": "1e3", "1/s": 1, "rad/s": None, "rpm": None},
     "N/m": {"N/mm": "1e3", "kN/m": "1e3", "N*m": None, "pictures": None},
     "pictures": {"pictures": 1, "mm": None},
@@ -221,3 +224,51 @@ def test_a_spec_to_begin_with_has_the_number_in_its_own_unit():
     assert "J  = { value = 1e-05," in filled(drawn_loops()["drive"], "mine.toml", ["J=100 g*cm^2"])
     with pytest.raises(SpecError, match=r'device.mass: expected a number > 0, found "45N"'):
         starter("pmw", None, "mine.toml", ["device.mass=45N"])
+
+
+@pytest.mark.parametrize("text", ["kg^9^9^9", "kg**0", "kg0", "kg^2^2", "kg^4", "kg" * 2000, "kg**(1/3)"])
+def test_powers_that_no_unit_has_are_no_unit_wherever_they_stand(text):
+    """They are told apart before anything is worked out: a tower of powers has more digits than there is memory for."""
+    assert unit_of(text, "kg") is None
+    assert unit_of("s", text) is None
+    with pytest.raises(SpecError, match="expected a number in kg"):
+        load({"controller": {"kind": "pmw"}}, [f"device.mass=1 {text}"])
+
+
+def test_a_number_beyond_doubles_is_not_finite():
+    with pytest.raises(SpecError, match=r"device.mass: expected a finite number"):
+        load({"controller": {"kind": "pmw"}}, ["device.mass=1e999 g"])
+
+
+@pytest.mark.parametrize(
+    ("column", "expected"),
+    [
+        ("x_hand", "m"),
+        ("pos_hand", "m"),
+        ("x_link", "m"),
+        ("x_foot", "m"),
+        ("theta_r", "rad"),
+        ("v_c", "m/s"),
+        ("torque_cal", "N*m"),
+    ],
+)
+def test_a_word_behind_a_name_is_a_part_of_it_unless_it_is_a_usual_unit(column, expected):
+    name, _, _ = column.partition("_")
+    assert unit_in(column, expected) == ""
+    assert column_named([column], (name,), expected) is None
+
+
+def test_a_usual_unit_of_another_dimension_and_a_picture_are_told_and_not_left_out():
+    assert unit_in("speed_deg", "rad/s") == "deg"
+    assert column_named(["position (px)"], ("position",), "m") == ("position (px)", "px")
+    with pytest.raises(UsageError, match="expected m, found px; --scale position=FACTOR"):
+        converted(1.0, ("position (px)", "px"), "log.csv", "position", {}, "m")
+
+
+def test_a_hand_that_turns_is_pushed_by_a_torque(tmp_path):
+    text = MASS_AND_WALL.replace('displacement = "m.x"', 'displacement = "m.x", turns = true').replace('"N/mm"', '"N*mm/rad"')
+    drawn = tmp_path / "drawn.toml"
+    drawn.write_text(text + "[simulate]\namplitude = 1.0\n")
+    assert load(drawn, ["simulate.amplitude=500 mNm"]).simulate.written()["amplitude"] == 0.5
+    with pytest.raises(SpecError, match=r"simulate.amplitude: expected a number in N\*m, found 500mN"):
+        load(drawn, ["simulate.amplitude=500mN"])

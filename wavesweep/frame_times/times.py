@@ -16,6 +16,7 @@ from wavesweep.program.reading.units import TIME, column_named, converted, unit_
 OF_FRAMES = ("time", "duration")  # what a column of frames may be
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST_FRAME_S = 10.0  # s, of most frames
+LEAST_OF_TICK = 1e-3  # of a tick, in which most frames are of another unit
 KNOWN = {  # columns of programs: what they are, and the factor to s
     "elapsed": ("time", 1e-9),  # MangoHud, whose frametime is in us or ms
     "intendedvsync": ("time", 1e-9),  # framestats of Android
@@ -148,6 +149,10 @@ def read_run(
         if options:
             hint = of_time(name, median)
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
+    if 0 < median < LEAST_OF_TICK / fast_hz:
+        expected = f"expected frames of about a tick of {1e3 / fast_hz:.6g} ms or more"
+        hint = f"; --scale {name}=1 if its numbers are in s" if options else ""
+        raise UsageError(f"{path}: {name}: {expected}, found {median:.6g} s for most{hint}")
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
     run = MeasuredFrames(begins, ticks, file.sha256, taken=said)

@@ -59,7 +59,8 @@ class Log:
     turns: the force is a torque (N*m), and the reading one of an angle (rad), in place of N and m.
     jitter: the largest deviation of a time from equal steps, in periods. sha256: of the file.
     scaled: names of the columns whose scale was given. taken: sentences on columns that have
-    another unit in their names. others: what the file has as forces of other axes.
+    another unit in their names. others: what the file has as forces of other axes. period_half:
+    half the width of the period's interval of 95 %, relative.
     """
 
     force: np.ndarray
@@ -73,6 +74,7 @@ class Log:
     scaled: tuple[str, ...]
     taken: tuple[str, ...] = ()
     others: tuple[np.ndarray, ...] = ()
+    period_half: float = 0.0
 
     @property
     def times(self) -> np.ndarray:
@@ -215,7 +217,7 @@ def read_log(
         )
         taken.append(said)
     _refuse_constant(path, readings, motion)
-    period, jitter = _period(path, file, readings["time"])
+    period, jitter, period_half = _period(path, file, readings["time"])
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
     force = readings[push] * (1.0 if constant is None else constant)
     first = float(readings["time"][0])
@@ -231,6 +233,7 @@ def read_log(
         tuple(scales),
         tuple(filter(None, taken)),
         tuple(rows[:, len(used) :].T),
+        period_half,
     )
 
 
@@ -250,8 +253,9 @@ def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: 
             )
 
 
-def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, float]:
-    """The period (s) and the largest deviation of a time from equal steps, in periods."""
+def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, float, float]:
+    """The period (s), the largest deviation of a time from equal steps, in periods, and half the
+    width of the period's interval, relative."""
     steps = np.diff(times)
     if (steps <= 0).any():
         row = int((steps <= 0).argmax())
@@ -260,17 +264,19 @@ def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, floa
             f"found {seconds(times[row + 1])} after {seconds(times[row])}"
         )
     period = float(np.median(steps))
-    if (steps > MISSING_ROW * period).any():
-        row = int((steps > MISSING_ROW * period).argmax())
+    usual = np.percentile(steps, [5, 95])  # stamps of whole ms have steps of two lengths
+    gap = steps > MISSING_ROW * period + usual[1] - usual[0]
+    if gap.any():
+        row = int(gap.argmax())
         problem = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
         raise UsageError(
             f"{path}:{file.line(row + 1)}: time: expected equal steps, found {problem}; take a part without gaps"
         )
-    period = float(times[-1] - times[0]) / (len(times) - 1)
+    period, half = _slope(times)
     if not SHORTEST <= period <= LONGEST:
         expected = f"expected steps of {SHORTEST:g} to {LONGEST:g} s, found {period:.6g} s"
         raise UsageError(f"{path}: time: {expected}; {of_time('time', period)}")
-    late = times - times[0] - period * np.arange(len(times))
+    late = times - times[0] - period * np.arange(len(times))  # whatever the first one is late by
     off = np.abs(late - np.median(late)) / period
     if off.max() > 0.5:  # of a period: deviation of a time above which the steps are not equal
         row = int(off.argmax())
@@ -278,7 +284,22 @@ def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, floa
         raise UsageError(
             f"{path}:{file.line(row)}: time: expected equal steps, found {problem}; resample the log, or take an even part"
         )
-    return period, float(off.max())
+    return period, float(off.max()), half
+
+
+def _slope(times: np.ndarray) -> tuple[float, float]:
+    """The period (s) by the line of least squares through all times, and half the width of its
+    interval of 95 %, relative: two standard errors of the slope, with what is left of each row
+    correlated with the next as in an autoregression of first order."""
+    rows = np.arange(len(times)) - (len(times) - 1) / 2
+    spread = float(rows @ rows)
+    period = float(rows @ (times - times[0])) / spread
+    left = times - times.mean() - period * rows
+    power = float(left @ left)
+    alike = float(left[1:] @ left[:-1]) / power if power else 0.0
+    longer = max((1 + alike) / (1 - alike), 1.0)
+    error = np.sqrt(longer * power / (len(times) - 2) / spread)
+    return period, 2 * float(error) / period
 
 
 def step_of(reading: np.ndarray) -> float:

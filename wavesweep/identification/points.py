@@ -26,6 +26,12 @@ DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}
 SUFFIXES = (("abs", "deg"), ("re", "im"))  # of the two columns of a response
 # units of a wall, of a hand that slides and of one that turns
 WALL = {"B_VE": ("N*s/m", "N*m*s/rad"), "K_VE": ("N/m", "N*m/rad")}
+# and of its responses
+RESPONSE = {
+    NAME: ("m/N", "rad/(N*m)"),
+    "mobility": ("m/(N*s)", "rad/(N*m*s)"),
+    "accelerance": ("m/(N*s^2)", "rad/(N*m*s^2)"),
+}
 STABLE = "stable"
 MOST_POINTS_BYTES = 100_000_000
 MOST_POINTS, MOST_BYTES_OF_POINTS = 10_000, 10_000_000  # of a file that a spec names
@@ -81,12 +87,14 @@ def read_response(
     most: int = MOST_POINTS_BYTES,
     scales: Mapping[str, float] | None = None,
     columns: Mapping[str, str] | None = None,
+    turns: bool | None = None,
 ) -> FrequencyResponse:
     """Read a frequency response with at least `least` rows and at most `most` bytes.
 
     scales: factors that turn the numbers of the file into Hz and m/N, by the names `frequency` and
     `admittance` (or `mobility`, or `accelerance`). columns: the names in the file of
-    `frequency_hz`, `admittance_abs` and so on, where they differ.
+    `frequency_hz`, `admittance_abs` and so on, where they differ. turns: whether it is one of a
+    hand that turns, None where nobody knows.
 
     Errors: UsageError that names the file and the line or column.
     """
@@ -104,6 +112,15 @@ def read_response(
             raise UsageError(f"--scale {scaled}: {expected}")
     column = own_names[FREQUENCY]
     hertz, _ = converted(hertz, (column, unit_in(column, "Hz")), path, "frequency", scales, "Hz")
+    expected = _of_device(RESPONSE[quantity], turns)
+    parts = [first, second]
+    for at, suffix in enumerate(suffixes):
+        column = own_names[f"{quantity}_{suffix}"]
+        name, units, given = (quantity, expected, scales)
+        if suffix == "deg":
+            name, units, given = ("phase", ("deg",), None)
+        place = (column, unit_in(column, *units))
+        parts[at], _ = converted(parts[at], place, path, name, given, *units)
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(
             f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several"
@@ -111,10 +128,9 @@ def read_response(
     coherence = rest[0] if rest else np.ones(len(hertz))
     if ((coherence <= 0) | (coherence > 1)).any():
         raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
-    response, unusable = _response(suffixes, first, second)
+    response, unusable = _response(suffixes, *parts)
     if unusable.any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
-    response = scales.get(quantity, 1.0) * response
     admittance = response / (2j * np.pi * hertz) ** DERIVED[quantity]
     return FrequencyResponse(hertz, admittance, coherence, file.sha256)
 
@@ -149,14 +165,20 @@ def _form(file: Csv, own_names: Mapping[str, str]) -> tuple[str, tuple[str, str]
     raise UsageError(f"{file.path}: expected columns {expected}, found {file.listed}")
 
 
-def read_walls(path: str | Path) -> MeasuredWalls:
+def _of_device(units: tuple[str, str], turns: bool | None) -> tuple[str, ...]:
+    """The unit of a device that slides, or of one that turns; both where nobody knows."""
+    return units if turns is None else (units[turns],)
+
+
+def read_walls(path: str | Path, units: Mapping[str, Sequence[str]] = WALL) -> MeasuredWalls:
     """Read walls from the columns B_VE, K_VE and, optionally, `stable` (1 or 0, true or false).
+    units: of each, into the first of which that its own can be converted to.
 
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, MOST_BYTES_OF_POINTS)
     places = []
-    for name, expected in WALL.items():
+    for name, expected in units.items():
         place = column_named(file.names, (name,), *expected)
         if place is None or place[0].partition(name)[0]:
             meant = nearest(name, [header for header in file.names if header not in WALL])
@@ -167,7 +189,7 @@ def read_walls(path: str | Path) -> MeasuredWalls:
         places.append(place)
     columns = file.numbers([column for column, _ in places]).T
     damping, stiffness = (
-        converted(column, place, path, name, None, *WALL[name])[0]
+        converted(column, place, path, name, None, *units[name])[0]
         for column, place, name in zip(columns, places, WALL, strict=True)
     )
     for name, column in zip(WALL, (damping, stiffness), strict=True):
@@ -204,17 +226,25 @@ def walls_of(spec: Spec) -> MeasuredWalls | None:
     path = _measured_file(spec, "z_width")
     if path is None:
         return None
-    walls = read_walls(path)
-    _refuse_many(path, len(walls.K_VE))
-    in_spec = {}
+    units = {}
     for name, number in zip(WALL, reversed(spec.wall), strict=False):
         text = spec.names.keys[number].unit
-        unit = unit_of(text or WALL[name][0], *WALL[name])
+        unit = unit_of(text or _of_device(WALL[name], _turns(spec))[0], *WALL[name])
         if unit is None:
             expected = f"expected {' or '.join(WALL[name])}, as {path} has it, found {text}"
             raise UsageError(f"{spec.name}: {number}.unit: {expected}")
+        units[name] = unit
+    walls = read_walls(path, WALL | {name: (unit.expected,) for name, unit in units.items()})
+    _refuse_many(path, len(walls.K_VE))
+    in_spec = {}
+    for name, unit in units.items():
         in_spec[name] = Unit(1 / unit.factor, "", "").of(getattr(walls, name))
     return replace(walls, **in_spec)
+
+
+def _turns(spec: Spec) -> bool:
+    """Whether the hand of a spec turns."""
+    return bool(spec.drawing and spec.drawing.hand and spec.drawing.hand.turns)
 
 
 def response_of(spec: Spec) -> FrequencyResponse | None:
@@ -222,7 +252,7 @@ def response_of(spec: Spec) -> FrequencyResponse | None:
     path = _measured_file(spec, "response")
     if path is None:
         return None
-    response = read_response(path, 1, MOST_BYTES_OF_POINTS)
+    response = read_response(path, 1, MOST_BYTES_OF_POINTS, turns=_turns(spec))
     _refuse_many(path, len(response.coherence))
     return response
 

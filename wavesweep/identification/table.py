@@ -1,6 +1,8 @@
 """A device found from a log: the table `identify`, with the numbers in its facts and its
 summary."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -8,7 +10,7 @@ from hashlib import sha256
 from math import exp, inf, isnan, sqrt
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -24,6 +26,9 @@ from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, whole_kind
 from wavesweep.program.tables.table import Table
+
+if TYPE_CHECKING:
+    from wavesweep.identification.log import Log
 
 PREDICTION_METHOD = (
     "least squares of the errors of predictions from one row to the next by a steady Kalman filter, which follows a force that "
@@ -55,6 +60,12 @@ LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness":
 OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
 READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
 TURNING = {"mass": "kg*m^2", "load_mass": "kg*m^2"}
+# of numbers whose unit has a force over a length or an angle
+POWERS_OF_TIME = {
+    **dict.fromkeys(("kg", "kg*m^2"), 2),
+    **dict.fromkeys(("N*s/m", "N*m*s/rad"), 1),
+    **dict.fromkeys(("N/m", "N*m/rad"), 0),
+}
 MISSING = {
     "friction": "Coulomb friction; --friction fits it",
     "spring": "a spring; --spring fits it",
@@ -285,6 +296,7 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         except UsageError as refused:
             hint = "" if axes else help_for(model, log, steps[0])
             raise UsageError(f"{path}: {refused}{hint}") from None
+    _widen_by_period(parameters, log)
     options = {name: getattr(model, name) for name in ("spring", "friction", "delay")}
     options["resolution"] = resolution
     if constants:
@@ -354,6 +366,20 @@ def _take_intervals_away(parameters: Mapping[str, dict[str, Any]]) -> None:
     for number in parameters.values():
         if number["low"] != number["high"]:
             number |= {"low": None, "high": None}
+
+
+def _widen_by_period(parameters: Mapping[str, dict[str, Any]], log: Log) -> None:
+    """Widen intervals by that of the period T: with readings of the derivative k of the position
+    a mass is in proportion to T^(2-k), a damping to T^(1-k) and a stiffness to T^-k."""
+    from wavesweep.identification.model import ORDER
+
+    for number in parameters.values():
+        if number["low"] is None or number["low"] == number["high"]:
+            continue
+        power = POWERS_OF_TIME.get(number["unit"])
+        if power is not None:
+            wider = abs((power - ORDER[log.measured]) * number["value"]) * log.period_half
+            number |= {"low": number["low"] - wider, "high": number["high"] + wider}
 
 
 def turned(unit: str) -> str:

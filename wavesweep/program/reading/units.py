@@ -5,6 +5,7 @@ angle is a dimension of its own, so that 1/s is no rad/s and Hz no speed, and wh
 write, as Nm or r/min.
 """
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
@@ -18,17 +19,67 @@ OWN = (
     "@alias turn = rev = r",
     "revolutions_per_minute = turn / minute = rpm = RPM",
     "newton_meter = newton * meter = Nm",
+    "newton_meter_second = newton * meter * second = Nms",
     "newton_centimeter = newton * centimeter = Ncm",
     "degree_per_second = degree / second = dps",
 )
 TIME = ("time", "t", "realtime")  # names of a column of times
-# no more, so that no text takes long
-_TEXT = re.compile(r"(?!.*\d{3})[\w°%µμΩ·⋅•*/^().+ ⁻¹²³-]{1,40}")
+LONGEST = 40  # letters; no more, so that no text takes long
+_TEXT = re.compile(rf"(?!.*\d{{3}})[\w°%µμΩ·⋅•*/^().+ ⁻¹²³-]{{1,{LONGEST}}}")
+# a power that no unit has; what is expected is held against it as well, as a spec may name it
+_NO_POWER = re.compile(r"(?:\*\*|\^)(?!\s*\(?\s*[-+]?[123](?![\d.])\s*\)?(?!\s*(?:\*\*|\^)))")
+# parts of units that a name of a column may have behind a `_` or a space
+_USUAL = frozenset(
+    [
+        "s",
+        "sec",
+        "second",
+        "seconds",
+        "ms",
+        "us",
+        "µs",
+        "μs",
+        "ns",
+        "m",
+        "mm",
+        "cm",
+        "um",
+        "µm",
+        "μm",
+        "inch",
+        "rad",
+        "mrad",
+        "deg",
+        "degree",
+        "degrees",
+        "rev",
+        "turn",
+        "turns",
+        "rpm",
+        "hz",
+        "khz",
+        "dps",
+        "n",
+        "mn",
+        "kn",
+        "nm",
+        "mnm",
+        "ncm",
+        "a",
+        "ma",
+        "v",
+        "kg",
+        "g",
+        "per",
+    ]
+)
+_INERTIA = re.compile(r"(?<![^\W\d_])([km]?g)([cm]?m)(?=\*\*2|\^2|²)")  # kgm^2, g apart from m
 _A_MINUTE = re.compile(r"1? ?/ ?min|min(\^|\*\*)?-1|min⁻¹")  # of turns, where an angle is expected
 _QUANTITY = re.compile(  # of as many digits as any number has, and none of many millions
     r"([-+]?(?:\d{1,1100}(?:\.\d{0,1100})?|\.\d{1,1100})(?:[eE][-+]?\d{1,3})?)\s*([^\W\d].*|[°%].*)"
 )
 _ELECTRICAL = re.compile(r"\be_?rpm\b|(?<=_)erpm\b", re.IGNORECASE)
+_PICTURE = re.compile(r"px|pixels?|dots?", re.IGNORECASE)  # of a camera or a screen, of any size
 
 
 class Unit(NamedTuple):
@@ -76,12 +127,13 @@ def _spellings(text: str) -> Iterator[str]:
     """Yield what a text may mean, as it is written first; then, as a guess, in small letters, and
     with the large one of newton, ampere, hertz or volt among them."""
     text = text.strip().replace("\N{MINUS SIGN}", "-")
-    if not _TEXT.fullmatch(text) or _ELECTRICAL.search(text):
+    if not _TEXT.fullmatch(text) or _ELECTRICAL.search(text) or _PICTURE.fullmatch(text):
         return
     if _A_MINUTE.fullmatch(text):
         yield "rpm"
     text = re.sub(r"(?<=[^\W\d])[.-](?=[^\W\d])", "*", text.replace("_per_", "/"))  # N.m, N-m
     text = re.sub(r"(?<=[^\W\d_])(?=-?\d)", "**", text)  # s2, min-1
+    text = _INERTIA.sub(r"\1*\2", text)
     for written in dict.fromkeys((text.replace("_", "/"), text.replace("_", "*"))):
         small = written.lower()
         yield written
@@ -96,6 +148,8 @@ def _factor(spelling: str, expected: str) -> Fraction | None:
     more than a factor."""
     from tokenize import TokenError
 
+    if len(expected) > LONGEST or _NO_POWER.search(spelling) or _NO_POWER.search(expected):
+        return None
     registry = _registry()
     known_faults = (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError)
     try:
@@ -130,7 +184,12 @@ def number_in(text: str, expected: str) -> float | None:
     converted."""
     number, unit_text = _QUANTITY.fullmatch(text.strip()).groups()
     unit = unit_of(unit_text, expected)
-    return unit and float(Fraction(number) * unit.factor)
+    if unit is None:
+        return None
+    try:
+        return float(Fraction(number) * unit.factor)
+    except OverflowError:  # the key says what it takes
+        return math.inf
 
 
 def converted(
@@ -177,7 +236,7 @@ def column_named(
     unit, which is empty without one.
 
     The first name goes before others, and a unit that can be converted before one in brackets that
-    cannot. A unit behind `_` or `in` is one if it can be converted.
+    cannot. What stands behind `_` or `in` is one if it is usual and can be converted.
     """
     first, *_ = names
     unlike_one = None
@@ -188,25 +247,31 @@ def column_named(
             if not match:
                 continue
             mark, unit = match[1], (match[2] or "").strip()
-            # `in` behind `_` is an input rather than an inch
-            if not unit or (unit != "in" and unit_of(unit, *expected)):
+            in_brackets = mark is not None and mark.strip() in ("[", "(")
+            if not unit or ((in_brackets or _is_usual(unit)) and unit_of(unit, *expected)):
                 return column, unit
-            if mark.strip() in ("[", "("):
+            if in_brackets:
                 unlike_one = unlike_one or (column, unit)
     return unlike_one
 
 
 def unit_in(column: str, *expected: str) -> str:
     """The text of the unit in a column's name, whatever that name is: what stands in brackets at
-    its end, or else what can be converted, the whole name or behind a `_` or a space; empty without one."""
+    its end, or else a usual unit, the whole name or behind a `_` or a space; empty without one."""
     column = column.strip()
     in_brackets = re.search(r"[\[(]([^\[(]*)[\])]$", column)
     if in_brackets:
         return in_brackets[1].strip()
     texts = [column, *(column[mark.end() :] for mark in re.finditer(r"[_\s]+", column))]
+    texts = [text for text in texts if len(text) > 1 or text != column]
     for text in texts:
-        if _ELECTRICAL.search(text) or (
-            (text != column or len(text) > 1) and unit_of(text, *expected)
-        ):
+        if _ELECTRICAL.search(text) or (_is_usual(text) and unit_of(text, *expected)):
             return text
-    return ""
+    # of another dimension, unless it is a letter, which may be a name
+    return next((text for text in texts if len(text) > 1 and _is_usual(text)), "")
+
+
+def _is_usual(text: str) -> bool:
+    """Whether a text without brackets is a unit that columns have in their names."""
+    words = re.findall(r"[^\W\d_]+", text.lower())
+    return bool(words) and all(word in _USUAL for word in words)

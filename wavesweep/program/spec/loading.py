@@ -8,7 +8,7 @@ from itertools import islice
 
 from wavesweep.engine.drawing import RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.keys import Leaf, Mistakes, Path, Place, leaves_of, plain
+from wavesweep.engine.keys import TURNED, Leaf, Mistakes, Path, Place, leaves_of, plain
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import joined_path, normal_path, sort_leaves
@@ -221,7 +221,13 @@ def _unit_at(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]
         key = keys_of_block(kind).get(path[2]) if kind in TYPES else None
     if leaf is not None:
         return str(leaf.value)
-    return key.unit.removesuffix("1") if key and key.numeric else None
+    if not key or not key.numeric:
+        return None
+    unit = key.unit.removesuffix("1")
+    turns = leaves.get(("ports", "hand", "turns"))
+    if path[0] == "simulate" and turns and turns.value is True:
+        return TURNED.get(unit, unit)
+    return unit
 
 
 def _alike(one: Path, other: Path) -> bool:
