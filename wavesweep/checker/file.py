@@ -44,7 +44,7 @@ from fractions import Fraction
 from typing import IO, Any
 
 from wavesweep.checker import balls, form
-from wavesweep.checker.balls import ONE, Cell, Refused, decimal
+from wavesweep.checker.balls import Cell, Refused, decimal
 from wavesweep.checker.frame import Frames, coordinates, is_drift, reduced, states_of, steps_of
 from wavesweep.checker.reader import for_all, loop_of, unknown_key, with_numbers
 from wavesweep.checker.reader.controllers import SYMBOLS
@@ -116,17 +116,21 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker")
     allowed = for_all.read(tables, balls.exact)
-    vary = bool(allowed.varying or allowed.lost)
+    vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
     messages = for_all.has_messages(loop)
     if vary and messages:
         raise Unreadable(
             "frames that vary beside messages that are late or lost have no proof here"
         )
+    random = claim.claim == "mean square"
     if claim.claim != "modes" and messages:
-        schedules, moves, start = for_all.messages_of(loop)
+        schedules, moves, start = (for_all.messages_at_random if random else for_all.messages_of)(
+            loop
+        )
     elif claim.claim != "modes" and vary:
-        schedules, moves = for_all.frames_of(allowed, loop_with)
-        start = 0
+        schedules, moves, start = for_all.frames_of(allowed, loop_with, random)
+    elif random:
+        raise Unreadable("the spec has no chances")
     else:
         schedules, moves, start = own, {None: {"": ("", None, None)}}, None
     for v in claim.drifts:
@@ -383,10 +387,12 @@ def _cells(family: Family, claim: Claim, lines: Iterator[dict]):
                 raise Refused(f"a cut at {float(at)!r} of {name} that divides nothing")
             boxes += [{**box, name: (at, high)}, {**box, name: (low, at)}]
         elif "nodes" in line:
-            if claim.claim != "for all":
-                raise Refused("a graph is for frames in any order")
-            _graph(family, Cell(box), line, box)
-        elif claim.claim == "for all" and len(family.frames.words) > 1:
+            if claim.claim not in ("for all", "mean square"):
+                raise Refused("a graph is for frames in any order, or at random")
+            (_graph if claim.claim == "for all" else _chain)(family, Cell(box), line, box)
+        elif claim.claim == "mean square" or (
+            claim.claim == "for all" and len(family.frames.words) > 1
+        ):
             raise Refused(f"no graph {_in_words(box)}")
         else:
             outside = _outside(family, claim, Cell(box), line, box)
@@ -407,31 +413,20 @@ def _graph(family: Family, cell: Cell, line: dict, box):
     """
     if line.keys() - {"nodes", "edges", "start"}:
         raise Unreadable("a graph has nodes, edges and a start alone")
-    nodes = _expect(line["nodes"], list, "nodes")
-    if not 0 < len(nodes) <= NODES:
-        raise Unreadable(f"{len(nodes)} nodes; at most {NODES}")
-    size = len(family.states)
-    forms = []
-    for node in nodes:
-        if _expect(node, dict, "a node").keys() - {"L", "Q"}:
-            raise Unreadable("a node has L and Q alone")
-        forms.append(_form(node, cell, [1] * size))
+    forms = _forms(family, cell, line)
+    nodes = len(forms)
     edges = {}
     for edge in _expect(line.get("edges"), list, "edges"):
         source, letter, target = (
             _expect(edge, list, "an edge") if len(edge) == 3 else (None, "", None)
         )
-        if (
-            source not in range(len(nodes))
-            or target not in range(len(nodes))
-            or not isinstance(letter, str)
-        ):
+        if source not in range(nodes) or target not in range(nodes) or not isinstance(letter, str):
             raise Unreadable("an edge has a node, a letter and a node")
         edges[source, letter] = target
     matrices: dict[str, form.Matrix] = {}
     done = set()
     start = line.get("start", 0)
-    if start not in range(len(nodes)):
+    if start not in range(nodes):
         raise Unreadable("a graph starts at one of its nodes")
     reached = {(family.start, start)}
     todo = list(reached)
@@ -446,7 +441,7 @@ def _graph(family: Family, cell: Cell, line: dict, box):
             if (node, kind, target) not in done:
                 if kind not in matrices:
                     matrices[kind] = family.matrix(kind, cell)
-                if not form.decreases(forms[node], [(ONE, matrices[kind], forms[target])]):
+                if not form.decreases(forms[node], [(None, matrices[kind], forms[target])]):
                     raise Refused(
                         f"the form of node {node} does not decrease with the frame {letter} {_in_words(box)}"
                     )
@@ -454,6 +449,43 @@ def _graph(family: Family, cell: Cell, line: dict, box):
             if (following, target) not in reached:
                 reached.add((following, target))
                 todo.append((following, target))
+
+
+def _forms(family: Family, cell: Cell, line: dict) -> list[form.Matrix]:
+    nodes = _expect(line["nodes"], list, "nodes")
+    if not 0 < len(nodes) <= NODES:
+        raise Unreadable(f"{len(nodes)} nodes; at most {NODES}")
+    for node in nodes:
+        if _expect(node, dict, "a node").keys() - {"L", "Q"}:
+            raise Unreadable("a node has L and Q alone")
+    return [_form(node, cell, [1] * len(family.states)) for node in nodes]
+
+
+def _chain(family: Family, cell: Cell, line: dict, box):
+    """Refused, unless the forms of a chain's states decrease on average (Costa, Fragoso and Marques, 2005): then the mean of
+    x' P_q x over all runs does, and with it the mean of all squares."""
+    if set(line) != {"nodes"}:
+        raise Unreadable("a chain has nodes alone")
+    forms = dict(zip(family.moves, _forms(family, cell, line), strict=False))
+    if len(forms) != len(family.moves) or len(line["nodes"]) != len(forms):
+        raise Refused(f"{len(line['nodes'])} forms of {len(family.moves)} states")
+    matrices = {kind: family.matrix(kind, cell) for kind in family.frames.words}
+    for state, following in family.moves.items():
+        steps = []
+        for kind, after, chance in following.values():
+            radius, *parts = chance.value(cell)
+            low = parts[0] - radius - sum(map(abs, parts[1:]))
+            high = parts[0] + radius + sum(map(abs, parts[1:]))
+            if low < -balls.ONE >> 64 or high > balls.ONE + (balls.ONE >> 64):
+                raise Refused(f"a probability that may be no probability {_in_words(box)}")
+            share = form.Matrix(
+                {m: [[c]] for m, c in zip(cell.ring.monomials, parts, strict=False)}, [[radius]]
+            )
+            steps.append((share, matrices[kind], forms[after]))
+        if not form.decreases(forms[state], steps):
+            raise Refused(
+                f"the form of the state {state} does not decrease on average {_in_words(box)}"
+            )
 
 
 def _with_coordinates(claim: Claim, line: dict) -> Claim:
@@ -490,7 +522,7 @@ def _outside(family: Family, claim: Claim, cell: Cell, line: dict, box) -> Any:
         raise Unreadable("the turn of a form is 1 or -1")
     P = _form(line, cell, signs)
     A = family.matrix("", cell)
-    if signs and not form.decreases(P, [(ONE, A, P)], turn):
+    if signs and not form.decreases(P, [(None, A, P)], turn):
         raise Refused(f"the form {_in_words(box)} does not decrease")
     return signs.count(-1)
 

@@ -11,6 +11,7 @@ from operator import mul
 from typing import NamedTuple
 
 from wavesweep.checker.balls import BITS, ONE, Cell, Refused
+from wavesweep.checker.reader.loops import diagonal
 
 HALF = BITS // 2  # digits of what a file gives, so that L' S L is exact
 KEPT = 3  # orders of a frame that its form sees; the rest counts as an error
@@ -125,8 +126,8 @@ def _symmetric(rows: Rows) -> Rows:
     ]
 
 
-def decreases(P: Matrix, steps: list[tuple[int, Matrix, Matrix]], turn: int = 0) -> bool:
-    """Whether P - sum of share A' Q A > 0 all over the cell, for the steps (share in units of 2^-BITS, A, Q).
+def decreases(P: Matrix, steps: list[tuple[Matrix | None, Matrix, Matrix]], turn: int = 0) -> bool:
+    """Whether P - sum of share A' Q A > 0 all over the cell, for the steps (share as a matrix of one entry or None for 1, A, Q).
 
     turn: 1 or -1 for one step, of which X' (P - A' Q A) X is looked at with X near (1 + turn A)^-1: this is near P X + X' P - P,
     in which large modes are no larger than others.
@@ -136,14 +137,9 @@ def decreases(P: Matrix, steps: list[tuple[int, Matrix, Matrix]], turn: int = 0)
     for share, A, Q in steps:
         moved = _cut(_product(A, X), KEPT) if X else A
         taken = _product(_turned(moved), _product(Q, moved))
-        if share != ONE:
-            parts = {
-                m: [[share * x >> BITS for x in row] for row in part]
-                for m, part in taken.parts.items()
-            }
-            taken = Matrix(
-                parts, [[(share * x >> BITS) + len(parts) + 1 for x in row] for row in taken.error]
-            )
+        if share is not None:
+            spread = {m: diagonal([c] * len(P.error)) for m, ((c,),) in share.parts.items()}
+            taken = _product(Matrix(spread, diagonal([share.error[0][0]] * len(P.error))), taken)
         total = _difference(total, taken)
     return positive(total)
 

@@ -245,11 +245,17 @@ def _after(cell: Cell, first, then, wanted):
 
 
 def steps_of(schedule: Schedule) -> list[Written | Flow]:
-    """The steps of a period in order."""
+    """The steps of a period in order, without memory that is never written anything but 0, as what a hand exerts."""
     if len(schedule.times) > INSTANTS:
         raise Unreadable(f"a frame of {len(schedule.times)} instants; at most {INSTANTS}")
-    instants = {kind: Written(solved(instant)) for kind, instant in schedule.kinds.items()}
+    maps = {kind: solved(instant) for kind, instant in schedule.kinds.items()}
     motion = solved(schedule.motion)
+    written = {name for rows in maps.values() for name in rows}
+    silent = {
+        name for name in written if not any(rows.get(name) for rows in (*maps.values(), motion))
+    }
+    instants = {kind: Written(_without(rows, silent)) for kind, rows in maps.items()}
+    motion = _without(motion, silent)
     flows: dict[Fraction, Flow] = {}
     found: list[Written | Flow] = []
     ends = [time for time, _ in schedule.times[1:]] + [schedule.period]
@@ -259,6 +265,14 @@ def steps_of(schedule: Schedule) -> list[Written | Flow]:
             flows.setdefault(until - time, Flow(motion, until - time))
             found.append(flows[until - time])
     return found
+
+
+def _without(rows, silent):
+    return {
+        name: {k: c for k, c in row.items() if k not in silent}
+        for name, row in rows.items()
+        if name not in silent
+    }
 
 
 def is_drift(schedule: Schedule, v: dict[str, Fraction]) -> bool:

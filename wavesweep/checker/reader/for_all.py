@@ -28,13 +28,15 @@ MOST_STATES = 10_000  # of what receivers have
 class ForAll:
     """ranges, listed: numbers that are constant but not known; varying: those that may change from frame to frame.
 
-    lost: slow results in a row that may not come.
+    shares, following: weights of the values of those that vary at random, alone or after each value. lost: slow results in a row
+    that may not come; loss: the probability that one does not.
     """
 
     ranges: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
     listed: dict[str, list] = field(default_factory=dict)
     varying: dict[str, list] = field(default_factory=dict)
-    chances: dict[str, Any] = field(default_factory=dict)
+    shares: dict[str, list] = field(default_factory=dict)
+    following: dict[str, list] = field(default_factory=dict)
     lost: int = 0
     loss: Any = None
 
@@ -81,10 +83,14 @@ def _of_number(found: ForAll, name: str, given: dict, exact):
             found.ranges[name] = low, high
             return
         values = [Fraction(each) for each in range(_whole(low), _whole(high) + 1)]
-    values = list(dict.fromkeys(values))
+    if len(set(values)) < len(values):
+        raise Unreadable(f"for_all.{name} has a value twice")
     if varying:
         found.varying[name] = values
-        found.chances[name] = given.get("shares", given.get("next"))
+        if "shares" in given:
+            found.shares[name] = given["shares"]
+        if "next" in given:
+            found.following[name] = given["next"]
     elif given.keys() & {"shares", "next"}:
         raise Unreadable(f"for_all.{name} has chances, and does not vary")
     else:
@@ -113,30 +119,70 @@ Moves = dict[Any, dict[str, tuple[str, Any, Any]]]
 
 
 def frames_of(
-    found: ForAll, loop_with: Callable[[dict], Loop]
-) -> tuple[dict[str, Schedule], Moves]:
-    """Schedules of all kinds of frames, and {losses in a row so far: {letter: (frame, losses in a row after it, None)}}.
+    found: ForAll, loop_with: Callable[[dict], Loop], random: bool
+) -> tuple[dict[str, Schedule], Moves, Any]:
+    """Schedules of all kinds of frames, what may follow what, and the state in which a run begins.
 
-    loop_with: the loop with other values of numbers.
+    In any order a state is how many results in a row were lost; at random it is the kind of frame before. loop_with: the loop
+    with other values of numbers.
     """
     kinds = [
         dict(zip(found.varying, values, strict=True)) for values in product(*found.varying.values())
     ]
-    if len(kinds) * (1 + bool(found.lost)) > MOST:
-        raise Unreadable(f"{len(kinds)} kinds of frames; at most {MOST}")
+    fates = (False, True) if found.lost or found.loss is not None else (False,)
+    if len(kinds) * len(fates) > MOST:
+        raise Unreadable(f"{len(kinds) * len(fates)} kinds of frames; at most {MOST}")
+    if not random and found.loss is not None:
+        raise Unreadable("results are lost at random, which no proof for all of them holds for")
     of_kind = _controller if isinstance(loop_with({}), Controller) else _drawing
     schedules: dict[str, Schedule] = {}
-    moves: Moves = {losses: {} for losses in range(found.lost + 1)}
     for values in kinds:
-        for lost in (False, True) if found.lost else (False,):
-            name = letter_of(values, lost)
-            schedules[name] = _from_sample_to_sample(of_kind(found, loop_with, values, lost))
-            for losses, following in moves.items():
-                if not lost:
-                    following[name] = (name, 0, None)
-                elif losses < found.lost:
-                    following[name] = (name, losses + 1, None)
-    return schedules, moves
+        for lost in fates:
+            schedule = of_kind(found, loop_with, values, lost)
+            schedules[letter_of(values, lost)] = _from_sample_to_sample(schedule)
+    if random:
+        return schedules, _at_random(found, kinds, fates, loop_with({}).arithmetic), None
+    moves: Moves = {losses: {} for losses in range(found.lost + 1)}
+    for losses, following in moves.items():
+        for values in kinds:
+            following[letter_of(values)] = (letter_of(values), 0, None)
+            if losses < found.lost:
+                following[letter_of(values, True)] = (letter_of(values, True), losses + 1, None)
+    return schedules, moves, 0
+
+
+def _at_random(found: ForAll, kinds, fates, arithmetic) -> Moves:
+    """The chain of lengths, or None alone if no length depends on the one before; all else is independent."""
+    if found.lost or (len(fates) == 1 and not found.varying):
+        raise Unreadable("lost counts results in a row, and loss is their probability")
+    loss = arithmetic.number(found.loss or 0)
+    length = RATIO if RATIO in found.varying else next(iter(found.varying), "")
+    chain = found.following.get(length)
+    moves: Moves = {}
+    for before in found.varying[length] if chain else [None]:
+        moves[before] = {}
+        for values in kinds:
+            chance = arithmetic.number(1)
+            for name in found.varying:
+                weights = (
+                    chain[found.varying[name].index(before)]
+                    if chain and name == length
+                    else found.shares.get(name)
+                )
+                if weights is None:
+                    raise Unreadable(f"for_all.{name} has no shares, beside others that have")
+                if isinstance(weights[0], list):
+                    weights = weights[found.varying[length].index(values[length])]
+                if len(weights) != len(found.varying[name]):
+                    raise Unreadable(f"for_all.{name} has not one share for each value")
+                share = arithmetic.exact(weights[found.varying[name].index(values[name])])
+                chance = chance * (share / sum(map(arithmetic.exact, weights)))
+            for lost in fates:
+                of_result = chance * (loss if lost else 1 - loss) if len(fates) > 1 else chance
+                letter = letter_of(values, lost)
+                if of_result:
+                    moves[before][letter] = (letter, values[length] if chain else None, of_result)
+    return moves
 
 
 def _from_sample_to_sample(schedule: Schedule) -> Schedule:
@@ -236,6 +282,66 @@ def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
         if len(moves) > MOST_STATES:
             raise Unreadable(f"more than {MOST_STATES} states of messages")
     return schedules, moves, start
+
+
+def messages_at_random(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
+    """The chain of channels that lose messages at random: a state is the next tick in which some send, and which are in a burst.
+
+    With each message a burst begins or ends, and then it is lost with the probability of this state.
+    """
+    channels = [name for name, keys in loop.blocks.items() if keys["type"] == "channel"]
+    for name in channels:
+        if loop.whole(name, "late", 0) or loop.whole(name, "lost", 0):
+            raise Unreadable(
+                f"messages of {name} are late, or lost in a row, beside some that are lost at random"
+            )
+    period = loop.frame_ticks()
+    cuts = [
+        tick
+        for tick in range(period)
+        if any((tick - loop.phase(name)) % loop.every(name) == 0 for name in channels)
+    ]
+    ends = [*cuts[1:], period + cuts[0]]
+    schedules: dict[str, Schedule] = {}
+    moves: Moves = {}
+    todo = [(0, (False,) * len(channels))]
+    while todo:
+        place, bursts = state = todo.pop(0)
+        if state in moves:
+            continue
+        first = cuts[place]
+        moves[state] = {}
+        sends = [(first - loop.phase(name)) % loop.every(name) == 0 for name in channels]
+        fates = [_fates(loop, *each) for each in zip(channels, bursts, sends, strict=True)]
+        for outcome in product(*fates):
+            chance = loop.arithmetic.number(1)
+            for _, _, own in outcome:
+                chance = chance * own
+            if not chance:
+                continue
+            after = tuple(burst for burst, _, _ in outcome)
+            gets = [0 if comes else None for _, comes, _ in outcome]
+            letter = f"{first}: {', '.join(f'{name} gets {new}' for name, new in zip(channels, gets, strict=True))}"
+            if letter not in schedules:
+                schedules[letter] = _stretch(loop, channels, first, ends[place], gets)
+            following = ((place + 1) % len(cuts), after)
+            moves[state][f"{letter} {after}"] = (letter, following, chance)
+            todo.append(following)
+    return schedules, moves, None
+
+
+def _fates(loop: Drawing, name: str, burst: bool, sends: bool) -> list[tuple[bool, bool, Any]]:
+    """What may happen to a channel in a tick: (in a burst after it, whether a message comes, probability)."""
+    number = loop.arithmetic.number
+    if not sends:
+        return [(burst, False, number(1))]
+    begins, ends = loop.value(name, "burst", 0), loop.value(name, "burst_end", 1)
+    changes = ends if burst else begins
+    found = []
+    for after, of_burst in ((burst, 1 - changes), (not burst, changes)):
+        loss = loop.value(name, "burst_loss", 1) if after else loop.value(name, "loss", 0)
+        found += [(after, True, of_burst * (1 - loss)), (after, False, of_burst * loss)]
+    return found
 
 
 def _channel(loop: Drawing, name: str) -> tuple[int, int, int, int]:

@@ -1,0 +1,135 @@
+"""Chances: x' = -k x, sampled and held, whose second moments are multiplied out here by hand."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from support.proofs import checked
+
+from wavesweep.checker import balls, file
+
+T = 0.1
+LOSSY = """
+rates.tick_hz = 10
+numbers = {{ k = 1.0, p = 0.2 }}
+[block]
+tank = {{ type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }}
+net = {{ type = "channel", {chances} }}
+[wire]
+"tank.u" = "net.y"
+"net.u" = "-k*tank.y"
+"""
+FRAMES = """
+rates.tick_hz = 10
+numbers = {{ k = 1.0, n = 2 }}
+[block]
+tank = {{ type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }}
+valve = {{ type = "hold", every = "n" }}
+[wire]
+"tank.u" = "valve.y"
+"valve.u" = "-k*tank.y"
+[for_all]
+n = {{ values = [1, 3], varying = true, {chances} }}
+"""
+
+
+def moments(steps: dict, states) -> float:
+    """The spectral radius of second moments of a chain: steps[before, after] is a list of (chance, A)."""
+    size = next(iter(steps.values()))[0][1].shape[0] ** 2
+    whole = np.zeros((len(states) * size, len(states) * size))
+    for (before, after), several in steps.items():
+        for chance, A in several:
+            row, column = states.index(after) * size, states.index(before) * size
+            whole[row : row + size, column : column + size] += chance * np.kron(A, A)
+    return abs(np.linalg.eigvals(whole)).max()
+
+
+def of_losses(k: float, p: float, begins: float = 0.0, ends: float = 1.0) -> float:
+    """Of (x, what is held), without and within a burst."""
+    comes = np.array([[1 - k * T, 0], [-k, 0]])
+    lost = np.array([[1, T], [0, 1]])
+    out = [(1 - p, comes), (p, lost)]
+    within = [(1.0, lost)]
+    steps = {
+        (0, 0): [((1 - begins) * chance, A) for chance, A in out],
+        (0, 1): [(begins * chance, A) for chance, A in within],
+        (1, 0): [(ends * chance, A) for chance, A in out],
+        (1, 1): [((1 - ends) * chance, A) for chance, A in within],
+    }
+    return moments(steps, [0, 1])
+
+
+def of_frames(k: float, chances) -> float:
+    """chances[before][after] of lengths 1 and 3."""
+    A = [np.array([[1 - k * n * T]]) for n in (1, 3)]
+    return moments({(i, j): [(chances[i][j], A[j])] for i in (0, 1) for j in (0, 1)}, [0, 1])
+
+
+CASES = {
+    "losses": (LOSSY.format(chances='loss = "p"'), lambda k: of_losses(k, 0.2)),
+    "bursts": (LOSSY.format(chances='loss = "p", burst = 0.1, burst_end = 0.4'), lambda k: of_losses(k, 0.2, 0.1, 0.4)),
+    "shares": (FRAMES.format(chances="shares = [3, 1]"), lambda k: of_frames(k, [[0.75, 0.25]] * 2)),
+    "next": (FRAMES.format(chances="next = [[1, 1], [9, 1]]"), lambda k: of_frames(k, [[0.5, 0.5], [0.9, 0.1]])),
+}
+
+
+def limit_of(radius) -> float:
+    low, high = 1.0, 60.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if radius(middle) < 1 else (low, middle)
+    return low
+
+
+def proof_of(spec: str, k: str) -> list[dict]:
+    """Forms of the checker's chain: P_q = 1 + sum of chance A' P_r A."""
+    claim = file.Claim("mean square", {"k": Fraction(k)})
+    family = file.family_of(file.spec_of(spec.encode()), claim)
+    point = balls.Cell({})
+    size = len(family.states)
+    states = list(family.moves)
+    whole = np.zeros((len(states) * size**2, len(states) * size**2))
+    for state, moves in family.moves.items():
+        for kind, after, chance in moves.values():
+            A = np.array([[x / balls.ONE for x in row] for row in family.matrix(kind, point).parts[()]])
+            row, column = (states.index(each) * size**2 for each in (state, after))
+            share = chance.value(point)[1] / balls.ONE
+            whole[row : row + size**2, column : column + size**2] += share * np.kron(A.T, A.T)
+    right = np.tile(np.eye(size).ravel(), len(states))
+    forms = np.linalg.solve(np.eye(len(whole)) - whole, right).reshape(len(states), size, size)
+    forms /= abs(forms).max()
+    nodes = [{"L": [[f"{x:.15g}" for x in row] for row in np.linalg.cholesky((P + P.T) / 2).T]} for P in forms]
+    return [{"claim": "mean square", "numbers": {"k": k}, "states": family.states}, {"nodes": nodes}]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_mean_square_decays_up_to_where_second_moments_grow(case, tmp_path):
+    spec, radius = CASES[case]
+    limit = limit_of(radius)
+    lines = proof_of(spec, f"{0.999 * limit:.12g}")
+    code, words = checked(tmp_path, spec, lines)
+    assert code == 0, words
+    assert "the mean of all squares decays" in words
+    further = [lines[0] | {"numbers": {"k": f"{1.001 * limit:.12g}"}}, lines[1]]
+    assert checked(tmp_path, spec, further)[0] == 1
+
+
+def test_a_probability_may_be_swept(tmp_path):
+    spec, _ = CASES["losses"]
+    lines = proof_of(spec, "10")
+    claim = lines[0] | {"sides": {"p": ["0.19", "0.2"]}}
+    assert checked(tmp_path, spec, [claim, lines[1]])[0] == 0
+    assert checked(tmp_path, spec, [lines[0] | {"sides": {"p": ["-0.01", "0.2"]}}, lines[1]])[0] == 1
+
+
+def test_other_chances_are_another_chain(tmp_path):
+    for case, other in (("losses", "bursts"), ("shares", "next"), ("bursts", "losses")):
+        limit = limit_of(CASES[case][1])
+        lines = proof_of(CASES[case][0], f"{0.99 * limit:.12g}")
+        assert checked(tmp_path, CASES[other][0], lines)[0] == 1
+
+
+def test_a_spec_without_chances_has_no_mean_square(tmp_path):
+    spec = LOSSY.format(chances="lost = 1")
+    claim = {"claim": "mean square", "numbers": {"k": "1"}, "states": ["@held net.y", "@tank x0"]}
+    assert checked(tmp_path, spec, [claim, {"nodes": []}])[0] == 2
