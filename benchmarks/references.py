@@ -1,4 +1,4 @@
-"""The reference numbers of `wavesweep bench`, at 50 digits; run it to make `benchmarks/bench/references.json` again.
+"""The reference numbers of `python benchmarks/bench`, at 50 digits; run it to make `benchmarks/bench/references.json` again.
 
     python benchmarks/references.py
 

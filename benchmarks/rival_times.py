@@ -2,8 +2,8 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/rival_times.py
 
-Prints a table for docs/speed.md. The problems and the methods are those of `wavesweep bench`, which measures many more of
-them. Both methods of a ratio take turns in one process; each has two numbers: with loops that are known from a call before,
+Prints a table for docs/speed.md. The problems and the methods are those of `python benchmarks/bench`, which measures many more
+of them. Both methods of a ratio take turns in one process; each has two numbers: with loops that are known from a call before,
 and at a first call, which compiles them. A method that finds another number of intervals in some columns has that in place.
 """
 

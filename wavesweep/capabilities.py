@@ -143,13 +143,6 @@ CAPABILITIES = (
         library=("Loop.plot_diagram", "Loop.plot_timing"),
         offers=("diagram", "on_check", "timing"),
     ),
-    Capability(
-        "programs",
-        {
-            "paper": "Reproduce the paper's figures and test its statements.",
-            "bench": "Measure run time against error, for this tool and for other methods.",
-        },
-    ),
 )
 
 # Tables of a spec, in the order in which messages list them, and the capabilities that read them,
@@ -188,7 +181,6 @@ QUESTIONS = MappingProxyType(
         "How does it behave": ("bode", "simulate"),
         "Which design, and how to build it": ("design", "explore", "report", "export"),
         "Tables": ("plot", "verify"),
-        "The paper, and speed": ("paper", "bench"),
     }
 )
 OTHER_COMMANDS = "Other commands"

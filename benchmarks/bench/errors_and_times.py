@@ -20,7 +20,7 @@ _FIRST = {"linewidth": 0.6, "alpha": 0.7, "zorder": 2.4}  # of the line from a c
 
 
 def draw(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
-    """Draw the errors of the table of `wavesweep bench`: those in stiffness, and those in the response last.
+    """Draw the errors of the table of `python benchmarks/bench`: those in stiffness, and those in the response last.
 
     facts: `titles` maps problems to the titles of their panels; the line below them says where this was measured.
     """

@@ -111,11 +111,7 @@ def test_the_commands_of_the_gallery_draw(name, reference):
     assert len(reference.draw(name)) > 10_000
 
 
-OTHERWISE = {
-    "paper",
-    "bench",
-    "keys",
-}  # the first two take minutes; what `keys` prints has a page of its own
+OTHERWISE = {"keys"}  # what it prints has a page of its own
 
 
 @pytest.mark.slow

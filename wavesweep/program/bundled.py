@@ -1,9 +1,6 @@
-"""Bundled examples and programs: in a checkout beside the package, in a wheel inside it."""
+"""Bundled examples: in a checkout beside the package, in a wheel inside it."""
 
-import sys
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 from wavesweep.engine.errors import UsageError
 
@@ -19,12 +16,3 @@ def bundled(folder: str) -> Path:
     raise UsageError(
         f"{folder}: expected it in {' or '.join(map(str, places))}, found neither; a checkout of wavesweep has it"
     )
-
-
-def program(folder: str) -> ModuleType:
-    """Import the package that is a folder of the checkout, e.g. "benchmarks/bench", by its own
-    name."""
-    place = bundled(folder)
-    if str(place.parent) not in sys.path:
-        sys.path.insert(0, str(place.parent))
-    return import_module(place.name)

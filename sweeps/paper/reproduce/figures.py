@@ -27,7 +27,7 @@ from wavesweep.program.tables.table import Table, facts_of
 
 def _named(name: str, table: Table, draw: Callable[[], Any] | None) -> Table:
     """Give a table of a kind that `results` knows a name of its own, and its figure."""
-    facts = {**table.facts, "drawn_by": "paper"}
+    facts = {**table.facts, "drawn_by": "python sweeps/paper/reproduce"}
     named = replace(table, kind=name, fields=fields_of(table.kind, table.columns), facts=facts)
     return named if draw is None else with_figure(named, draw)
 

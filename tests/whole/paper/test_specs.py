@@ -46,8 +46,8 @@ def test_the_loops_of_one_section_are_the_same():
 
 def test_what_is_inside_an_installed_package_goes_first_and_nothing_anywhere_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(bundled, "__file__", str(tmp_path / "wavesweep" / "core" / "bundled.py"))
-    with pytest.raises(UsageError, match="benchmarks/bench: expected it in"):
-        bundled.program("benchmarks/bench")
+    with pytest.raises(UsageError, match="sweeps/paper: expected it in"):
+        bundled.bundled("sweeps/paper")
     for place in ("sweeps/paper", "wavesweep/_bundled/sweeps/paper"):
         (tmp_path / place).mkdir(parents=True)
         assert bundled.bundled("sweeps/paper") == tmp_path / place

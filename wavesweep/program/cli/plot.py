@@ -81,7 +81,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     ):
         kind, columns, facts = results.read_table(path)
         if by := facts.get("drawn_by"):
-            expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
+            expected = f"expected a table that has a figure of its own, found one that {by} draws"
             raise UsageError(f"{path}: {expected}")
         try:
             if missing := missing_for(kind, columns, facts):

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import offered
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.bundled import program
 from wavesweep.program.tables import HOMES, kind_named
 
 if TYPE_CHECKING:
@@ -33,8 +32,6 @@ def __getattr__(name):
 def figure_of(kind: str) -> Callable[..., Any]:
     """The function that draws the tables of a kind from columns and facts; one of no capability
     that there is, plainly."""
-    if kind == "bench":
-        return program("benchmarks/bench").draw
     if kind not in HOMES:
         from wavesweep.program.plots.plain_figure import plain
 

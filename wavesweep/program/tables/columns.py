@@ -20,7 +20,6 @@ from wavesweep.program.tables.fields import OF_ALONG, Field, FieldKind
 
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
 _ACCEPTED = {"number": "fiu", "integer": "iu", "boolean": "b", "string": "OU"}
-OTHERS = ("bench",)  # tables with a figure that do not come from a spec
 
 
 def fields(
@@ -245,10 +244,9 @@ def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
         return stem
     if fitting:
         return max(fitting, key=lambda name: len(known_kinds[name].names))
-    with_a_figure = (*known_kinds, *OTHERS)
-    if stem in with_a_figure or missing_command(stem, facts):
+    if stem in known_kinds or missing_command(stem, facts):
         return stem
-    expected = f"the columns of a table with a figure ({', '.join(with_a_figure)})"
+    expected = f"the columns of a table with a figure ({', '.join(known_kinds)})"
     raise WavesweepError(f"expected {expected}, found {', '.join(names)}")
 
 

@@ -7,5 +7,5 @@ import bench
 
 @pytest.fixture(scope="session")
 def quick():
-    """The run of `wavesweep bench --quick`."""
+    """The run of `python benchmarks/bench --quick`."""
     return bench.measure(quick=True)

@@ -1,4 +1,4 @@
-"""`wavesweep paper`, with the figures and statements that are quick."""
+"""`python sweeps/paper/reproduce`, with the figures and statements that are quick."""
 
 from functools import cache
 
@@ -6,6 +6,7 @@ import pytest
 
 pytest.importorskip("wavesweep.passive", reason="the paper's program asks for passivity")
 from reproduce import figures, open_choices, passive_bank
+from reproduce.__main__ import main
 from reproduce.specs import load_paper
 from reproduce.statements.stability import STATEMENTS
 
@@ -34,21 +35,22 @@ def short(monkeypatch, tmp_path, studies):
     monkeypatch.chdir(tmp_path)
 
 
-def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_path):
-    code, out, err = wavesweep("paper")
-    assert (code, out) == (0, "")
+def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(tmp_path, capsys):
+    main([])
     suffixes = (".csv", ".parquet", ".datapackage.json")
     names = ("fig4", "fig4-b25", "open-choices", "passive-bank", "statements")
     expected = {f"{name}{suffix}" for name in names for suffix in suffixes}
     found = {file.name for file in (tmp_path / "results/paper").iterdir()}
     assert found == expected | {"fig4.png", "open-choices.md", "passive-bank.png", "passive-bank.md", "statements.md"}
-    assert err.splitlines()[-1].startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
 
 
-def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
+def test_somebody_elses_table_is_not_replaced(tmp_path, capsys):
     (tmp_path / "there").mkdir()
     (tmp_path / "there/fig4.csv").write_text("mine\n")
-    code, _, err = wavesweep("paper", "--out", "there")
-    assert code == 2
-    assert "--overwrite" in err
+    with pytest.raises(SystemExit) as ended:
+        main(["--out", "there"])
+    assert ended.value.code == 2
+    assert "overwrite" in capsys.readouterr().err
     assert (tmp_path / "there/fig4.csv").read_text() == "mine\n"

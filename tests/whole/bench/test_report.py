@@ -12,8 +12,6 @@ import pytest
 import bench
 from bench.stiffness import COMMAND, LIBRARY
 from wavesweep.program import results
-from wavesweep.program.cli import main
-from wavesweep.program.plots import drawn
 
 
 def rows(run, **wanted):
@@ -44,50 +42,33 @@ def test_all_responses_agree_and_this_tools_is_the_best(quick):
     assert (seen["error_max"][:2] < 1e-11).all()
 
 
-@pytest.mark.slow
-def test_the_table_is_written_and_drawn(quick, tmp_path):
-    results.publish(drawn(quick), tmp_path)
-    assert (tmp_path / "bench.png").stat().st_size > 1000
-    back = results.read(tmp_path / "bench.parquet")
-    assert list(back) == [field.name for field in bench.FIELDS]
-
-
-@pytest.fixture
-def measured(quick, monkeypatch):
-    """Let the command have the quick run at once, and change this process's environment for the test alone."""
+def test_the_program_writes_and_draws_what_was_measured(quick, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(os, "environ", dict(os.environ))
-    monkeypatch.setattr(bench, "measure", lambda **asked: quick if asked["quick"] else None)
+    from bench.__main__ import main
 
-
-@pytest.mark.usefixtures("measured")
-def test_the_command_writes_what_was_measured(tmp_path, capfd):
-    assert main(["bench", "--quick", "--no-plot", "--out", str(tmp_path / "out")]) == 0
+    monkeypatch.setattr(bench, "measure", lambda *, quick, run=quick: run if quick else None)
+    main(["--quick", "--out", str(tmp_path / "out")])
     written = {path.name for path in (tmp_path / "out").iterdir()}
-    assert written == {"bench.csv", "bench.parquet", "bench.datapackage.json"}
-    assert "this tool finds" in capfd.readouterr().err
-    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    assert written == {"bench.csv", "bench.parquet", "bench.datapackage.json", "bench.png"}
+    back = results.read(tmp_path / "out/bench.parquet")
+    assert list(back) == [field.name for field in bench.FIELDS]
+    assert "this tool finds" in capsys.readouterr().out
 
 
 def test_the_threads_are_limited_before_numpy_is_loaded():
     program = (
-        "import os, sys\n"
+        "import os, runpy, sys\n"
         "class Watch:\n"
         "    def find_spec(self, name, path, target=None):\n"
         "        if name == 'numpy':\n"
         "            print(os.environ.get('OPENBLAS_NUM_THREADS'))\n"
         "            sys.exit(0)\n"
         "sys.meta_path.insert(0, Watch())\n"
-        "from wavesweep.program.cli import main\n"
-        "main(['bench', '--quick'])\n"
+        f"runpy.run_path({str(Path(bench.__file__).parent)!r}, run_name='__main__')\n"
     )
     inherited = {name: value for name, value in os.environ.items() if not name.endswith("_THREADS")}
     done = subprocess.run([sys.executable, "-c", program], env=inherited, capture_output=True, text=True, check=True)
     assert done.stdout == "1\n"
-
-
-def test_the_questions_cannot_be_changed(capfd):
-    assert main(["bench", "--quick", "--set", "b=40"]) == 2
-    assert "fixed" in capfd.readouterr().err
 
 
 def promises():

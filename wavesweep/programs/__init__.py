@@ -1,1 +1,0 @@
-"""`paper` and `bench`, the programs beside the package."""
