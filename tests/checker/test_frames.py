@@ -18,7 +18,7 @@ def enclosed(text: str, values: dict, sides: dict) -> tuple[list[str], np.ndarra
     """States, middles and radii of a frame in the middle of a cell."""
     tables = tomllib.loads(text, parse_float=balls.decimal)
     loop = loop_of(with_numbers(tables, values | {name: balls.side(name) for name in sides}), balls)
-    frames = Frames({"": steps_of(loop.schedule())})
+    frames = Frames(steps_of({"": loop.schedule()}))
     assert unknown_key(tables, loop) is None
     A = frames.matrix("", balls.Cell(sides))
     names = sorted(frames.live)
@@ -68,7 +68,7 @@ def test_a_cell_encloses_its_members(number):
     tables = tomllib.loads(text, parse_float=balls.decimal)
     low, high = Fraction(90), Fraction(110)
     loop = loop_of(with_numbers(tables, {"K_VE": balls.side("K_VE")}), balls)
-    frames = Frames({"": steps_of(loop.schedule())})
+    frames = Frames(steps_of({"": loop.schedule()}))
     cell = balls.Cell({"K_VE": (low, high)})
     whole = frames.matrix("", cell)
     for share in (-1, Fraction(-1, 3), Fraction(7, 8)):

@@ -137,7 +137,7 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
         for schedule in schedules.values():
             if not is_drift(schedule, v):
                 raise Refused(f"not every equation keeps the drift of {next(iter(v), 'nothing')}")
-    words = {kind: steps_of(schedule) for kind, schedule in schedules.items()}
+    words = steps_of(schedules)
     if claim.claim == "refuted" and "" not in words:
         words = {"": [step for kind in _repeated(moves, claim.word) for step in words[kind]]}
     frames = Frames(words)

@@ -244,16 +244,31 @@ def _after(cell: Cell, first, then, wanted):
     return found
 
 
-def steps_of(schedule: Schedule) -> list[Written | Flow]:
-    """The steps of a period in order, without memory that is never written anything but 0, as what a hand exerts."""
-    if len(schedule.times) > INSTANTS:
-        raise Unreadable(f"a frame of {len(schedule.times)} instants; at most {INSTANTS}")
-    maps = {kind: solved(instant) for kind, instant in schedule.kinds.items()}
-    motion = solved(schedule.motion)
-    written = {name for rows in maps.values() for name in rows}
-    silent = {
-        name for name in written if not any(rows.get(name) for rows in (*maps.values(), motion))
+def steps_of(schedules: dict[str, Schedule]) -> dict[str, list[Written | Flow]]:
+    """The steps of periods of one loop in order.
+
+    Memory to which each of them writes 0 and nothing else, as what a hand exerts, is 0 after the first one and left out.
+    """
+    solutions = {}
+    for name, schedule in schedules.items():
+        if len(schedule.times) > INSTANTS:
+            raise Unreadable(f"a frame of {len(schedule.times)} instants; at most {INSTANTS}")
+        maps = {kind: solved(instant) for kind, instant in schedule.kinds.items()}
+        solutions[name] = maps, solved(schedule.motion)
+    names = set.intersection(
+        *(
+            {k for _, kind in schedule.times for k in solutions[name][0][kind]}
+            for name, schedule in schedules.items()
+        )
+    )
+    written = [rows for maps, motion in solutions.values() for rows in (*maps.values(), motion)]
+    silent = {name for name in names if not any(rows.get(name) for rows in written)}
+    return {
+        name: _in_order(schedule, *solutions[name], silent) for name, schedule in schedules.items()
     }
+
+
+def _in_order(schedule: Schedule, maps, motion, silent) -> list[Written | Flow]:
     instants = {kind: Written(_without(rows, silent)) for kind, rows in maps.items()}
     motion = _without(motion, silent)
     flows: dict[Fraction, Flow] = {}
