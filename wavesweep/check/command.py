@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from wavesweep.capabilities import asked, offered
+from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.cli.entry import COMMANDS, verbosity
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.options import FORMATS, PATH, folder, override
@@ -342,16 +343,31 @@ def _interval_steps(
             subject += ", for all of [for_all]"
         yield f"{region} {name}", subject
         return
-    limits = [
-        limit
-        for limit in verdict["limits"]
-        if limit["stable"] is not None and not read_in_several_places(spec, limit["name"])
-    ]
-    if limits:
-        axis = min(limits, key=distance)
-        first, last = ends_in_words(axis["from"], axis["to"])
-        span = f"'sweep.{axis['name']}={{start={first}, stop={last}}}'"
-        yield f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""
+    for limit in sorted(verdict["limits"], key=distance):
+        along = limit["name"]
+        if limit["stable"] is None or read_in_several_places(spec, along):
+            continue
+        first, last = ends_in_words(limit["from"], limit["to"])
+        if _is_done_along(spec, along, float(first), float(last)):
+            span = f"'sweep.{along}={{start={first}, stop={last}}}'"
+            yield f"stability-region {name} --set sweep.along={along} --set {span}", ""
+            return
+
+
+def _is_done_along(spec: Spec, along: str, start: float, stop: float) -> bool:
+    """Whether the rows of a spec can be computed along a number: what it asks for may not be proved
+    along that."""
+    from wavesweep.program.spec import Axis
+    from wavesweep.program.tables.interval_table import stages_of
+
+    path = spec.names.find(along).path
+    others = [axis for axis in spec.sweep if axis.path != path]
+    axis = Axis(along, path, (), start, stop, False, "linear")
+    try:
+        stages_of(replace(spec, along=along, sweep=(*others, axis)), along, None)
+    except WavesweepError:
+        return False
+    return True
 
 
 def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iterator[str]:

@@ -118,6 +118,10 @@ def _going_on(spec: Spec, limit: Facts) -> str:
     if spec.drawing and path in spec.drawing.posing:
         return ""
     start, stop = ranges.searched(spec, name, path)
+    if limit["of_key"][0]:
+        start = limit["from"]
+    if limit["of_key"][1]:
+        stop = limit["to"]
     ended_below = limit["low"] is None and limit["from"] > start
     ended_above = limit["high"] is None and limit["to"] < stop
     if not (limit["stopped"] and (ended_below or ended_above)):

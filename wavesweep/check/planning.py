@@ -15,13 +15,16 @@ from wavesweep.engine.frames import open_loops
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import keys_of_page, steps_of
 from wavesweep.program.analyses.claims import questions
-from wavesweep.program.analyses.interval_jobs import job_of, method
+from wavesweep.program.analyses.interval_jobs import method
 from wavesweep.program.analyses.response_jobs import response_job
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.estimates import duration, expected_bytes, expected_seconds, short
 from wavesweep.program.sweep.grid import make_grid, own_loop
 from wavesweep.program.sweep.workers import choose
+from wavesweep.program.tables.interval_table import stages_of
+
+SHORTEST_ESTIMATED = 0.3  # s of work, of which a sample says how long it takes
 
 
 def plan(spec: Spec, estimated: bool = True) -> list[str]:
@@ -87,9 +90,10 @@ def read_in_several_places(spec: Spec, number: str) -> bool:
 
 def _interval_lines(spec, command, along, estimated):
     try:
-        job = job_of(spec, along)
+        own, *guaranteed = stages_of(spec, along, None)
     except (SpecError, UsageError) as error:
         return [f"  {command}: not possible with this spec: {error}"]
+    job = own.job
     grid = job.grid
     axis = job.asked.axis
     if read_in_several_places(spec, axis.path):
@@ -115,17 +119,27 @@ def _interval_lines(spec, command, along, estimated):
         who = "no workers"
     else:
         who = f"{workers.count} worker processes"
-    chunks = _count(len(job.chunks), "chunk")
-    seconds = expected() / workers.count
+    chunks = _count(sum(len(stage.job.chunks) for stage in (own, *guaranteed)), "chunk")
     # A second to load what draws, and to draw.
     figure = 1.0 + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)
+    work = f"about {_about(expected() / workers.count)}; {who} ({workers.why})"
+    if guaranteed:  # whose proofs go on for as long as they find something
+        words = " and ".join(stage.hand for stage in guaranteed)
+        work = f"how long the rows of {words} take is not known beforehand"
     return [
         *lines,
-        f"    work: {chunks}, about {duration(seconds)}; {who} ({workers.why})",
+        f"    work: {chunks}, {work}",
         f"    figure: up to about {duration(figure)} more, which --no-plot leaves out",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
         *_advice([job]),
     ]
+
+
+def _about(seconds):
+    """An estimate; so short a work is over before its start is."""
+    if seconds < SHORTEST_ESTIMATED:
+        return "a second at most"
+    return duration(seconds)
 
 
 def _advice(jobs):
@@ -176,7 +190,7 @@ def _long_lines(jobs):
         expected = cache(partial(expected_seconds, job, 0.2))
         workers = choose(None, None, None, len(job.chunks), expected)
         seconds += expected() / workers.count
-    work = f"{_count(chunks, 'chunk')}, about {duration(seconds)}"
+    work = f"{_count(chunks, 'chunk')}, about {_about(seconds)}"
     return [f"    work: {work}; disk: about {size} until the results are in place", *_advice(jobs)]
 
 

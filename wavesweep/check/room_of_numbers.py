@@ -64,7 +64,7 @@ def _limit(spec, name, path, span, of_key=(False, False), again=False):
     value = spec.values[path]
     limit = {"name": name, "value": value, "from": span[0], "to": span[1]}
     limit |= {"low": None, "high": None, "intervals": []}
-    limit |= {"stopped": False, "open": None, "of_key": list(of_key)}
+    limit |= {"stopped": False, "open": None, "of_key": [bool(end) for end in of_key]}
     try:
         near = _next_to(spec, path, value, span) if _poses(spec, path) else span
         job = _job(spec, name, path, near)
@@ -80,7 +80,8 @@ def _limit(spec, name, path, span, of_key=(False, False), again=False):
         return limit | {"stable": None, "doubt": str(error), "certified": False}
     start, stop = reached
     of_key = (of_key[0] and span[0] == start, of_key[1] and span[1] == stop)
-    limit |= {"from": start, "to": stop, "stopped": reached != span, "of_key": list(of_key)}
+    limit |= {"from": start, "to": stop, "stopped": reached != span}
+    limit["of_key"] = [bool(end) for end in of_key]
     if rows is None:
         return limit | {"stable": None, "doubt": LATE, "certified": False}
     # A filter's cutoff is next to half its rate.

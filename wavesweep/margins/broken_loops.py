@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.blocks import FACTOR, PRODUCT
 from wavesweep.engine.drawing import BLOCK, GAIN, Drawing, path_of
-from wavesweep.engine.errors import UsageError
+from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.engine.frames import OpenTicks, open_loops
 from wavesweep.engine.keys import nearest
 from wavesweep.engine.loop import Loops
@@ -156,13 +156,24 @@ def _block_of(port: str) -> str:
 
 def default_cut(spec: Spec) -> str:
     """The signal at which the spec asks for margins, in [sweep] require, or else in a wish; or else
-    the first of `cuts_of`. Empty without one."""
+    the first of `cuts_of` that comes back to itself. Empty without one."""
     asked = []
     if required := spec.asked.get("require"):
         asked += [margins["cut"] for margins in required.cuts]
     if design := spec.asked.get("design"):
         asked += [wish.options["cut"] for wish in design.wishes if "cut" in wish.options]
-    return next(iter(asked or cuts_of(spec)), "")
+    if asked:
+        return asked[0]
+    return next((cut for cut in cuts_of(spec) if returns(spec, cut)), "")
+
+
+def returns(spec: Spec, cut: str) -> bool:
+    """Whether the loop can be broken at a signal, and that comes back to itself."""
+    try:
+        broken_at(spec, cut)
+    except WavesweepError:
+        return False
+    return True
 
 
 def _readings(drawing: Drawing) -> set[tuple[str, str]]:

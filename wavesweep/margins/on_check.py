@@ -14,6 +14,6 @@ def is_next(spec: Spec, found: Mapping[str, Any]) -> bool:
     be broken."""
     if not (found["stable"] and spec.drawing) or spec.drawing.hand:
         return False
-    from wavesweep.margins.broken_loops import cuts_of
+    from wavesweep.margins.broken_loops import default_cut, returns
 
-    return bool(cuts_of(spec))
+    return returns(spec, default_cut(spec))

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.doubts import words
-from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.engine.errors import UsageError
 from wavesweep.engine.response import Step
-from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
+from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at, returns
 from wavesweep.margins.dead_time_margin import in_seconds
 from wavesweep.margins.figure import decibels_and_degrees, marks_of, response_of
 from wavesweep.margins.lifted_margins import margins_of
@@ -33,17 +33,9 @@ def data(spec: Spec) -> dict[str, list]:
     if not spec.drawing or spec.drawing.hand:
         return {"cuts": [], "routes": []}
     return {
-        "cuts": [cut for cut in cuts_of(spec) if _returns(spec, cut)],
+        "cuts": [cut for cut in cuts_of(spec) if returns(spec, cut)],
         "routes": routes_of(spec),
     }
-
-
-def _returns(spec: Spec, cut: str) -> bool:
-    try:
-        broken_at(spec, cut)
-    except WavesweepError:
-        return False
-    return True
 
 
 def _chosen(question: Mapping[str, Any], shown: Shown) -> tuple[str, list[str] | None]:

@@ -79,6 +79,17 @@ def test_a_line_is_said_on_a_terminal_too_until_a_share_is_known(monkeypatch, cl
         assert said().splitlines() == ["still fitting after 5 s", "still fitting after 10 s"]
 
 
+def test_no_two_lines_of_a_long_command_say_the_same(capsys, clock):
+    watch = watched(clock)
+    watch.begin("at work on the verdict")
+    for second in range(800):
+        clock[0] = float(second)
+        watch.look()
+    lines = capsys.readouterr().err.splitlines()
+    assert "still at work on the verdict after 2 min" in lines
+    assert len({*lines}) == len(lines) > 30
+
+
 def test_a_command_has_a_line_after_5_10_and_20_s_and_then_every_20_s(capsys, clock):
     """Two parts, each of which begins before the time of the line, and reports of which a checkpoint had the first 500."""
     watch = watched(clock)
@@ -96,7 +107,7 @@ def test_a_command_has_a_line_after_5_10_and_20_s_and_then_every_20_s(capsys, cl
         *(f"still fitting after {at} s" for at in (5, 10, 20, 40)),
         *(
             f"{done[at]} of 2,000 done ({done[at] // 20} %), 0 certified after {after}, about 12 min left; fewer take less"
-            for at, after in ((60, "60 s"), (80, "80 s"), (100, "2 min"))
+            for at, after in ((60, "60 s"), (80, "80 s"), (100, "1 min 40 s"))
         ),
     ]
 

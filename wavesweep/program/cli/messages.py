@@ -191,7 +191,7 @@ class Work:
 
     def line(self, seconds: float) -> str:
         """What is done; seconds: that the command has taken."""
-        after, reports = f"after {_duration(seconds)}{self._note}", self.reports
+        after, reports = f"after {_elapsed(seconds)}{self._note}", self.reports
         if not reports:
             return f"still {self.doing or 'at work'} {after}"
         done, total = reports[-1][1], self._total
@@ -267,6 +267,14 @@ def _columns() -> int:
         return os.get_terminal_size(sys.stderr.fileno()).columns or USUAL_COLUMNS
     except (OSError, ValueError):
         return USUAL_COLUMNS
+
+
+def _elapsed(seconds: float) -> str:
+    """A time that has passed, of which no two lines say the same."""
+    minutes, rest = divmod(round(seconds), 60)
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min {rest} s" if rest else f"{minutes} min"
 
 
 def _duration(seconds: float) -> str:
