@@ -493,7 +493,7 @@ def from_near_zero(run):
     return True
 
 
-@shape(rf"(?:z_width|loops): proved stable for device\.mass of {N}, {N}, {N}", "design")
+@shape(rf"(?:z_width|loops): proved stable for device\.mass of {N}, {N}, {N} \(each for ever\)", "design")
 def proved_for(run, *masses):
     return all(near(one, other, 1e-5) for one, other in zip(masses, listed_masses(run), strict=True))
 
@@ -504,8 +504,8 @@ def tried_with(run, few, many):
 
 
 @shape(
-    rf"time_constant: time constant of the slowest mode for device\.mass of {N} values from {N} to {N}, "
-    r"not certified \(double precision\)",
+    rf"time_constant: time constant of the slowest mode for device\.mass of {N} values from {N} to {N} "
+    r"\(each for ever\), not certified \(double precision\)",
     "design",
 )
 def of_masses(run, count, low, high):

@@ -108,11 +108,10 @@ def hold_cells(run, cells, row):
             assert name not in DOWN or shown <= value * (1 + TENTH_DIGITS), (cells, row)
 
 
-@shape(rf"For which K from {N} to {N} is (.*)\?", "report")
-def question(run, start, stop, said):
-    if found := re.search(r", for each of c = ([^,]*, [^,]*)(?=,|$)", said):
-        assert [float(each) for each in found[1].split(", ")] == run.case.tables["sweep"]["c"], said
-        said = said.replace(found[0], "")
+@shape(rf"For which K from {N} to {N}(?:, for each of c = {N}, {N},)? is (.*)\?", "report")
+def question(run, start, stop, one, other, said):
+    several = run.case.tables["sweep"].get("c", [])
+    assert len(several) < 2 or [one, other] == several, said
     assert not run.case.level or f"{run.case.level:g}" in said, said
     return (start, stop) == (run.case.start, STOP) and of_members(run, said)
 
