@@ -90,12 +90,24 @@ class LiftedLoop:
         """E, B, C and D of each kind of tick."""
         return [(each.E, each.B, each.C, each.D) for each in self.ticks.ticks.maps]
 
-    @property
+    @cached_property
     def _returned_matrices(self):
         """E, G, O and T of H: a state from frame to frame, how samples reach it, how they read
-        it, and each other."""
+        it, and each other.
+
+        Drifts v by constant factors are in no response, O v = 0: their eigenvalue 1 is moved to 0,
+        by `E - v w`, as next to 0 rad/s rounding alone would be left of theirs.
+        """
         H = self.returned
-        return H.E[0], H.G[0], H.O[0], H.T[0]
+        E = H.E[0].copy()
+        identity = np.eye(len(E))
+        for lead in self.drift.unobserved:
+            E[:, lead] -= identity[lead]
+        for lead, trailing in self.drift.constant:
+            E[:, lead] -= identity[lead]
+            for state, factor in trailing:
+                E[state, lead] -= factor
+        return E, H.G[0], H.O[0], H.T[0]
 
     @property
     def times(self) -> int:
@@ -146,21 +158,13 @@ class LiftedLoop:
         """The map `S = 1/(1 - H)`, in states of even units.
 
         The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v
-        w`, if S does not have it: `C v w B` is 0. Otherwise S has no bound at 0 rad/s. A drift by
-        constant factors has `C v = 0`, and any w will do.
+        w`, if S does not have it: `C v w B` is 0. Otherwise S has no bound at 0 rad/s.
         """
         E, G, O, T = self._returned_matrices
         left = np.linalg.inv(np.eye(len(T)) - T)
         E = E + G @ left @ O
         B = G @ left
         C = left @ O
-        identity = np.eye(len(E))
-        for lead in self.drift.unobserved:
-            E[:, lead] -= identity[lead]
-        for lead, trailing in self.drift.constant:
-            E[:, lead] -= identity[lead]
-            for state, factor in trailing:
-                E[state, lead] -= factor
         in_even_units = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units()
         (matrices,) = in_even_units.maps
         count = len(self.drift.varying)
