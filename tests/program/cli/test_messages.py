@@ -117,7 +117,7 @@ def test_one_that_is_not_looked_at_for_long_says_one_line(capsys, clock):
     for second in (0.0, 4.9, 300.0, 300.5, 319.0, 320.0):
         clock[0] = second
         watch.look()
-    assert capsys.readouterr().err.splitlines() == ["still at work after 5 min", "still at work after 5 min"]
+    assert capsys.readouterr().err.splitlines() == ["still at work after 5 min", "still at work after 5 min 20 s"]
 
 
 def test_no_thread_is_left_behind_and_nothing_is_said_if_quiet(capsys, monkeypatch):
