@@ -43,3 +43,9 @@ def newest(session: nox.Session) -> None:
     """The tests with the newest version of everything."""
     session.install(".[test]")
     session.run(*TESTS, *session.posargs)
+
+
+@nox.session(venv_backend="none")
+def checker(session: nox.Session) -> None:
+    """dist/wavesweep-checker.pyz, the checker of proofs as one file."""
+    session.run("python3", ".ci/checker.py", "dist/wavesweep-checker.pyz", external=True)

@@ -5,6 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+from checker.test_hand_made import ABOVE, BELOW, OUTSIDE, SPEC, WITHIN
+from support.proofs import checked
+
 import wavesweep.checker
 
 FOLDER = Path(wavesweep.checker.__file__).parent
@@ -33,3 +37,18 @@ def test_an_import_loads_nothing_of_the_package():
     run = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True)
     loaded = {name for name in run.stdout.split() if name.startswith("wavesweep")}
     assert loaded == {"wavesweep", "wavesweep.checker", *modules}
+
+
+@pytest.mark.slow
+def test_the_archive_runs_where_nothing_is_installed(tmp_path):
+    lines = [BELOW, WITHIN, ABOVE | {"outside": 1}, OUTSIDE]
+    assert checked(tmp_path, SPEC, lines)[0] == 1
+    archive = tmp_path / "checker.pyz"
+    script = FOLDER.parents[1] / ".ci/checker.py"
+    subprocess.run([sys.executable, script, archive], check=True)
+    command = [sys.executable, "-I", "-S", archive, tmp_path / "spec.toml"]
+    run = subprocess.run([*command, tmp_path / "spec.proof"], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (1, "")
+    assert run.stdout.endswith("1 of 2 claims proved\n")
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 2
+    assert subprocess.run([*command, tmp_path / "spec.toml"], capture_output=True, check=False).returncode == 2

@@ -76,6 +76,10 @@ def main(arguments: list[str]) -> int:
     return 1 if refused else 0
 
 
-if __name__ == "__main__":
-    sys.setrecursionlimit(20_000)  # coefficients that are computed of others, in long equations
+def run():
+    sys.setrecursionlimit(20_000)  # of long sums in a spec
     sys.exit(main(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    run()

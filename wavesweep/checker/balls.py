@@ -290,34 +290,46 @@ class Number:
     make: a function of a ring and of the parts' polynomials. moves: whether it depends on a side.
     """
 
-    __slots__ = ("_cell", "_value", "exact", "make", "moves", "parts")
+    __slots__ = ("cell", "exact", "kept", "make", "moves", "parts")
 
     def __init__(self, exact=None, make=None, parts=()):
         self.exact = exact
         self.make = make
         self.parts = parts
         self.moves = any(part.moves for part in parts) if exact is None else any(exact)
-        self._cell = None
-        self._value = None
+        self.cell = None
+        self.kept = None
 
     def value(self, cell: Cell):
         """Its polynomial in a cell."""
-        if self._cell is cell or (self._value is not None and not self.moves):
-            return self._value
+        waiting = [] if self.known(cell) else [self]
+        while waiting:  # those first that others are made of
+            now = waiting[-1]
+            missing = [part for part in now.parts if not part.known(cell)]
+            if missing and not now.known(cell):
+                waiting += missing
+                continue
+            waiting.pop()
+            if not now.known(cell):
+                now.kept = now.computed(cell)
+                now.cell = cell
+        return self.kept
+
+    def known(self, cell: Cell) -> bool:
+        return self.cell is cell or (self.kept is not None and not self.moves)
+
+    def computed(self, cell: Cell):
         if self.exact is None:
-            self._value = self.make(cell.ring, *(part.value(cell) for part in self.parts))
-        elif self.exact == {(): 1}:
-            self._value = UNIT
-        else:
-            total = (0, 0)
-            for monomial, share in self.exact.items():
-                term = ball(share)
-                for name, power in monomial:
-                    term = cell.ring.multiply(term, cell.power(name, power))
-                total = add(total, term)
-            self._value = total
-        self._cell = cell
-        return self._value
+            return self.make(cell.ring, *(part.kept for part in self.parts))
+        if self.exact == {(): 1}:
+            return UNIT
+        total = (0, 0)
+        for monomial, share in self.exact.items():
+            term = ball(share)
+            for name, power in monomial:
+                term = cell.ring.multiply(term, cell.power(name, power))
+            total = add(total, term)
+        return total
 
     def __bool__(self):
         return self.exact != {}

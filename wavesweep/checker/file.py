@@ -193,6 +193,8 @@ def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
             _holds(tables, claim, rest)
         except Refused as refused:
             why = str(refused)
+        except RecursionError:
+            raise Unreadable("expressions of the spec that are too long") from None
         line = rest.following()
         yield claim, why
     if count != header["claims"]:
