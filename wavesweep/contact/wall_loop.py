@@ -65,6 +65,14 @@ class WallLoop:
             residue = residue - (row @ B).part(0)
         return WallLoop(E, B, rows, direct.part(both), residue, stable, unstable)
 
+    @property
+    def without_wall(self) -> str:
+        """That the loop is unstable where the wall is not touched, in words; empty if it is not."""
+        if not self.unstable:
+            return ""
+        radius = np.abs(np.linalg.eigvals(np.eye(len(self.E.value)) + self.E.value)).max(initial=0.0)
+        return without_wall_in_words(radius) if radius > 1 else UNSTABLE
+
     def responses(self, angles: np.ndarray) -> np.ndarray:
         """Return `G_x` without its pole, and `G_v`, at angles of the unit circle, without bounds.
 

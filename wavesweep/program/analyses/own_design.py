@@ -13,6 +13,7 @@ from wavesweep.program.analyses.assumptions import FAVOURABLE, MOST_AXES, model_
 from wavesweep.program.analyses.claim_words import verdict_lines
 from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope, questions
 from wavesweep.program.analyses.feel import felt_at_rest
+from wavesweep.program.analyses.free_space import radius_without_wall, without_wall_in_words
 from wavesweep.program.analyses.mode_in_the_way import (
     STAYS,
     only_oscillates,
@@ -65,7 +66,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a
     missing number is None.
 
-    stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it
+    stable, radius_without_wall (of a stable loop, see `free_space`), spectral_radius (per frame; missing after overflow or if rounding hides it, and then it
     is not known to be stable), only_oscillates (of a radius of 1: whether all modes are pairs on
     the circle, as those of a loop that conserves energy), stays (of a radius of 1: the states of a
     mode that neither grows nor decays nor oscillates, empty if there is none), period_s (of the
@@ -86,6 +87,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
     numbers["assumes"] = model_in_words(spec)
+    numbers["radius_without_wall"] = radius_without_wall(spec) if numbers["stable"] else None
     if radius == 1:
         names, (delta, shares) = named_modes(E, drawn, drift)
         numbers["stays"] = next(
@@ -174,6 +176,8 @@ def own_lines(
         yield f"  {hint}"
     if found.get("stays"):
         yield f"  {stays_in_words(found['stays'])}"
+    if found.get("radius_without_wall"):
+        yield f"  {without_wall_in_words(found['radius_without_wall'])}"
     if is_first(spec, found):
         yield f"  assumes: {found['assumes']}"
 

@@ -17,6 +17,7 @@ from wavesweep.program.analyses.claim_words import (
     vouched_for,
 )
 from wavesweep.program.analyses.claims import Claim, Status
+from wavesweep.program.analyses.free_space import without_wall_in_words
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.number_words import (
@@ -120,6 +121,7 @@ class Sentences:
         if not upwards:
             texts.append(self._largest())
         texts.append(self._least(upwards))
+        texts.append(self._without_wall())
         return [_folded(text) for text in texts if text]
 
     def _largest(self) -> str:
@@ -167,6 +169,14 @@ class Sentences:
         at = self._numbers_in_words(mode["at"])
         said = mode_in_words(mode, self._along, self._unit)
         return f"at {at}: {said}" if at else said
+
+    def _without_wall(self) -> str:
+        """A loop that is unstable where its wall is not touched, though with it it is stable."""
+        unstable = self._numbers.get("without_wall")
+        if not (unstable and self._numbers["largest"]):
+            return ""
+        at = self._numbers_in_words(unstable["at"])
+        return f"{at}{': ' if at else ''}{without_wall_in_words(unstable['radius'])}"
 
     def _least(self, upwards: bool) -> str:
         """The least stable value and its place; empty if the largest one says it already."""

@@ -196,6 +196,8 @@ class LoopSummary:
         if self._hand in ("", *COMPUTED):  # and not of hands, or of all that may happen
             if self._facts.get("conserves"):
                 numbers["conserves"] = True
+            if self._facts.get("without_wall"):
+                numbers["without_wall"] = dict(self._facts["without_wall"])
             if self._facts.get("in_the_way"):
                 numbers["in_the_way"] = dict(self._facts["in_the_way"])
         return numbers

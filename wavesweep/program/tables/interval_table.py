@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice, product
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from wavesweep.program.sweep.job import Job
     from wavesweep.program.sweep.running import Run, WorkOptions
     from wavesweep.program.tables.hand_rows import Hands
+
+MOST_WITHOUT_WALL = 64  # loops of a sweep that are looked at without their wall
 
 
 def intervals(
@@ -46,6 +49,7 @@ def intervals(
     facts = _facts(spec, hands, stages, result.certified, timings)
     facts["warnings"] = result.warnings
     facts |= _in_the_way(stages[0], result)
+    facts |= _without_wall(stages[0])
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
     kind = KINDS[2 if hands else 0]
 
@@ -282,6 +286,24 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     mode = mode_in_the_way(loops, axis.path, span, beyond, by_lines=by_lines)
     if mode:
         return {"in_the_way": {"at": empty, **mode}}
+    return {}
+
+
+def _without_wall(stage: Stage) -> dict[str, Any]:
+    """A fact of the first loop of a sweep that is unstable where its wall is not touched, of those
+    that differ in other numbers than the wall's."""
+    from wavesweep.program.analyses.free_space import radius_without_wall
+
+    grid = stage.job.grid
+    if stage.job.asked.axis.path not in grid.spec.wall:
+        return {}
+    axes = [axis for axis in grid.axes if axis.path not in grid.spec.wall]
+    for values in islice(product(*(axis.values for axis in axes)), MOST_WITHOUT_WALL):
+        changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
+        radius = radius_without_wall(grid.spec.with_values(changes) if changes else grid.spec)
+        if radius:
+            at = {axis.name: value for axis, value in zip(axes, values, strict=True)}
+            return {"without_wall": {"at": at, "radius": radius}}
     return {}
 
 

@@ -1,0 +1,30 @@
+"""Whether a loop is stable where its wall is not touched."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec import Spec
+
+ROUNDED = 1e-9  # by which a radius is more than 1 if that is no rounding
+
+
+def radius_without_wall(spec: Spec) -> float | None:
+    """The spectral radius per frame of the spec's loop with its wall's numbers 0, if it is unstable
+    then; None if it is not, or not known to be, or has no wall."""
+    from wavesweep.engine.errors import IllPosedLoopError
+    from wavesweep.program.sweep.grid import own_loop
+
+    if not spec.wall:
+        return None
+    try:
+        radius = float(own_loop(spec).changed(dict.fromkeys(spec.wall, 0.0)).radii()[0])
+    except IllPosedLoopError:
+        return None
+    return radius if 1 + ROUNDED < radius < float("inf") else None
+
+
+def without_wall_in_words(radius: float) -> str:
+    """That a loop is unstable where its wall is not touched."""
+    return f"without its wall the loop is unstable: spectral radius {radius:.6g} per frame"
