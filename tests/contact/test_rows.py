@@ -11,7 +11,6 @@ import wavesweep
 from tests.contact.test_proof import FIG4, SLOW
 from wavesweep import SpecError, UsageError
 from wavesweep.contact.rows import LINEAR
-from wavesweep.contact.rows_in_frames import FREE
 from wavesweep.contact.verdict import of_wall
 from wavesweep.program.spec import load
 from wavesweep.program.tables.frame import framed
@@ -87,7 +86,8 @@ def test_a_loop_that_is_unstable_without_its_wall_has_no_row():
     spec = spec_of({"controller": {"kind": "dc-lm"}, "local_model": {"K_LM": 4e4}})
     (row,) = contact_rows(spec).itertuples()
     assert (row.intervals, row.certified, row.settled) == (0, True, True)
-    assert of_wall(spec) == {"verdict": "refuted", "counterexample": FREE}
+    assert row.counterexample.startswith("without its wall the loop is unstable: spectral radius ")
+    assert of_wall(spec) == {"verdict": "refuted", "counterexample": f"no contact at all: {row.counterexample}"}
 
 
 def test_a_row_of_a_loop_that_the_proof_is_not_about_says_that_it_is_in_doubt():

@@ -221,3 +221,16 @@ def test_a_pattern_that_grows_between_numbers_at_which_it_decays_is_found():
     assert at < 6562
     assert patterns.growth(found.at(at), word) >= 1 - 1e-9
     assert patterns.growth(found.at(8000.0), word) < 1
+
+
+def test_a_channel_that_sends_in_every_tick_is_proved_beside_a_range():
+    """The register of its oldest message acts on nothing, in an enclosure too."""
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"m": 1.0},
+        "block": {"a": {"type": "mass", "mass": "m", "damping": 3, "stiffness": 5}, "net": {"type": "channel", "late": 4}},
+        "wire": {"net.u": "-2*a.x - 0.5*a.v", "a.f": "net.y"},
+        "for_all": {"m": {"start": 0.9, "stop": 1.1}},
+    }
+    found = wavesweep.verdict(tables)["for_all"]
+    assert (found["verdict"], found["known"]) == ("proved", "by a small gain")

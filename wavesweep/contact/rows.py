@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.motions import motion_beyond
-from wavesweep.contact.rows_in_frames import Along, along_of, fit_frames, linear_pattern
+from wavesweep.contact.rows_in_frames import Along, along_of, fit_frames
 from wavesweep.contact.stretches import TRIED_NEAR_END, Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.doubts import Doubt
@@ -37,6 +37,7 @@ from wavesweep.program.tables.refuters import Refuters
 TEXT = 1000  # characters of a counterexample
 LEFT_OPEN = 100  # the same of what is left open
 LINEAR = "the linear wall, in contact all the time"
+NOWHERE = f"{LINEAR}, is stable at none"
 ON_CIRCLE = (
     "multipliers of Zames and Falb, by linear programmes, proved on arcs of the unit circle "
     "with bounds on all errors; refuted by a wall and a motion that repeats"
@@ -141,21 +142,20 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
 
     A row is what one chain of checked multipliers serves within an interval of the linear loop.
     """
-    rows = _rows_of(loop, along, span)
-    return _recorded(rows or [], span, along, none=rows is None)
+    return _recorded(*_rows_of(loop, along, span), span, along)
 
 
-def _rows_of(loop: Loops, along: str, span: tuple[float, float]) -> list[Row] | None:
-    """The rows of one loop; None if it is known that there are none."""
+def _rows_of(loop: Loops, along: str, span: tuple[float, float]) -> tuple[list[Row], str]:
+    """The rows of one loop, and why there are none if that is known."""
     wall = [path_of(name) for name in loop.drawing.wall]
     index = wall.index(along)
     fixed = float(loop.values[wall[1 - index]]) if len(wall) > 1 else 0.0
     cut = wall_cut(loop)
     whole = WallLoop.of(cut) if cut else None
     if whole is None:
-        return []
+        return [], ""
     if whole.unstable:  # as it is for the wall that is never touched
-        return None
+        return [], whole.without_wall
     # As an array the other number of the wall is taken out of the loop as well.
     beside = {path: np.array([loop.values[path]]) for path in wall if path != along}
     linear = records_of_loop(loop.changed(beside), along, span)
@@ -166,7 +166,7 @@ def _rows_of(loop: Loops, along: str, span: tuple[float, float]) -> list[Row] | 
         if row:
             rows.append(row)
     nowhere = not linear["intervals"].any() and linear["certified"].all()
-    return None if nowhere else rows
+    return rows, NOWHERE if nowhere else ""
 
 
 def rules_of(spec: Spec) -> Any:
@@ -215,45 +215,54 @@ def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, fl
     """`records_through_contact` for all frames, and all values of numbers, of some rules."""
     rows = []
     for member, each in constant_members(rules, loop, along):
-        own = _rows_of(each, along, span)
+        own, why = _rows_of(each, along, span)
         if not own:
-            return _recorded([], span, none=own is None)
+            return _recorded([], of_member(member, why), span)
         widest = max(own, key=lambda row: row.high - row.low)
         beyond = of_member(member, widest.refuters.high)
         rows.append(widest._replace(refuters=widest.refuters._replace(high=beyond)))
     for case in [] if rows else offered("rules").cases_of(rules, along, span, loop):
         walls = along_of(rules, dict(case.values), [*loop.drawing.wall], along)
         if walls is None:
-            return _recorded([], span, none=False)
-        if walls.is_unstable_without:
-            return _recorded([], span, none=True)
-        row = _row_in_frames(rules, dict(case.values), walls, along, span)
-        if row is None:
-            return _recorded([], span, none=False)
+            return _recorded([], "", span)
         member = offered("rules").numbers_in_words(case.fixed)
+        if walls.loop.unstable:
+            return _recorded([], of_member(member, walls.loop.unstable), span)
+        row = _row_in_frames(walls, span)
+        if row is None:
+            return _recorded([], "", span)
         beyond = of_member(member, row.refuters.high)
         rows.append(row._replace(refuters=Refuters("", beyond)))
     low = max(rows, key=lambda row: row.low)
     high = min(rows, key=lambda row: row.high)
-    refuted = [row for row in rows if not np.isnan(row.fails_from)]
-    beyond = min(refuted, key=lambda row: row.fails_from, default=high)
     if low.low >= high.high:
-        return _recorded([], span, none=False)
+        return _recorded([], "", span)
+    if rules.vary:
+        rows += _linear(rules, loop, along, span, high.high)
+    refuted = [row for row in rows if row.fails_from > high.high]
+    beyond = min(refuted, key=lambda row: row.fails_from, default=high)
     text = beyond.refuters.high
     common = Row(low.low, high.high, np.nan, beyond.fails_from, Refuters("", text))
-    return _recorded([common], span, along, none=False)
+    return _recorded([common], "", span, along)
 
 
-def _row_in_frames(rules, values, walls: Along, along, span) -> Row | None:
+def _linear(rules, loop, along, span, high) -> list[Row]:
+    """What refutes the linear wall, which is one of those that push: it is that of its own rows."""
+    found = []
+    for row in offered("rules").rows_of(rules, loop, along, span):
+        if row.part.high_by is not None and row.low < high:
+            said = f"the linear wall, {Refuters.read(row.text).high}"
+            found.append(Row(row.low, row.high, np.nan, row.part.high, Refuters("", said)))
+    return found
+
+
+def _row_in_frames(walls: Along, span) -> Row | None:
     """What is proved of one case; None if nothing is."""
     proved = walls.proved(*span)
     if proved is None:
         return None
     low, high = proved
-    motion = walls.motion(high, span[1])
-    limit = motion[0] if motion[1] else span[1]
-    pattern = linear_pattern(rules, values, along, high, limit)
-    beyond, text = pattern if pattern[1] else motion
+    beyond, text = walls.motion(high, span[1])
     return Row(low, high, np.nan, beyond, Refuters("", text))
 
 
@@ -280,14 +289,16 @@ def _refuted(line, end, linear_end, border):
     return (linear_end, LINEAR)
 
 
-def _recorded(rows: list[Row], span: tuple[float, float], along="", *, none: bool) -> np.ndarray:
-    """The rows as records of CONTACT_RECORD; none: whether it is known that there are none."""
+def _recorded(rows: list[Row], why: str, span: tuple[float, float], along="") -> np.ndarray:
+    """The rows as records of CONTACT_RECORD; why: there are none, if that is known."""
     ends = (np.array([getattr(row, end) for row in rows]) for end in ("low", "high"))
     records = blank_records(*ends, CONTACT_RECORD)
-    known = bool(rows) or none
+    known = bool(rows or why)
     records["certified"], records["residual"] = known, 0.0
     records["doubt"] = Doubt.NONE if known else Doubt.SEARCH
-    records["settled"] = none
+    records["settled"] = not rows and known
+    if not rows:
+        records["counterexample"] = why
     for number, row in enumerate(rows):
         records["fails_below"][number], records["fails_from"][number] = row[2:4]
         records["counterexample"][number] = row.refuters.written(TEXT)

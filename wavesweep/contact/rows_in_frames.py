@@ -28,7 +28,6 @@ MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
 # Frames that a node knows, and directions in which rests differ that are no errors: proofs begin with
 # the first, and go on with those after it.
 FINER = ((0, 2), (0, 3), (1, 2), (2, 2))
-FREE = "no contact at all, the loop without a wall"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +57,7 @@ class InFrames:
         for ahead, spread in FINER:
             edges = edges_of(frames, ahead, spread)
             if edges is None:
-                return alone if alone.is_unstable else None
+                return alone if alone.unstable else None
             conditions = Conditions.on_edges(frames, edges)
             before = size
             size = (conditions.R.value.size, len(edges))
@@ -70,7 +69,7 @@ class InFrames:
             if conditions.exact:
                 break
         if not loops:
-            return alone if alone.is_unstable else None
+            return alone if alone.unstable else None
         return replace(loops[0], finer=tuple(loops[1:]))
 
     def wall(self, K: float, B: float) -> tuple[float, float]:
@@ -100,9 +99,15 @@ class InFrames:
         return falls(self.conditions, [(each.stored, self.wall(*wall)) for each, wall in ends])
 
     @property
-    def is_unstable(self) -> bool:
-        """Whether the loop without its wall is proved to be unstable in frames of one length."""
-        return any(each.unstable for _, each in self.constant())
+    def unstable(self) -> str:
+        """That the loop without its wall is proved to be unstable in frames of one length, in words;
+        empty if it is not."""
+        found = (
+            f"in frames of {frame} {each.without_wall}"
+            for frame, each in self.constant()
+            if each.unstable
+        )
+        return next(found, "")
 
     def constant(self) -> list[tuple[str, WallLoop]]:
         """The loop in frames of one kind for ever, with the names of these."""
@@ -194,11 +199,6 @@ class Along:
     loop: InFrames
     index: int
     fixed: float
-
-    @property
-    def is_unstable_without(self) -> bool:
-        """Whether the loop is unstable without its wall, as it is where that is never touched."""
-        return self.loop.is_unstable
 
     def wall(self, value: float) -> tuple[float, float]:
         """The wall of a value."""
@@ -320,23 +320,6 @@ def along_of(rules: Any, values: dict[str, Any], wall_names: list[str], along: s
     return Along(loop, index, fixed)
 
 
-def linear_pattern(
-    rules: Any, values: dict[str, Any], along: str, high: float, limit: float
-) -> tuple[float, str]:
-    """The nearest value beyond `high`, up to which all is proved, at which a pattern of frames is
-    proved to grow with the linear wall, which is one of those that push, and the pattern; NaN and
-    nothing if none is found. It is that of the rows of the linear wall."""
-    asked = offered("rules")
-    family = rules.family(values, along)
-    if family.drift is not None:
-        return np.nan, ""
-    found = asked.bracketed(family, along, (high, limit), (high, high))
-    if not (found and found.words[1]):
-        return np.nan, ""
-    pattern = asked.text_of_pattern(family, found.words[1])
-    return found.refuted_above, f"the linear wall, {pattern}"
-
-
 def _in_words(motion, frame):
     return str(motion).replace("a wall through", f"a wall, in frames of {frame}, through", 1)
 
@@ -349,8 +332,8 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
     loop = in_frames(rules, values, wall)
     if loop is None:
         return {"verdict": "unknown", "counterexample": ""}
-    if loop.is_unstable:
-        return {"verdict": "refuted", "counterexample": FREE}
+    if loop.unstable:
+        return {"verdict": "refuted", "counterexample": f"no contact at all: {loop.unstable}"}
     for each in (loop, *loop.finer):
         if each.proved_at((K, B)):
             return {"verdict": "proved", "counterexample": ""}

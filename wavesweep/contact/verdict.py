@@ -8,7 +8,7 @@ from typing import Any
 from wavesweep.capabilities import offered
 from wavesweep.contact.motions import motion_at
 from wavesweep.contact.rows import LINEAR, constant_members, of_member, wall_cut
-from wavesweep.contact.rows_in_frames import FREE, verdict_in_frames
+from wavesweep.contact.rows_in_frames import verdict_in_frames
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import GAIN, Drawing
@@ -66,7 +66,7 @@ def _with_wall(loop: Loops, spec: Spec) -> dict[str, str]:
     """The verdict on one loop with the spec's own wall."""
     wall = [float(spec.values[path]) for path in spec.wall]
     stiffness, damping = (*wall, 0.0)[:2]
-    return _verdict(wall_cut(loop), stiffness, damping, LINEAR, FREE)
+    return _verdict(wall_cut(loop), stiffness, damping, LINEAR)
 
 
 def of_saturation(spec: Spec, block: str) -> dict[str, str]:
@@ -79,14 +79,15 @@ def of_saturation(spec: Spec, block: str) -> dict[str, str]:
     return _verdict(opened and opened.cut, 1.0, 0.0, WITHIN, OPEN)
 
 
-def _verdict(cut: LinearFractional | None, K, B, linear, free) -> dict[str, str]:
+def _verdict(cut: LinearFractional | None, K, B, linear, free="") -> dict[str, str]:
     """What is known of a cut with these numbers; linear, free: what the two extreme functions
-    are called."""
+    are called, the one without contact if that is another than no wall."""
     loop = WallLoop.of(cut) if cut else None
     if loop is None:
         return {"verdict": "unknown", "counterexample": ""}
     if loop.unstable:
-        return {"verdict": "refuted", "counterexample": free}
+        said = free or f"no contact at all: {loop.without_wall}"
+        return {"verdict": "refuted", "counterexample": said}
     line = Line.of(WallsAlong(loop, 0, B))
     if line.proved(K, K):
         return {"verdict": "proved", "counterexample": ""}

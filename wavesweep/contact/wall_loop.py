@@ -8,6 +8,7 @@ import numpy as np
 
 from wavesweep.engine.frames import ADVANCE, OFFSET, VELOCITY, Bounded, LinearFractional, balance
 from wavesweep.engine.poles import count_outside
+from wavesweep.program.analyses.free_space import without_wall_in_words
 
 BOUNDS_OF_DOUBLES = 4.0  # times the bounds: they are computed in doubles as well
 
@@ -67,11 +68,9 @@ class WallLoop:
 
     @property
     def without_wall(self) -> str:
-        """That the loop is unstable where the wall is not touched, in words; empty if it is not."""
-        if not self.unstable:
-            return ""
-        radius = np.abs(np.linalg.eigvals(np.eye(len(self.E.value)) + self.E.value)).max(initial=0.0)
-        return without_wall_in_words(radius) if radius > 1 else UNSTABLE
+        """That the loop is unstable where its wall is not touched, in words."""
+        modes = 1 + np.linalg.eigvals(self.E.value)
+        return without_wall_in_words(float(np.abs(modes).max()))
 
     def responses(self, angles: np.ndarray) -> np.ndarray:
         """Return `G_x` without its pole, and `G_v`, at angles of the unit circle, without bounds.

@@ -291,6 +291,11 @@ def _pieces(drawing, values, ranges):
         )
 
 
+def rows_of(rules: Rules, loop: Loops, along: str, span: tuple[float, float]) -> list[Row]:
+    """The rows of loops whose frames vary, see `intervals_for_all`."""
+    return _Loop(rules, along, span, loop).varying()
+
+
 class _Loop:
     """One loop of a sweep with all numbers of [for_all]."""
 

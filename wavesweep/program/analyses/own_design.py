@@ -66,7 +66,8 @@ def own_design(spec: Spec, loop=None) -> dict:
     """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a
     missing number is None.
 
-    stable, radius_without_wall (of a stable loop, see `free_space`), spectral_radius (per frame; missing after overflow or if rounding hides it, and then it
+    stable, radius_without_wall (of a stable loop, see `free_space`), spectral_radius (per frame;
+    missing after overflow or if rounding hides it, and then it
     is not known to be stable), only_oscillates (of a radius of 1: whether all modes are pairs on
     the circle, as those of a loop that conserves energy), stays (of a radius of 1: the states of a
     mode that neither grows nor decays nor oscillates, empty if there is none), period_s (of the
