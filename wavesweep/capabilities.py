@@ -103,6 +103,7 @@ CAPABILITIES = (
         kinds=("poles",),
         library=("Loop.poles", "Loop.plot_root_locus"),
     ),
+    Capability("maps", kinds=("stability-map",), offers=("stability_map",)),
     Capability(
         "designs",
         {

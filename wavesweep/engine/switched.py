@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         inside_of,
     )
     from wavesweep.engine._switched.graph import Family, Graph
+    from wavesweep.engine._switched.inertia import inertia_of_cells
     from wavesweep.engine._switched.loop_frames import LoopFrames, Symbol, WrittenFrames, alive
     from wavesweep.engine._switched.mean_square import (
         Chances,
@@ -122,6 +123,7 @@ else:
                 "inside_of",
             ),
             "_switched.graph": ("Family", "Graph"),
+            "_switched.inertia": ("inertia_of_cells",),
             "_switched.loop_frames": ("LoopFrames", "Symbol", "WrittenFrames", "alive"),
             "_switched.mean_square": (
                 "Chances",

@@ -26,9 +26,8 @@ class Inertia(NamedTuple):
 def inertia_of_cells(A: Polynomials) -> Inertia:
     """Return what forms prove of matrices `(cells, n, n)`.
 
-    A form is the Taylor series, of the order of A, of the solution of `P - A' P A = I` in
-    eigenvectors of the middle, whose lengths make P about 1 on each. So the slack is I but for terms
-    of a higher order.
+    A form is the Taylor series, of the order of A, of the solution of `P - A' P A = I` in unit
+    eigenvectors of the middle. So the slack is I but for terms of a higher order.
     """
     with np.errstate(all="ignore"):  # what overflows is not proved
         basis = _eigenvectors(A.terms[0])
@@ -42,11 +41,9 @@ def inertia_of_cells(A: Polynomials) -> Inertia:
 
 
 def _eigenvectors(A):
-    """Real and imaginary parts of the eigenvectors of matrices, in lengths that shrink with the
-    distance of the eigenvalue from the circle; the states where eigenvectors are nearly
-    dependent."""
+    """Real and imaginary parts of the eigenvectors of matrices; the states where eigenvectors are
+    nearly dependent."""
     values, vectors = np.linalg.eig(A)
-    vectors = vectors * np.sqrt(np.abs(1 - np.abs(values) ** 2))[:, None]
     # of a pair, the first has the real part and the second the imaginary one
     imaginary = values.imag[:, None]
     basis = np.where(imaginary < 0, vectors.imag, vectors.real) * np.where(imaginary, 2**0.5, 1.0)

@@ -3,14 +3,21 @@
 The options of a run stand in `options`; what is done before and after the call in `output`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.program.cli.options import PATH, Options, run_options
+from wavesweep.capabilities import offered
+from wavesweep.program.cli.options import ABOUT_ITS_VALUE, PATH, Options, run_options
 from wavesweep.program.row_kinds import hands_offered
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.tables.table import Table
 
 one_spec = click.argument("spec", type=PATH)
 several_specs = click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=PATH)
@@ -91,8 +98,25 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
 
 @click.command("stability-region")
 @one_spec
+@click.option(
+    "--map",
+    "mapped",
+    metavar="NUMBERS",
+    default="",
+    help="Two or three numbers, as K,b: their whole plane in parts that are proved stable, proved unstable or open, over their "
+    f"ranges in [sweep], or else {ABOUT_ITS_VALUE}. The table is stability-map.",
+)
+@click.option(
+    "--open",
+    "share_open",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    default=None,
+    help="With --map, the share of the plane that may stay open [default: 0.005, of three numbers 0.05].",
+)
 @_of_intervals
-def stability_region(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
+def stability_region(
+    spec: str, options: Options, for_hands: tuple[str, ...], mapped: str, share_open: float | None
+) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or
@@ -100,14 +124,29 @@ def stability_region(spec: str, options: Options, for_hands: tuple[str, ...]) ->
     and the values of the others. The columns are those of zwidth, and along K_VE, the default, the
     whole table is that of zwidth; with --for-hands the files are stability-region-hands.*.
 
+    With --map nothing is found along an axis: the plane of the numbers is divided until all but a
+    small share of it is proved. No point is guessed, between the rows or in the figure.
+
     \b
     Examples:
       wavesweep stability-region sweeps/examples/impedance.toml
       wavesweep stability-region mine.toml --set 'sweep={along = "b", b = {start = 5, stop = 100}, B_VE = [1, 5]}'
+      wavesweep stability-region mine.toml --map K_VE,b --set 'sweep.b={start=5, stop=100}'
     """
-    from wavesweep.program.cli.output import produce_intervals
+    from wavesweep.program.cli.output import produce, produce_intervals
 
-    produce_intervals("stability-region", spec, options, for_hands=for_hands)
+    if mapped:
+        if for_hands:
+            raise click.UsageError("--map: expected it without --for-hands; leave one of them out")
+        maps = offered("stability_map")
+        names = [name.strip() for name in mapped.split(",")]
+
+        def compute(specs: list[Spec], progress: Any, **_: Any) -> list[Table]:
+            return [maps.stability_map(specs[0], names, share_open, progress)]
+
+        return produce(["stability-map"], [spec], options, compute)
+
+    return produce_intervals("stability-region", spec, options, for_hands=for_hands)
 
 
 @click.command("bode")

@@ -68,7 +68,7 @@ class Axis:
         span = {"start": self.start, "stop": self.stop}
         if self.values:
             return {**span, "num": len(self.values), "scale": self.scale}
-        return span
+        return span | ({"scale": "log"} if self.scale == "log" else {})
 
 
 def build_axis(

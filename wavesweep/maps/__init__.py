@@ -1,0 +1,1 @@
+"""Planes of two or three numbers in parts that are proved stable, proved unstable, or open."""
