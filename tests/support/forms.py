@@ -1,0 +1,32 @@
+"""Forms for proof files at single values, by numpy: P - A'PA = U with Stein's equation."""
+
+from fractions import Fraction
+
+import numpy as np
+
+from wavesweep.checker import balls, file
+
+
+def matrix_of(family: file.Family, kind: str = "") -> np.ndarray:
+    """A frame at a point, in doubles."""
+    (part,) = family.matrix(kind, balls.Cell({})).parts.values()
+    return np.array([[x / balls.ONE for x in row] for row in part])
+
+
+def at_value(spec: str, number: str, value: str, drifts=()) -> list[dict]:
+    """A claim on how many modes are outside with a number at a value, and its cell."""
+    kept = [{name: Fraction(share) for name, share in drift.items()} for drift in drifts]
+    claim = file.Claim("modes", {number: balls.decimal(value)}, {}, 0, kept)
+    family = file.family_of(file.spec_of(spec.encode()), claim)
+    A = matrix_of(family)
+    left = np.eye(len(A) ** 2) - np.kron(A.T, A.T)
+    units = abs(np.diag(np.linalg.solve(left, np.eye(len(A)).ravel()).reshape(A.shape)))
+    P = np.linalg.solve(left, np.diag(units).ravel()).reshape(A.shape)
+    scale = 1 / np.sqrt(abs(np.diag(P)))
+    values, vectors = np.linalg.eigh((P + P.T) / 2 * scale * scale[:, None])
+    L = (np.sqrt(abs(values)) * vectors).T / scale
+    L /= abs(L).max()
+    cell = {"L": [[f"{x:.17g}" for x in row] for row in L], "signs": "".join("+" if x > 0 else "-" for x in values)}
+    outside = int((values < 0).sum())
+    first = {"claim": "modes", "numbers": {number: value}, "outside": outside, "drifts": list(drifts), "states": family.states}
+    return [first, cell]
