@@ -86,3 +86,35 @@ def test_an_angle_that_nobody_reads_may_drift_and_rounding_that_grows_with_itsel
     slow = {"control": {"type": "lowpass", "cutoff_hz": 3e-6}}
     with pytest.raises(UsageError, match="moves its own errors"):
         float_rounding(spec(slow, {"control.u": "ref"}))
+
+
+def test_an_integral_at_a_power_of_two_leaves_it_downwards_by_half_as_much_as_upwards():
+    loop = {
+        "rates": {"tick_hz": 1},
+        "block": {"i": {"type": "integrator"}, "p": {"type": "tf", "num": [1], "den": [2, 1]}},
+        "wire": {"i.u": "r - i.y", "p.u": "i.y"},
+        "ports": {"inputs": {"r": "r"}, "outputs": {"y": "p.y"}},
+        "simulate": {"input": "step", "amplitude": 4, "at_s": 1, "duration_s": 20},
+    }
+    least = float_rounding(wavesweep.load(loop)).stalls["i"]
+    kept = np.float32(4.0)
+    for size, moves in ((0.99 * least, False), (1.01 * least, True)):
+        assert (kept + np.float32(size) != kept or kept - np.float32(size) != kept) == moves
+
+
+@pytest.mark.parametrize("gains", [(1e-30, 1e-12, 1e42), (1e-30, 1e-12, 1e21, 1e21), (1e30, 1e30, 1e-30, 1e-30)])
+def test_what_leaves_the_range_of_floats_is_refused_or_within_the_bound(gains):
+    """Of the same product in numpy's floats, whose underflow the bound has and whose overflow is refused."""
+    holds = {f"g{k}": {"type": "gain", "k": gain} for k, gain in enumerate(gains)} | {"control": {"type": "hold"}}
+    ways = ["ref", *(f"g{k}.y" for k in range(len(gains)))]
+    wires = {f"g{k}.u": ways[k] for k in range(len(gains))} | {"control.u": ways[-1]}
+    with np.errstate(all="ignore"):
+        product = np.float32(1.0)
+        for gain in gains:
+            product = product * np.float32(gain)
+    if not np.isfinite(product) or not np.isfinite(np.float32(gains)).all():
+        with pytest.raises(UsageError, match="within the range of floats"):
+            float_rounding(spec(holds, wires))
+    else:
+        moved, _ = float_rounding(spec(holds, wires)).moves["plant.u"]
+        assert abs(float(product) - np.prod(gains)) <= moved

@@ -331,7 +331,7 @@ def integrator(period: float, method: str, **limits) -> Law:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
     total, keeps = _integral("sum", "u", period, method)
     shown = ((1.0, "sum"),) if method == "explicit" else total
-    return _within_limits(Law({"y": shown}, keeps), period, 1.0, Limits(**limits), method)
+    return _within_limits(Law({"y": shown}, keeps), period, 1.0, Limits(**limits))
 
 
 class Limits(NamedTuple):
@@ -343,34 +343,26 @@ class Limits(NamedTuple):
     tracking_s: float | None = None
 
 
-def _within_limits(law, period, ki, limits: Limits, method: str = ""):
+def _within_limits(law, period, ki, limits: Limits):
     """A law whose output y ends at limits, with what its integral, times ki in y, does there.
 
     Back-calculation adds `(y - free)/tracking_s` to the rate of `ki sum`, free being y without
     limits (Astrom, Hagglund 1995). Clamping keeps the sum while y is at a limit and `ki u` has the
-    sign of `free - y`; of the explicit method, whose y has no part of the step of this run, while
-    y with this step would be.
+    sign of `free - y`.
     """
     if limits.high is None:
         return law
     gives = {**law.gives, "free": law.gives["y"], "y": ((1.0, "free"),)}
     keeps = dict(law.keeps)
-    limited = ["y"]
     stops = {}
     if limits.anti_windup == "clamping":
         gives["driven"] = ((ki, "u"),)
         stops["sum"] = ("free", "y", "driven")
-        if method == "explicit":
-            gives["free next"] = ((1.0, "free"), (ki * period, "u"))
-            gives["y next"] = ((1.0, "free next"),)
-            limited.append("y next")
-            stops["sum"] = ("free next", "y next", "driven")
     elif limits.anti_windup == "back-calculation" and float(ki):
         back = period / (ki * limits.tracking_s)
         keeps["sum"] = (*keeps["sum"], (back, "y"), (-back, "free"))
     low = -limits.high if limits.low is None else limits.low
-    within = dict.fromkeys(limited, (low, limits.high))
-    return law._replace(gives=gives, keeps=keeps, limits=within, stops=stops)
+    return law._replace(gives=gives, keeps=keeps, limits={"y": (low, limits.high)}, stops=stops)
 
 
 def _integral(total: str, rate: str, period: float, method: str) -> tuple[Sum, dict[str, Sum]]:
@@ -454,7 +446,7 @@ def pi(period: float, kp: float, ki: float, method: str, **limits) -> Law:
     """`y = kp u + ki integral of u`."""
     total = integrator(period, method)
     gives = {"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}
-    return _within_limits(Law(gives, total.keeps), period, ki, Limits(**limits), method)
+    return _within_limits(Law(gives, total.keeps), period, ki, Limits(**limits))
 
 
 def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str, **limits) -> Law:
@@ -466,7 +458,7 @@ def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str,
     }
     gives = {**most.gives, **slope, "y": (*most.gives["y"], (kd, "slope"))}
     law = Law(gives, {**most.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
-    return _within_limits(law, period, ki, Limits(**limits), method)
+    return _within_limits(law, period, ki, Limits(**limits))
 
 
 def lead(period: float, zero_hz: float, pole_hz: float) -> Law:

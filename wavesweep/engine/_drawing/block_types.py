@@ -110,8 +110,8 @@ _LIMITS = (
     Key.word(
         "anti_windup",
         "none",
-        "what the integral does at a limit: back-calculation moves it towards the limit, clamping keeps it while u drives y on "
-        "(y of that run is of the integral with its step, so it is at the limit)",
+        "what the integral does while y is at a limit: back-calculation moves it towards the limit, clamping keeps it while u "
+        "drives y on",
         ("none", "back-calculation", "clamping"),
     ),
     Key.positive(

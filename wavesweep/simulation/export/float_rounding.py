@@ -10,8 +10,9 @@ response times that of the error.
 Errors are taken so large that they cover those of terms that are moved by them, so what is said
 holds at each tick if it held before. Let s be what the numbers at the beginning of a frame are
 moved by within N frames, and P the map of these frames. If |P| s <= s/2, they are moved by at most
-2 s in all, as S <= s + |P| S. An integral keeps its value in floats while it is to change by less
-than half a unit in its last place.
+2 s in all, as S <= s + |P| S. A product that is below the range of floats is off by half of the
+least float above 0, and what leaves the range is refused. An integral keeps its value in floats
+while it is to change by less than half of the way to the next float below.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ from wavesweep.simulation.running_blocks import DEPTH, FORCE, SPEED
 from wavesweep.simulation.tick_sums import Program, TickSums
 
 UNIT = 2.0**-24  # relative, what rounding to a float moves a number by at most
+LEAST, MOST = 2.0**-126, 2.0**127  # sizes of floats of all digits, of the largest one half
+LEAST_OF_ALL = 2.0**-149  # the least float above 0
 ROOM = 1.01  # of the errors of a run, for those of the same run in floats
 MOST_WORK = 2e9  # multiplications for the map of a frame
 MOST_TICKS = 100_000  # looked at one by one, 2 s
@@ -71,6 +74,10 @@ class _TickMap(NamedTuple):
     def still(self) -> np.ndarray:
         """Which numbers keep what they were, whatever is rounded, as inputs do."""
         return (np.eye(len(self.A)) == self.A).all(1) & ~self.E.any(1)
+
+    def off(self, sizes: np.ndarray) -> np.ndarray:
+        """What the sums are off by at most, with terms of these sizes."""
+        return self.share @ sizes + LEAST_OF_ALL * (self.share > 0).sum(1)
 
     def among(self, moving: np.ndarray) -> _TickMap:
         """The map of what some of the numbers are moved by, if the others are not."""
@@ -125,6 +132,7 @@ def float_rounding(spec: Spec) -> FloatRounding:
     errors, moved = _errors(in_turn, terms, np.eye(len(names))[np.ix_(limited, moving)])
     most = np.zeros(len(names))
     most[moving] = moved.max(0)
+    _refuse_range(kinds.values(), rounded, largest + most, errors)
     _refuse_limits(kinds.values(), z, most, names)
     shown = _moved(in_turn, errors, moved)
     moves = {}
@@ -228,13 +236,13 @@ def _errors(
         bears += [tick.bears @ frame, limited @ frame]
         frame = tick.A @ frame
     settling = _without_drift(frame, np.concatenate(bears))
-    needed = [tick.share @ size for tick, size in zip(in_turn, terms, strict=True)]
+    needed = [tick.off(size) for tick, size in zip(in_turn, terms, strict=True)]
     for _ in range(MOST_ROUNDS):
         errors = [ROOM * each for each in needed]
         moved = [_at_frames(in_turn, errors, settling)]
         needed = []
         for tick, size, error in zip(in_turn, terms, errors, strict=True):
-            needed.append(tick.share @ (size + np.abs(tick.terms) @ moved[-1]))
+            needed.append(tick.off(size + np.abs(tick.terms) @ moved[-1]))
             moved.append(np.abs(tick.A) @ moved[-1] + np.abs(tick.E) @ error)
         if all((more <= error).all() for more, error in zip(needed, errors, strict=True)):
             return errors, np.array(moved[:-1])
@@ -300,6 +308,31 @@ def _moved(in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], at: np.nda
             return (moved + rest).max(0)
 
 
+def _refuse_range(
+    programs: Iterable[Program],
+    rounded: Sequence[bool],
+    largest: np.ndarray,
+    errors: Sequence[np.ndarray],
+) -> None:
+    """Refuse a controller whose factors or numbers leave the range of floats. errors: at least
+    UNIT times the sizes of all terms of each sum."""
+    factors = [1.0]
+    for program in programs:
+        for target, products in (*program.first, *program.second, *program.keeps):
+            if rounded[target]:
+                factors += [abs(factor) for factor, _ in products if factor]
+    numbers = max(largest.max(), max(error.max(initial=0.0) for error in errors) / UNIT)
+    for what, least, most in (
+        ("factors", min(factors), max(factors)),
+        ("numbers", LEAST, numbers),
+    ):
+        if not (least >= LEAST and most <= MOST):
+            raise UsageError(
+                f"export: expected {what} within the range of floats, {LEAST:.3g} to {MOST:.3g}, for bounds on "
+                f"floats, found {most if most > MOST else least:.3g}"
+            )
+
+
 def _refuse_limits(
     programs: Iterable[Program], z: np.ndarray, most: np.ndarray, names: Sequence[str]
 ) -> None:
@@ -323,6 +356,7 @@ def _stalls(
             block, _, state = names[target].rpartition(".")
             factors = [factor for factor, source in products if names[source] == f"{block}.u"]
             if state == "sum" and factors and largest[target]:
-                half = UNIT * 2.0 ** math.floor(math.log2(largest[target]))
+                value = np.float32(largest[target])
+                half = float(value - np.nextafter(value, np.float32(0))) / 2
                 found[block] = half / abs(sum(factors))
     return found
