@@ -1,9 +1,13 @@
 """A system without POSIX locks, signals, affinity and the like gives the same bytes."""
 
+import multiprocessing
 import subprocess
 import sys
+import tempfile
 
 import pytest
+
+from wavesweep.program.platform_compat import why_no_processes
 
 SPEC = """
 [controller]
@@ -61,3 +65,17 @@ def test_a_system_without_what_only_posix_has_gives_the_same_bytes(tmp_path):
         assert sorted(path.name for path in (tmp_path / folder).iterdir() if not path.name.startswith(".zwidth.")) == FILES
     for name in ("zwidth.csv", "zwidth.parquet"):
         assert (tmp_path / "usual" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
+
+
+@pytest.mark.parametrize("place", ["/größe", "/größe/x"])
+def test_no_process_is_started_where_its_folder_has_letters_that_loky_does_not_take(place, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", place)
+    assert "TMPDIR, /größe" in why_no_processes()
+
+
+def test_no_process_is_started_without_semaphores(monkeypatch):
+    def read_only():
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(multiprocessing.get_context("fork"), "Lock", read_only, raising=False)
+    assert "Read-only file system" in why_no_processes()

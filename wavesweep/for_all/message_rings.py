@@ -19,6 +19,7 @@ import numpy as np
 
 from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.engine.drawing import Drawing
+from wavesweep.engine.errors import UsageError
 from wavesweep.engine.sets import Side
 from wavesweep.engine.switched import Graph, LoopFrames, inside_of
 from wavesweep.for_all.channel_families import (
@@ -32,6 +33,8 @@ from wavesweep.for_all.open_channels import OpenLoop, taken_from
 
 MOST_WORDS = 50  # of whole messages: beyond it the norms of a ring are found ten times sooner
 MOST_HELD = 3000  # matrices of a ring: beyond it a step of a search for norms takes minutes
+# entries of these matrices; some 350 bytes each, in all that is made of them: 1 GB
+MOST_ENTRIES = 3e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +63,14 @@ class RingFrames:
     def few(self) -> bool:
         """Whether of what may be held there is only the newest and the oldest, as all are too many
         for norms."""
-        return sum(prod(map(len, row)) for row in self.loop.choices) > MOST_HELD
+        held = sum(prod(map(len, row)) for row in self.loop.choices)
+        return held > MOST_HELD or held * self._states**2 > MOST_ENTRIES
+
+    @property
+    def _states(self) -> int:
+        """The states of the loop, among them the messages that channels keep."""
+        blocks = (scheduled.block for scheduled in self.loop.drawn.placed)
+        return sum(len(block.states) for block in blocks) + sum(self.loop.counts)
 
     @cached_property
     def _held(self):
@@ -68,6 +78,12 @@ class RingFrames:
         choices = self.loop.choices
         if self.few:
             choices = [[[*dict.fromkeys((each[0], each[-1]))] for each in row] for row in choices]
+            held = sum(prod(map(len, row)) for row in choices)
+            if held * self._states**2 > MOST_ENTRIES:
+                raise UsageError(
+                    f"channels {', '.join(each.name for each in self.loop.channels)}: {self._states} states, most of them "
+                    f"messages that are kept, expected at most {int((MOST_ENTRIES / held) ** 0.5)}; let fewer messages be under way"
+                )
         return _places(self.loop, choices)
 
     @property

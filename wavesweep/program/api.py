@@ -604,7 +604,7 @@ def zwidth(
     ----------------
     jobs : int, optional
         Number of worker processes if the work is worth them.
-    backend : {"loky", "dask"}, optional
+    backend : {"loky", "threading", "dask"}, optional
         Kind of the workers, which is then used in any case.
     scheduler : str, optional
         Address of a dask scheduler.

@@ -4,6 +4,7 @@ of libraries, and versions."""
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -71,12 +72,17 @@ def keep_memory() -> None:
 
 def why_no_processes() -> str:
     """Say why no worker processes can be started here; empty if they can."""
+    none = "no worker processes can be started here"
     try:
-        import multiprocessing.synchronize  # noqa: F401 - semaphores
+        import multiprocessing
 
         import joblib  # noqa: F401
+
+        multiprocessing.get_context("fork").Lock()  # a semaphore, in /dev/shm on Linux
     except (ImportError, OSError) as error:
-        return f"no worker processes can be started here ({error})"
+        return f"{none} (semaphores: {error})"
+    if not tempfile.gettempdir().isascii():
+        return f"{none} (TMPDIR, {tempfile.gettempdir()}: expected letters of ASCII alone)"
     return ""
 
 

@@ -176,3 +176,13 @@ def test_functions_are_right_to_a_few_roundings_where_doubles_lose_digits(text, 
         assert [float(abs(each / wanted - 1)) < 1e-15 for each in found] == [True, True]
         wanted = eval(text, names, {"p": mpmath.mpc(p, 0.4)})  # noqa: S307 - the test's own text
         assert abs(parse(text).exactly({"p": p + 0.4j}) / complex(wanted) - 1) < 1e-15
+
+
+def test_towers_of_powers_of_whole_numbers_are_as_those_of_doubles():
+    """Whole numbers below 2^64 have all their digits, and larger ones those of a double."""
+    power = parse("n**n")
+    assert power.evaluate({"n": 15}) == 15**15
+    assert power.evaluate({"n": 40}) == 40.0**40
+    tower = parse("n**n**n**n")
+    with pytest.raises(OverflowError):
+        tower.evaluate({"n": 9})

@@ -2,19 +2,22 @@
 
 import contextlib
 import logging
+import os
 import subprocess
 import sys
+import time
 import warnings
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from support.chunks import DieOnce, finished_in, meet
 
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.platform_compat import versions
 from wavesweep.program.sweep import clusters, workers
-from wavesweep.program.sweep.pools import in_parallel
+from wavesweep.program.sweep.pools import in_parallel, left_in, started_here, timed
 from wavesweep.program.sweep.workers import Workers, results
 from wavesweep.program.tables.interval_table import intervals
 
@@ -212,3 +215,33 @@ def test_a_cluster_is_lost_when_it_has_been_without_workers_for_long_and_never_w
         now[0] = 66.0
         with pytest.raises(WavesweepError, match="has had no workers for 20 s"):
             pool.look()
+
+
+def test_threads_that_start_workers_leave_the_streams_and_the_environment_as_they_were():
+    """Each start lends stdout, stderr and a variable of the whole process to what it starts."""
+    before = os.fstat(1).st_ino, os.fstat(2).st_ino, os.environ.get("PYTHONSAFEPATH")
+
+    def start():
+        for _ in range(20):
+            with started_here():
+                time.sleep(1e-4)
+
+    with ThreadPoolExecutor(4) as pool:
+        for done in [pool.submit(start) for _ in range(4)]:
+            done.result()
+    assert (os.fstat(1).st_ino, os.fstat(2).st_ino, os.environ.get("PYTHONSAFEPATH")) == before
+
+
+def test_a_folder_without_room_is_named(monkeypatch, tmp_path):
+    def full(*_):
+        raise OSError("7211 requested and 73 written")
+
+    monkeypatch.setattr(np, "save", full)
+    with pytest.raises(WavesweepError, match=rf"{tmp_path}: no room .*7211 requested.*TMPDIR"):
+        left_in(str(tmp_path), timed, 0, lambda: np.zeros(3))
+
+
+@pytest.mark.slow
+def test_threads_give_the_bits_that_none_give(long, long_table, same, tmp_path):
+    run = intervals(long, jobs=2, backend="threading", checkpoint=tmp_path / "parts")
+    same(run.columns, long_table)

@@ -660,6 +660,9 @@ def _power(base: Any, exponent: Any, is_constant: bool) -> Any:
     negative and complex numbers."""
     # Larger exponents are not written out as products.
     if not (is_constant and exponent == int(exponent) and abs(exponent) <= 32):
+        # Whole numbers have all their digits, which of a tower of powers nobody waits for.
+        if isinstance(base, int) and isinstance(exponent, int):
+            base = float(base) if exponent * base.bit_length() > 64 else base
         return base**exponent
     total = 1.0
     for bit in f"{abs(int(exponent)):b}":

@@ -152,7 +152,7 @@ class Options:
         click.option(
             "--backend",
             metavar="NAME",
-            help="Kind of the workers: loky (processes of this machine, the default) or dask.",
+            help="Kind of the workers: loky (processes of this machine, the default), threading or dask.",
         ),
         of="workers",
     )

@@ -32,6 +32,7 @@ from wavesweep.program.platform_compat import (
 
 # no module of the current folder, which Python would otherwise prefer to the standard library
 SAFE_PATH = "PYTHONSAFEPATH"
+_STARTING = threading.Lock()  # one start at a time: it lends what the whole process has
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
 
@@ -62,7 +63,12 @@ def left_in(folder: str, compute: Callable, number: int, task: Task) -> tuple[Pa
     """
     number, records, seconds = compute(number, task)
     file = Path(folder, f"{number}.npy")
-    np.save(file, records)
+    try:
+        np.save(file, records)
+    except OSError as error:  # numpy's own of a full disk names no file
+        raise WavesweepError(
+            f"{folder}: no room for what a worker computed ({error}); TMPDIR names another folder"
+        ) from None
     return file, number, seconds
 
 
@@ -161,21 +167,25 @@ def started_here() -> Iterator[None]:
     processes are the null device: a program that reads from this process waits for no other, and no
     worker complains if this process is killed.
     """
-    before, waiting = os.environ.get(SAFE_PATH), block(STOPPING) if MASKS else ()
-    null, saved = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}
-    try:
-        os.environ[SAFE_PATH] = "1"
-        for stream in filter(None, (sys.stdout, sys.stderr)):
-            stream.flush()
-        for number in saved:
-            os.dup2(null, number)
-        yield
-    finally:
-        for number, copy in saved.items():
-            os.dup2(copy, number)
-            os.close(copy)
-        os.close(null)
-        os.environ.pop(SAFE_PATH)
-        os.environ.update({SAFE_PATH: before} if before is not None else {})
-        if MASKS:
-            block_only(waiting)
+    with _STARTING:
+        before, waiting = os.environ.get(SAFE_PATH), block(STOPPING) if MASKS else ()
+        null, saved = (
+            os.open(os.devnull, os.O_WRONLY),
+            {number: os.dup(number) for number in (1, 2)},
+        )
+        try:
+            os.environ[SAFE_PATH] = "1"
+            for stream in filter(None, (sys.stdout, sys.stderr)):
+                stream.flush()
+            for number in saved:
+                os.dup2(null, number)
+            yield
+        finally:
+            for number, copy in saved.items():
+                os.dup2(copy, number)
+                os.close(copy)
+            os.close(null)
+            os.environ.pop(SAFE_PATH)
+            os.environ.update({SAFE_PATH: before} if before is not None else {})
+            if MASKS:
+                block_only(waiting)

@@ -27,7 +27,8 @@ from wavesweep.program.sweep.pools import (
 )
 
 STARTED = "loky"  # the backend whose workers share the processors of this machine
-BACKENDS = ("dask", STARTED)
+THREADS = "threading"
+BACKENDS = ("dask", STARTED, THREADS)
 TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it takes at least
 LOOK_AT_POOL = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
@@ -91,7 +92,7 @@ def choose(
     useful = max(1, min(jobs, processors()))
     if backend is not None:
         return Workers(
-            useful if backend == STARTED else jobs,
+            jobs if backend == "dask" else useful,
             backend,
             scheduler,
             f"the backend {backend} was asked for",
@@ -124,7 +125,7 @@ def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iter
             yield timed(*call)
         return
     refuse_backend(workers.backend)
-    elsewhere = _on_machine if workers.backend == STARTED else _on_cluster
+    elsewhere = {STARTED: _on_machine, THREADS: _in_threads}.get(workers.backend, _on_cluster)
     yield from elsewhere(workers, calls)
 
 
@@ -138,6 +139,17 @@ def _on_machine(workers, calls):
                 records = np.load(file)
                 file.unlink()
                 yield number, records, seconds
+
+
+def _in_threads(workers, calls):
+    """The results of threads of this process, which share its interpreter: of use where no
+    process can be started."""
+    from joblib import Parallel, delayed
+
+    ahead = AHEAD * workers.count
+    run = Parallel(workers.count, THREADS, return_as="generator_unordered", pre_dispatch=ahead)
+    with closing(run(delayed(timed)(*call) for call in calls)) as answers:
+        yield from answers
 
 
 def _on_cluster(workers, calls):
