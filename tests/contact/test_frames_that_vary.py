@@ -206,18 +206,20 @@ def test_the_check_refuses_forms_that_do_not_serve():
     """Forms of one wall at another, a weight below 0, and rests that move against a push."""
     spec = load(slow())
     loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
-    found = loop.proved_at((120.0, 1.0))
-    assert not loop.proved((found, (150.0, 1.0)))
-    assert not loop.proved((found, (120.0, 1.0)), (found, (150.0, 1.0)))
+    found = loop.found((120.0, 1.0))
+    walls = loop.wall(120.0, 1.0), loop.wall(150.0, 1.0)
+    assert falls(loop.conditions, [(found, walls[0])])
+    assert not falls(loop.conditions, [(found, walls[1])])
+    assert not falls(loop.conditions, [(found, each) for each in walls])
     wall = loop.wall(20.0, 1.0)
-    soft = loop.proved_at((20.0, 1.0)).stored
+    soft = loop.found((20.0, 1.0))
     fall = [falls(loop.conditions, [(replace(soft, h=h), wall)]) for h in (0.0, -1e-6)]
     assert fall == [True, False]
     wall = loop.wall(120.0, 1.0)
     conditions = replace(loop.conditions, R=loop.conditions.R * -1.0)
-    found = find_stored(conditions, conditions.terms(wall))
-    assert (np.linalg.eigvalsh(found.stored.P) > 0).all()
-    assert not falls(conditions, [(found.stored, wall)])
+    found = find_stored(conditions, [wall])
+    assert (np.linalg.eigvalsh(found.P) > 0).all()
+    assert not falls(conditions, [(found, wall)])
 
 
 def test_the_condition_between_two_walls_is_a_polynomial_of_its_coefficients():
@@ -369,7 +371,7 @@ def test_how_a_wall_is_written_does_not_change_what_is_proved(share):
     for each in (1.0, share):
         spec = load(drawn(each, 1.0))
         loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
-        found.append([bool(loop.proved_at(wall)) for wall in walls])
+        found.append([bool(loop.found(wall)) for wall in walls])
     assert found[0] == found[1] == [True, False, True]
 
 

@@ -8,7 +8,7 @@ node stands for the next few of them, and omega is enclosed for all that may fol
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -35,12 +35,6 @@ class Edge:
     turned: tuple[float, float]
     vertices: np.ndarray
     errors: np.ndarray
-
-    @property
-    def middle(self) -> Edge:
-        """The same with the middles of both sets alone."""
-        turned = sum(self.turned) / 2
-        return replace(self, turned=(turned, turned), vertices=self.vertices.mean(0)[None])
 
 
 def edges_of(frames: Any, ahead: int, spread: int) -> list[Edge] | None:

@@ -3,6 +3,7 @@ proved to come to rest, whatever frames come."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,8 +12,8 @@ import numpy as np
 from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import edges_of
 from wavesweep.contact.motions import motion_at, motion_beyond
-from wavesweep.contact.stored_check import Conditions, falls
-from wavesweep.contact.stored_search import Found, find_stored
+from wavesweep.contact.stored_check import Conditions, Stored, falls
+from wavesweep.contact.stored_search import find_stored
 from wavesweep.contact.stretches import RESOLVED
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import path_of
@@ -20,9 +21,9 @@ from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
 BEFORE_END = 0.01  # of the way to a first motion that goes on, how far before it a proof is tried
-# Shares of a wall that a proof goes down in a piece: the first, the largest, and the least one that is
+# Shares of a wall that a proof goes down in a piece: the first and largest one, and the least that is
 # tried.
-FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.003
+MOST_SHARE, LEAST_SHARE = 0.9, 0.003
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
 MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
 # Frames that a node knows, and directions in which rests differ that are no errors: proofs begin with
@@ -36,13 +37,11 @@ class InFrames:
     unstable.
 
     frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
-    wall's position in these. middles: the conditions of the middles of all hulls, on which forms are
-    looked for first. finer: the same with more conditions, for what is not proved otherwise.
+    wall's position in these. finer: the same with more conditions, for what is not proved otherwise.
     """
 
     frames: Any
     conditions: Conditions | None
-    middles: Conditions | None
     unit: float
     finer: tuple[InFrames, ...] = ()
 
@@ -51,7 +50,7 @@ class InFrames:
         """Return the loop; None if it is not known that it comes to rest, and farther from the wall
         with each push of that."""
         frames, unit = _in_units(frames)
-        alone = InFrames(frames, None, None, unit)
+        alone = InFrames(frames, None, unit)
         loops = []
         size = (0, 0)
         for ahead, spread in FINER:
@@ -64,8 +63,7 @@ class InFrames:
             if loops and size[0] > 150:  # conditions of a proof
                 break
             if size != before and conditions.are_met_by_rests:
-                middles = Conditions.on_edges(frames, [edge.middle for edge in edges])
-                loops.append(InFrames(frames, conditions, middles, unit))
+                loops.append(InFrames(frames, conditions, unit))
             if conditions.exact:
                 break
         if not loops:
@@ -76,27 +74,16 @@ class InFrames:
         """A wall as the conditions have it."""
         return K * self.unit, B * self.unit
 
-    def found(
-        self, wall: tuple[float, float], near: Found | None = None, *, whole: bool = False
-    ) -> Found | None:
-        """Forms for a wall (K, B), in doubles; see `find_stored`. whole: whether with all conditions,
-        or with those of the middles."""
-        if self.conditions.drifts and not wall[0] > 0:
+    def found(self, *walls: tuple[float, float], known: Sequence[Stored] = ()) -> Stored | None:
+        """Forms that are proved for a wall (K, B), or for all walls from one with known forms to
+        another; None if none are found."""
+        if self.conditions.drifts and not walls[-1][0] > 0:
             return None
-        conditions = self.conditions if whole else self.middles
-        return find_stored(conditions, conditions.terms(self.wall(*wall)), near=near)
-
-    def proved_at(self, wall: tuple[float, float]) -> Found | None:
-        """Forms that are proved for a wall (K, B); None if none are found."""
-        for whole in (False, True):
-            found = self.found(wall, whole=whole)
-            if not found or self.proved((found, wall)):
-                return found
+        in_units = [self.wall(*wall) for wall in walls]
+        stored = find_stored(self.conditions, in_units, known)
+        if stored and falls(self.conditions, list(zip((*known, stored), in_units, strict=True))):
+            return stored
         return None
-
-    def proved(self, *ends: tuple[Found, tuple[float, float]]) -> bool:
-        """Whether forms are proved to serve at a wall (K, B), or at two and at all between them."""
-        return falls(self.conditions, [(each.stored, self.wall(*wall)) for each, wall in ends])
 
     @property
     def unstable(self) -> str:
@@ -260,22 +247,22 @@ class Along:
                 above = middle
         return self.down(found, top, low), top
 
-    def proved_at(self, value: float) -> Found | None:
+    def proved_at(self, value: float) -> Stored | None:
         """Forms that are proved for a value; None if none are found."""
-        return self.loop.proved_at(self.wall(value))
+        return self.loop.found(self.wall(value))
 
-    def down(self, found: Found, top: float, low: float) -> float:
+    def down(self, found: Stored, top: float, low: float) -> float:
         """How far down from `top` walls are proved without a gap."""
         goal = _goal(low, top)
         reached = top
-        share = FIRST_SHARE
+        share = MOST_SHARE
         # Conditions that all pieces of a proof may have together.
         affordable = 30000 // self.loop.conditions.R.value.size
         for _ in range(min(MOST_PIECES, max(LEAST_PIECES, affordable))):
             if reached <= goal or share < LEAST_SHARE:
                 break
             below = max(goal, reached - share * max(abs(reached), goal))
-            following = self._following(found, reached, below)
+            following = self.loop.found(self.wall(reached), self.wall(below), known=(found,))
             if following:
                 reached = below
                 found = following
@@ -283,15 +270,6 @@ class Along:
             else:
                 share *= SHORTER
         return reached
-
-    def _following(self, found: Found, reached: float, below: float) -> Found | None:
-        """Forms for a value below one that is reached, with which all between are proved."""
-        ends = self.wall(reached), self.wall(below)
-        for near in (found, None):
-            following = self.loop.found(ends[1], near) if near else self.loop.proved_at(ends[1])
-            if following and self.loop.proved((found, ends[0]), (following, ends[1])):
-                return following
-        return None
 
     def motion(self, end: float, limit: float) -> tuple[float, str]:
         """The nearest value beyond an end that a motion refutes in frames of one length, and what
@@ -335,7 +313,7 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
     if loop.unstable:
         return {"verdict": "refuted", "counterexample": f"no contact at all: {loop.unstable}"}
     for each in (loop, *loop.finer):
-        if each.proved_at((K, B)):
+        if each.found((K, B)):
             return {"verdict": "proved", "counterexample": ""}
     asked = offered("rules")
     said, by = asked.decided_over(rules, values, ())

@@ -207,12 +207,15 @@ def _are_positive(stored: Stored) -> bool:
     return definite(P, np.zeros_like(P))
 
 
+def coefficient_parts(ends: int, k: int) -> list[tuple[int, int, int]]:
+    """Return the ends a, b, c, of one or two, of the parts of the k-th coefficient of F; see `falls`."""
+    return [each for each in product(range(ends), repeat=3) if sum(each) == k]
+
+
 def _bernstein_coefficient(conditions, forms, terms, k):
     """The k-th coefficient of F between two walls, or F of a single one, see `falls`."""
     products = []
-    for a, b, c in product(range(len(forms)), repeat=3):
-        if a + b + c != k:
-            continue
+    for a, b, c in coefficient_parts(len(forms), k):
         form = forms[a]
         moved = terms[b].G.mT @ form.P[conditions.target] @ terms[c].G
         F = terms[b].own * form.g + terms[b].stored * form.h - (moved + moved.mT) * 0.5

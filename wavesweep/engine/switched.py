@@ -87,10 +87,16 @@ if TYPE_CHECKING:
         written,
     )
     from wavesweep.engine._switched.ring_search import RingSearch, opened, units_of_ring, walked
+    from wavesweep.engine._switched.semidefinite import Inequality, minimised
 else:
     __getattr__ = on_demand(
         {
-            "_switched.average": ("ALONE", "OnAverage", "forms_of_each", "forms_on_average"),
+            "_switched.average": (
+                "ALONE",
+                "OnAverage",
+                "forms_of_each",
+                "forms_on_average",
+            ),
             "_switched.brackets": (
                 "Bracket",
                 "Decision",
@@ -112,8 +118,15 @@ else:
                 "growth_on_average",
                 "on_edges_of",
             ),
-            "_switched.dissipation": ("automaton", "least_damping"),
-            "_switched.folded": ("counted_from_rest", "lasting", "shift_of"),
+            "_switched.dissipation": (
+                "automaton",
+                "least_damping",
+            ),
+            "_switched.folded": (
+                "counted_from_rest",
+                "lasting",
+                "shift_of",
+            ),
             "_switched.frames_over": (
                 "Enclosed",
                 "FramesOver",
@@ -122,9 +135,17 @@ else:
                 "constant_frames",
                 "inside_of",
             ),
-            "_switched.graph": ("Family", "Graph"),
+            "_switched.graph": (
+                "Family",
+                "Graph",
+            ),
             "_switched.inertia": ("inertia_of_cells",),
-            "_switched.loop_frames": ("LoopFrames", "Symbol", "WrittenFrames", "alive"),
+            "_switched.loop_frames": (
+                "LoopFrames",
+                "Symbol",
+                "WrittenFrames",
+                "alive",
+            ),
             "_switched.mean_square": (
                 "Chances",
                 "brackets_on_average",
@@ -171,6 +192,15 @@ else:
                 "shortest_through",
                 "written",
             ),
-            "_switched.ring_search": ("RingSearch", "opened", "units_of_ring", "walked"),
+            "_switched.ring_search": (
+                "RingSearch",
+                "opened",
+                "units_of_ring",
+                "walked",
+            ),
+            "_switched.semidefinite": (
+                "Inequality",
+                "minimised",
+            ),
         }
     )
