@@ -115,3 +115,12 @@ def test_a_constant_number_that_varies_is_refused_when_the_spec_is_read(tables, 
     """Also one whose range has no whole number, or a single one, within it."""
     with pytest.raises(SpecError, match=said):
         load(tables | {"for_all": ranges, "sweep": {}})
+
+
+@pytest.mark.parametrize("more", [{}, {"varying": True}])
+def test_a_range_whose_ends_are_the_same_is_its_value(more):
+    asked = load(
+        WALL | {"for_all": {"rates.ratio": {"start": 16, "stop": 16, **more}, "device.mass": {"start": 0.1, "stop": 0.1}}}
+    ).for_all
+    assert [axis.values for axis in asked.axes] == [(16,), (0.1,)]
+    assert asked.changing == ()

@@ -13,6 +13,7 @@ from meaning.attacked import judge_attacked
 from meaning.coverage import lines
 from meaning.judge import Found, compiled, judge
 from meaning.rewritten import judge_rewritten
+from meaning.sets_rewritten import judge_rewritten_set
 from meaning.specs import spec_text
 
 
@@ -26,6 +27,7 @@ def main():
     parser.add_argument("--ends", type=int, default=1, help="ends and responses of each so manieth spec alone")
     parser.add_argument("--coverage", action="store_true", help="how many specs have each key, and no comparisons")
     parser.add_argument("--rewritten", type=int, default=0, help="so many specs against the same in other words, and no others")
+    parser.add_argument("--rewritten-sets", type=int, default=0, help="so many specs with sets against the same in other words")
     parser.add_argument("--attacked", type=int, default=0, help="so many specs with sets, attacked, and no others")
     parser.add_argument("--required", type=int, default=10, help="requirements of each so manieth of these alone")
     chosen = parser.parse_args()
@@ -42,6 +44,9 @@ def main():
     if chosen.attacked:
         numbers = range(chosen.seed, chosen.seed + chosen.attacked)
         work = partial(attempt_of, judge_attacked)
+    if chosen.rewritten_sets:
+        numbers = range(chosen.seed, chosen.seed + chosen.rewritten_sets)
+        work = partial(attempt_of, judge_rewritten_set)
     if chosen.jobs == 1:
         sys.exit(tally(map(work, numbers)))
     with ProcessPoolExecutor(chosen.jobs) as pool:

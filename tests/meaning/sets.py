@@ -16,7 +16,7 @@ def set_of(number: int) -> dict:
 
 def controller(draw: Draw, kinds, ratio: int = 0) -> dict:
     """A wall of a controller along K_VE, in frames of few ticks."""
-    ratio = ratio or draw.whole(2, 8)
+    ratio = ratio or draw.whole(2, 5)
     tables = {
         "rates": {"fast_hz": 1000, "ratio": ratio},
         "device": {
@@ -47,12 +47,12 @@ def controller(draw: Draw, kinds, ratio: int = 0) -> dict:
     return tables
 
 
-def lengths(draw: Draw, ratio: int, most: int = 3) -> dict:
+def lengths(draw: Draw, ratio: int, most: int = 2) -> dict:
     """Values or a range of lengths of frames, the spec's own among them or not."""
     low = draw.whole(max(1, ratio - 2), ratio)
     if draw.chance(0.5):
         return {"start": low, "stop": low + draw.whole(1, most), "varying": True}
-    values = sorted({low, low + draw.whole(1, 3), low + draw.whole(2, 6)})
+    values = sorted({low, low + draw.whole(1, 3), low + draw.whole(2, 4)})
     return {"values": values, "varying": True}
 
 
@@ -170,7 +170,7 @@ def messages(draw: Draw) -> dict:
     if which != "late":
         link["lost"] = draw.whole(1, 2)
     if which != "lost":
-        link["late"] = draw.whole(1, 4)
+        link["late"] = draw.whole(1, 3)
     if draw.chance(0.3):
         link["missing"] = "zero"
     tables = drawing(draw, link, draw.of((100, 200, 500)))

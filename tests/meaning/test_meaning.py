@@ -12,6 +12,7 @@ from meaning.judge import compiled, judge
 from meaning.reading import machine_of, radius_of, with_value
 from meaning.required import Case, judge_bounded, judge_case, judge_required
 from meaning.rewritten import judge_rewritten
+from meaning.sets_rewritten import judge_rewritten_set
 from meaning.specs import KINDS, conserving, linkage, spec_text, toml
 
 from wavesweep.program.cli import main
@@ -31,6 +32,7 @@ REQUIRED = [  # a spec of each kind that takes little time
 RARE = (14, 72, 19, 27, 17, 69, 59, 107, 153)  # of specs that have what most do not
 ATTACKED = (87, 27, 30, 6)  # numbers of sets that take little time
 BEHIND_CHANNELS = (18, 26, 98, 137, 164, 176, 198, 200, 222, 248, 272, 473)
+SETS_REWRITTEN = (30, 66)  # the same
 REWRITTEN = (2, 7, 29, 70, 498)  # numbers of specs that take little time
 
 
@@ -78,6 +80,19 @@ def test_a_spec_in_other_words_has_the_same_answers(number, tmp_path):
 def test_what_is_claimed_of_a_set_withstands_an_attack(number):
     """A mass that varies, which is refused; ranges; messages lost at random before a dead time."""
     assert [one for one in judge_attacked(number) if not one.same] == []
+
+
+@pytest.mark.parametrize("number", SETS_REWRITTEN)
+def test_a_set_in_other_words_has_the_same_rows(number):
+    assert [one for one in judge_rewritten_set(number) if not one.same] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 48, 4))
+def test_sets_in_other_words_have_the_same_rows(first):
+    """Seconds as steps, half a tick, a list of one value, an inertia as a mass, a channel in time as a hold: rows and verdict."""
+    numbers = [*range(first, first + 4), *BEHIND_CHANNELS[first // 4 :: 12]]
+    assert [(number, one) for number in numbers for one in judge_rewritten_set(number) if not one.same] == []
 
 
 @pytest.mark.slow

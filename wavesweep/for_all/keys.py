@@ -157,6 +157,8 @@ def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumb
     ends = {part: leaf for part, leaf in parts.items() if part not in PARTS}
     if "values" in ends:  # as an axis has them
         ends = {"": ends["values"]}
+    elif "stop" in ends and "start" in ends and ends["start"].value == ends["stop"].value:
+        ends = {"": replace(ends["start"], value=[ends["start"].value])}
     axis = build_axis("for_all", name, ends, mistakes, request.names)
     if axis is None:
         return None
