@@ -32,7 +32,7 @@ def steps_as_seconds(tables: dict, draw: Draw) -> dict:
 
 
 def tick_halved(tables: dict, draw: Draw) -> dict:
-    """A tick of half the time, in every second of which all runs as before; messages are late by ticks, which are others then."""
+    """A tick of half the time, in every second of which all runs as before; late messages would be other ones."""
     del draw
     blocks = tables.get("block", {})
     if not blocks or any("late" in keys for keys in blocks.values()):
@@ -122,7 +122,8 @@ def ticks_as_seconds(tables: dict, draw: Draw) -> dict:
 
 
 WAYS = (
-    steps_as_seconds, tick_halved, number_in_a_list, ranges_listed, mass_as_inertia, holds_as_channels, ratio_as_rate, ticks_as_seconds,
+    steps_as_seconds, tick_halved, number_in_a_list, ranges_listed, mass_as_inertia, holds_as_channels, ratio_as_rate,
+    ticks_as_seconds,
 )  # fmt: skip
 
 
@@ -153,12 +154,13 @@ def judge_rewritten_set(number: int) -> list[Found]:
         ),
     ]
     for kind in sorted({row["guarantee"] for row in rows if row["guarantee"] != "spec"}):
-        pair = [[row for row in each if row["guarantee"] == kind and row["intervals"]] for each in (rows, others)]
+        of_kind = [[row for row in each if row["guarantee"] == kind] for each in (rows, others)]
+        pair = [[row for row in each if row["intervals"]] for each in of_kind]
         what = f"rows {kind}"
         if len(pair[0]) != len(pair[1]):
-            found.append(
-                Found(f"{what} not known", all(not each or len(each) for each in pair), len(pair[0]), (applied, len(pair[1])))
-            )
+            ruled_out = [any(row["certified"] and not row["intervals"] for row in each) for each in of_kind]
+            same = not ((pair[0] and ruled_out[1]) or (pair[1] and ruled_out[0]))
+            found.append(Found(f"{what} of one alone", same, len(pair[0]), (applied, len(pair[1]))))
             continue
         for one, other in zip(*pair, strict=True):
             found.append(Found(what, agree(one, other) and agree(other, one), _shown(one), (applied, _shown(other))))

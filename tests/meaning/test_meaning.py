@@ -90,7 +90,7 @@ def test_a_set_in_other_words_has_the_same_rows(number):
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 48, 4))
 def test_sets_in_other_words_have_the_same_rows(first):
-    """Seconds as steps, half a tick, a list of one value, an inertia as a mass, a channel in time as a hold: rows and verdict."""
+    """Seconds as steps, half a tick, a list of one value, an inertia as a mass, a channel in time as a hold."""
     numbers = [*range(first, first + 4), *BEHIND_CHANNELS[first // 4 :: 12]]
     assert [(number, one) for number in numbers for one in judge_rewritten_set(number) if not one.same] == []
 
