@@ -228,7 +228,7 @@ def test_a_channel_that_sends_in_every_tick_is_proved_beside_a_range():
     tables = {
         "rates": {"tick_hz": 100},
         "numbers": {"m": 1.0},
-        "block": {"a": {"type": "mass", "mass": "m", "damping": 3, "stiffness": 5}, "net": {"type": "channel", "late": 4}},
+        "block": {"a": {"type": "mass", "mass": "m", "damping": 3, "stiffness": 5}, "net": {"type": "channel", "late": 12}},
         "wire": {"net.u": "-2*a.x - 0.5*a.v", "a.f": "net.y"},
         "for_all": {"m": {"start": 0.9, "stop": 1.1}},
     }
