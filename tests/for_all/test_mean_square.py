@@ -166,3 +166,25 @@ def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tic
     assert np.isfinite(found.refuted_above)
     assert np.abs(np.linalg.eigvals(moments(loop, found.refuted_above, chance))).max() > 1 - 1e-12
     assert found.high == pytest.approx(found.refuted_above, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_row_reaches_from_end_to_end_where_moments_decay_slowly():
+    """Forms between those at both ends of a stretch serve on stretches that are a hundred times longer."""
+    burst = {"loss": 0.02, "burst": 0.1, "burst_end": 0.5, "burst_loss": 0.8}
+    tables = {
+        "rates": {"tick_hz": 500.0},
+        "numbers": {"s": 0.02},
+        "block": {
+            "x": {"type": "mass", "mass": 0.1, "damping": 0.01548, "stiffness": 0.9581},
+            "sc": {"type": "channel", "every": 8, "phase": 6, **burst},
+            "dv": {"type": "difference", "every": 1},
+            "ca": {"type": "channel", "every": 8, "phase": 4, "loss": 0.1},
+        },
+        "wire": {"sc.u": "x.x", "dv.u": "sc.y", "ca.u": "-s*(0.9581*sc.y + 0.2476*dv.y)", "x.f": "ca.y"},
+    }
+    (row,) = brackets_on_average(chain(tables, "numbers.s"), (0.0, 0.7))
+    assert row.low < 1e-3 * row.high
+    assert row.high < row.refuted_above < 1.01 * row.high
+    assert all(chain(tables, "", s=s).decays(0.0) for s in np.linspace(row.low, row.high, 9))
+    assert not chain(tables, "", s=1.01 * row.refuted_above).decays(0.0)

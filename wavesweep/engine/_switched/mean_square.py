@@ -21,11 +21,12 @@ from math import comb
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
+from wavesweep.engine._sets.taylor_models import Polynomials
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine._switched.brackets import Bracket, ProvedStretch
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.loop_frames import LoopFrames
-from wavesweep.engine._switched.norm_check import Norms, shrink_on_average
+from wavesweep.engine._switched.norm_check import Norms, shrink_on_average, shrink_over
 from wavesweep.engine._switched.norms import acting, packed, unpacked
 from wavesweep.engine.doubles import EPS
 
@@ -42,6 +43,7 @@ LEAST_AWAY = 0.01  # of half of an interval, how near at least
 TRIES = 1000  # stretches that are tried where moments grow
 WORK = 10**9  # entries of all of these, times their rows
 SIZING = 6  # rounds in which sizes of states are found
+CUBIC = 3  # degree of a linear form between matrices that are linear
 CHANCE_ROUNDING = 64 * EPS  # of a probability that is a product of a few numbers
 
 
@@ -108,6 +110,27 @@ class Chances:
                 if not shrink_on_average(norms, weight, E, dE):
                     return False
         return True
+
+    def proves_between(self, P: np.ndarray, low: float, high: float) -> bool:
+        """Whether the forms between those at both ends, `(2, nodes, n, n)`, are proved to decay on
+        average for the numbers between these, if matrices depend on the number."""
+        points = self._hull(low, high) if self.in_matrices else None
+        if points is None:
+            return False
+        E, dE = points
+        A, slope, rest = _line(E + np.eye(E.shape[-1]))
+        rest = rest + dE.max(0) + 4 * EPS * (np.abs(A) + np.abs(slope))
+        nothing = np.zeros_like(A)
+        forms = np.stack([(P[0] + P[1]) / 2, (P[1] - P[0]) / 2])
+        along = np.concatenate([forms, np.zeros_like(forms)])
+        proved, _ = shrink_over(
+            Polynomials(along, np.zeros_like(P[0]), 1, CUBIC),
+            self.graph,
+            Polynomials(np.stack([A, slope, nothing, nothing]), rest, 1, CUBIC),
+            None,
+            self.weights(low, low)[0],
+        )
+        return proved
 
     def _hull(self, low, high):
         """Control points of the matrices from low to high, and bounds on their errors; or None."""
@@ -461,13 +484,24 @@ def _side(loop, start, end, limit):
         )
     stretches = []
     at = start
+    known = loop.forms(at, loop.sizes(at))
     step = goal - start
     failed = False
     while at != goal and len(stretches) < 200 and abs(step) > 1e-9 * abs(goal - start):  # stretches
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
-        if loop.proves(P, min(at, to), max(at, to)):
-            stretches.append(ProvedStretch(min(at, to), max(at, to), (Norms(P, loop.graph),)))
+        ends = sorted((at, to))
+        between = [known, P] if at < to else [P, known]
+        if loop.proves_between(np.stack(between), *ends):
+            proof = between
+        elif loop.proves(P, *ends):
+            proof = [P]
+        else:
+            proof = []
+        if proof:
+            norms = tuple(Norms(each, loop.graph) for each in proof)
+            stretches.append(ProvedStretch(*ends, norms))
+            known = P
             at = to
             step = step if failed else 2 * step
             failed = False
