@@ -214,11 +214,8 @@ def _frames_of_run(
         raise click.UsageError(f"--{option}: expected --frames, whose column it names, found none")
     from wavesweep.program.csv_files import factors, pairs
 
-    named = pairs(columns, "--column")
     scaled = factors(pairs(scales, "--scale"))
-    if file is None:
-        return None
-    return _needed().within(spec, file, named, scaled)
+    return _needed().within(spec, file, pairs(columns, "--column"), scaled)
 
 
 def _is_silent() -> bool:
