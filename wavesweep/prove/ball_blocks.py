@@ -13,7 +13,7 @@ from flint import acb_mat, arb, arb_mat
 
 from wavesweep.engine.blocks import Rows, running
 from wavesweep.engine.blocks import continuous as definition
-from wavesweep.engine.drawing import DELTA
+from wavesweep.engine.drawing import DELTA, TYPES
 
 
 class BallMatrices(NamedTuple):
@@ -30,7 +30,7 @@ def matrices(kind: str, T: Any, keys: dict[str, Any]) -> BallMatrices:
     numbers among its keys."""
     if kind == "butterworth":
         return _butterworth(keys["order"], keys["cutoff_hz"], keys["pass"] != "low", T)  # noqa: S105 - the side that passes
-    if kind in ("mass", "inertia", "mass_matrix", "spring", "ss", "tf"):
+    if TYPES[kind].plant:
         A, B, C, D = continuous(kind, keys)
         if keys.get("discrete"):
             return BallMatrices(_in_z(A) if keys["discrete"] == DELTA else A, B, C, D)

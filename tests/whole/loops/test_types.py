@@ -5,12 +5,15 @@ import shutil
 import numpy as np
 import pytest
 from flint import arb
+from scipy.linalg import null_space, orth
 from support.exports import made, present, written
 
 import wavesweep
 from wavesweep import UsageError, load
 from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._loops.integrator_modes import equations_of
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of
+from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.engine.loop import Loops
 from wavesweep.simulation.from_spec import simulated
 
@@ -111,6 +114,70 @@ def test_frames_in_doubles_and_in_balls_have_the_same_eigenvalues(kind, keys):
     for power in (1, 2, 3, 5):
         one, other = (np.trace(np.linalg.matrix_power(each, power)) for each in (doubles, balls))
         assert one == pytest.approx(other, rel=1e-11, abs=1e-11)
+
+
+def at_rest(E, B, C, D):
+    """The projector onto the inputs and outputs that may stay, `0 = E x + B u` and `y = C x + D u`."""
+    p, m = np.shape(D)
+    n = len(E)
+    E, B, C, D = (np.reshape(each, shape) for each, shape in zip((E, B, C, D), ((n, n), (n, m), (p, n), (p, m)), strict=True))
+    staying = null_space(np.hstack([E, B]), rcond=1e-9)
+    shown = orth(np.vstack([staying[n:], np.hstack([C, D]) @ staying]), rcond=1e-9)
+    return shown @ shown.T
+
+
+@EVERY_TYPE
+def test_blocks_in_doubles_and_in_fractions_come_to_rest_alike(kind, keys):
+    spec = load(tables_of(kind, keys))
+    drawn = Loops(spec.drawing, spec.values).drawn()
+    (block,) = (each.block for each in drawn.placed if each.block.name == "b")
+    rest = equations_of(spec.drawing, spec.values, (), "", [each.block for each in drawn.placed])
+    states = [name for name in rest.changes if name.startswith("b.")]
+    inputs = [f"b.{port}" for port in block.inputs]
+
+    def rows(sums, names):
+        return [[float(each.get(name, 0)) for name in names] for each in sums]
+
+    changes = [rest.changes[name] for name in states]
+    outputs = []
+    for port in block.outputs:
+        whole = dict(rest.outputs[f"b.{port}"])
+        for name in [name for name in whole if name in rest.states and name not in states]:
+            factor = whole.pop(name)
+            for source, share in rest.states[name].items():
+                whole[source] = whole.get(source, 0) + factor * share
+        outputs.append(whole)
+    found = at_rest(rows(changes, states), rows(changes, inputs), rows(outputs, states), rows(outputs, inputs))
+    exact = at_rest(block.E, block.B, block.C, block.D)
+    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-9)
+
+
+def by_a_number(value):
+    """A key's numbers times w, of lists within lists too."""
+    if isinstance(value, list):
+        return [*map(by_a_number, value)]
+    return f"{value}*w" if isinstance(value, float) else value
+
+
+@EVERY_TYPE
+def test_ticks_over_a_cell_enclose_those_of_all_its_numbers(kind, keys):
+    tables = tables_of(kind, {name: by_a_number(value) for name, value in keys.items()})
+    tables["numbers"]["w"] = 1.0
+    tables["wire"]["m.f"] = tables["wire"]["m.f"].replace("g*", "g*w*")  # of a block without numbers
+    spec = load(tables)
+    drawing, values = spec.drawing, dict(spec.values)
+    paths, middle, half = ["numbers.g", "numbers.w"], np.array([0.8, 1.0]), np.array([0.1, 0.01])
+    drawn = Loops(drawing, values).drawn()
+    running, order = drawn.schedule()
+    model = EnclosedLoop(drawing, values, [Side(path) for path in paths], 3).over(np.stack([middle - half, middle + half]))
+    ticks = [model.tick(drawn, int(np.argmax(order == each)), drawn.held()) for each in range(len(running))]
+    for s in ((-1.0, -1.0), (1.0, -1.0), (0.3, -0.7), (1.0, 1.0)):
+        at = dict(zip(paths, (middle + half * s).tolist(), strict=True))
+        exact = Ticks.of(Loops(drawing, values | at).drawn(), alone=True).maps
+        for tick, wanted in zip(ticks, exact, strict=True):
+            value = np.tensordot((np.array(s) ** tick.exponents).prod(1), tick.terms, 1)
+            assert (np.abs(value - wanted.E) <= tick.rest + 1e-13 * (1 + np.abs(wanted.E))).all()
+            assert np.max(tick.rest) < 1e-3  # or it would enclose other blocks too
 
 
 @pytest.mark.slow

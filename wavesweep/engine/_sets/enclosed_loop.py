@@ -36,8 +36,6 @@ from wavesweep.engine._sets.taylor_models import (
     UnresolvedError,
 )
 
-CONTINUOUS = ("mass", "inertia", "mass_matrix", "spring", "ss", "tf")
-
 
 @dataclass(frozen=True, slots=True)
 class Side:
@@ -384,7 +382,7 @@ class _Evaluation:
             for tree in dict(core.keys)["den"]:
                 written.append(None if tree.names else float(tree.evaluate({})))
             return self._discrete(keys["num"], keys["den"], written)
-        if core.type not in CONTINUOUS:
+        if not TYPES[core.type].plant:
             return self._arranged(definitions.running(core.type, period, keys, self.library.sqrt))
         equations = definitions.continuous(core.type, keys)
         if core.type == "spring":

@@ -419,19 +419,16 @@ def _windows(panels, crossings, span, slack):
     value = panels.middle[panel] + panels.half[panel] * crossings.x
     column = panels.column[panel]
     inside = (value >= span[0]) & (value <= span[1])
-    order = np.flatnonzero(inside)[np.lexsort((value[inside], column[inside]))]
-    value = value[order]
-    half = np.maximum(
-        slack(value) / 2, WINDOW_OF_ERRORS * (panels.half[panel] * crossings.moved)[order]
-    )
+    half = np.maximum(slack(value) / 2, WINDOW_OF_ERRORS * panels.half[panel] * crossings.moved)
     low = np.maximum(value - half, span[0])
     high = np.minimum(value + half, span[1])
-    column = column[order]
-    kept = []  # the first of those that meet, which reaches as far as the last
+    order = np.flatnonzero(inside)[np.lexsort((low[inside], column[inside]))]
+    value, low, high, column = (each[order] for each in (value, low, high, column))
+    kept = []  # the first of those that meet, which reaches as far as any of them
     for at in range(order.size):
         last = kept[-1] if kept else at
         if kept and column[last] == column[at] and low[at] <= high[last]:
-            high[last] = high[at]
+            high[last] = max(high[last], high[at])
         else:
             kept.append(at)
     kind = np.full(order.size, WINDOW)
