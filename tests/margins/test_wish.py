@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from wavesweep.margins.broken_loops import broken_at
+from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.table import margins
 from wavesweep.program.spec import load
 
@@ -71,3 +73,21 @@ def test_margins_are_those_of_the_cut_that_the_spec_asks_for():
     assert margins(load(loop | {"sweep": required})).columns["cut"][0] == "p.y"
     wished = TABLES["design"] | {"wish": {"Ms": {"at_most": 2, "cut": "p.y"}}}
     assert margins(load(loop | {"design": wished})).columns["cut"][0] == "p.y"
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_margins_that_are_asked_for_alone_are_those_of_all(every):
+    """Also that a loop is not stable."""
+    blocks = TABLES["block"] | {"c": {"type": "gain", "k": "K", "every": every}, "slow": {"type": "hold", "every": 4}}
+    wire = {"p.u": "c.y", "c.u": "ref - 0.9*p.y - 0.1*slow.y", "slow.u": "p.y"}
+    spec = load(TABLES | {"block": blocks, "wire": wire})
+    whole, doubt = margins_of(broken_at(spec, "c.y"))
+    assert not doubt
+    for margin in whole:
+        if margin.name not in ("disk_gain", "disk_phase"):
+            alone, doubt = margins_of(broken_at(spec, "c.y"), [margin.name])
+            assert not doubt
+            assert margin in alone
+            assert len(alone) < len(whole)
+    unstable = load(TABLES | {"block": blocks, "wire": wire, "numbers": {"K": 900.0}})
+    assert margins_of(broken_at(unstable, "c.y"), ["sensitivity"]) == ([], 0)

@@ -176,7 +176,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     ]
     text = f"{HEADER}{', '.join(wishes)}, at their worst.\n"
     tables["sweep"] = sweep
-    if spec.for_all.unknown:
+    if spec.for_all and spec.for_all.unknown:
         _add_worst(spec, row, tables["for_all"])
     return text + as_toml(tables)
 

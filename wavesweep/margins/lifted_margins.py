@@ -11,7 +11,7 @@ scalar (A. Packard, J. Doyle, Automatica 29, 1993). For one sample in a frame it
 `|S - 1/2|`, and the phase margin follows from all crossings of |L| = 1.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,6 +40,7 @@ from wavesweep.engine.norms import (
     squared_norm,
     with_middles,
 )
+from wavesweep.engine.poles import count_outside
 from wavesweep.margins.loop_margins import (
     BESIDE_ZERO,
     LARGEST_GAIN_FACTOR,
@@ -51,6 +52,9 @@ from wavesweep.margins.loop_margins import (
     stable_around_1,
 )
 
+GAINS = frozenset(("gain_up", "gain_down"))
+TURNS = frozenset(("phase", "delay_frames"))
+MARGINS = GAINS | TURNS | {"disk", "sensitivity", "complementary"}
 END_ERROR = 2e-9  # relative error of an end of `stable_along_any`
 DISK_GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
 # samples of a frame at all angles at which the spectral radius is looked at before its peaks are
@@ -329,13 +333,14 @@ def _real_form(up, down):
     return np.block([[real, -imaginary], [imaginary, real]])
 
 
-def margins_of(loop: LiftedLoop) -> tuple[list[Margin], int]:
+def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[list[Margin], int]:
     """Return the margins of a broken loop, empty if it is not stable, and why its stability is in
     doubt, a code.
 
-    gain_up, gain_down: factors of the signal, of all its samples in a frame, at the ends of the
-    stable interval around 1; LARGEST_GAIN_FACTOR and 0 if they are beyond LARGEST_GAIN_FACTOR and
-    1/LARGEST_GAIN_FACTOR. phase (degrees): up to which every rotation of the signal leaves the loop
+    wanted: names of those that are asked for, the others are not worked out. gain_up, gain_down:
+    factors of the signal, of all its samples in a frame, at the ends of the stable interval around
+    1; LARGEST_GAIN_FACTOR and 0 if they are beyond LARGEST_GAIN_FACTOR and 1/LARGEST_GAIN_FACTOR.
+    phase (degrees): up to which every rotation of the signal leaves the loop
     stable. delay_frames: a delay of fewer whole frames leaves it stable; only of a signal that is
     made once, as a delay of samples is no factor of a frame. disk: the largest a for which every
     factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those from 1/disk_gain to disk_gain, and
@@ -348,22 +353,39 @@ def margins_of(loop: LiftedLoop) -> tuple[list[Margin], int]:
     since the spectral radius of a frame that is analytic in k has no peak there. Source: P. Seiler,
     A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
     """
+    found = []
+    if GAINS.intersection(wanted):
+        found, doubt = _gains(loop)
+        if not found:
+            return [], doubt
+    else:
+        outside, clear = count_outside(*loop.errors(np.ones(1)))
+        doubt = int(Doubt.NONE if clear[0] else Doubt.ROUNDING)
+        if outside[0]:
+            return [], doubt
+    if TURNS.intersection(wanted):
+        turns = list(_at_unit_gain(loop)) if loop.cut else []
+        if not turns or turns[0].doubt:
+            turns[:1] = [_phase(loop)]
+        found += turns
+    return [*found, *_peaks(loop, wanted)], doubt
+
+
+def _gains(loop) -> tuple[list[Margin], int]:
+    """Both margins of gain, none of a loop that is not stable, and the doubt about them."""
     around_1, doubt = stable_around_1(loop.loop, 0.0 if loop.cut else None)
     if doubt and loop.cut:
         around_1, doubt = stable_around_1(loop.loop)
+    found: list[Margin] = []
     if around_1 is None:
-        return [], doubt
-    gains = []
+        return found, doubt
     rate = 2 * np.pi / loop.period
     for name, end in (("gain_up", "high"), ("gain_down", "low")):
         omega = float(around_1[f"{end}_omega"])
         # A part of the loop that runs by itself sees it in a shorter frame of its own.
         omega = float(abs(omega - rate * np.round(omega / rate)))
-        gains.append(limited_or_not(name, float(around_1[end]), omega, END_ERROR, doubt))
-    turns = list(_at_unit_gain(loop)) if loop.cut else []
-    if not turns or turns[0].doubt:
-        turns[:1] = [_phase(loop)]
-    return [*gains, *turns, *_peaks(loop)], doubt
+        found.append(limited_or_not(name, float(around_1[end]), omega, END_ERROR, doubt))
+    return found, doubt
 
 
 def _at_unit_gain(loop) -> Iterator[Margin]:
@@ -408,9 +430,11 @@ def _phase(loop):
     return Margin("phase", float(np.degrees(high)), float(known.high_omega[0]), bound, doubt)
 
 
-def _peaks(loop) -> Iterator[Margin]:
+def _peaks(loop, wanted) -> Iterator[Margin]:
     E, B, C, D = loop.sensitivity.maps[0]
     for name, less in (("disk", 0.5), ("sensitivity", 0.0), ("complementary", 1.0)):
+        if name not in wanted:
+            continue
         if name == "disk" and not loop.cut:
             disk, theta, doubt = _disk(loop)
             yield from disk_margins(disk, theta / loop.period, DISK_GAP, doubt)

@@ -11,6 +11,7 @@ from wavesweep.engine.keys import Key
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing
     from wavesweep.engine.loop import Loops
+    from wavesweep.margins.lifted_margins import LiftedLoop
     from wavesweep.margins.loop_margins import Margin
 
 Margins = Mapping[str, "Margin"]
@@ -18,15 +19,12 @@ Margins = Mapping[str, "Margin"]
 CUT = {"cut": Key.word("cut", None, "signal BLOCK.PORT at which the loop is cut")}
 
 
-@lru_cache(maxsize=1024)  # several wishes ask about one design
-def _margins_at(drawing: Drawing, items: tuple, cut: str) -> tuple[list[Margin], int]:
-    """The margins of a loop with these numbers, and why its stability is in doubt, see
-    `margins_of`."""
+@lru_cache(maxsize=256)  # several wishes ask about one design
+def _broken_at(drawing: Drawing, items: tuple, cut: str) -> LiftedLoop:
     from wavesweep.engine.loop import Loops
     from wavesweep.margins.broken_loops import broken_in
-    from wavesweep.margins.lifted_margins import margins_of
 
-    return margins_of(broken_in(Loops(drawing, dict(items)), cut))
+    return broken_in(Loops(drawing, dict(items)), cut)
 
 
 def _gain(found: Margins) -> float:
@@ -40,11 +38,13 @@ def _measured(value_of: Callable, names: tuple[str, ...], loops: Loops, size: in
     these names are certified."""
     import numpy as np
 
+    from wavesweep.margins.lifted_margins import margins_of
+
     value = np.full(size, np.nan)
     certified = np.zeros(size, bool)
     for number in range(size):
         one = loops.one(number)
-        margins, doubt = _margins_at(one.drawing, one.items, cut)
+        margins, doubt = margins_of(_broken_at(one.drawing, one.items, cut), names)
         found = {margin.name: margin for margin in margins}
         if found:
             value[number] = value_of(found)
