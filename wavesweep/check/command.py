@@ -58,8 +58,14 @@ if TYPE_CHECKING:
     metavar="NAME=FACTOR",
     help="Factor from that column to s, e.g. duration=0.001 from ms.",
 )
+@click.option(
+    "--proof",
+    is_flag=True,
+    help="Write check.proof as well: that the spec's own design is stable, or how many modes are not, with a proof that `python -m "
+    "wavesweep.checker SPEC check.proof` checks without the rest of this program.",
+)
 @folder(
-    "Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.",
+    "Folder for the pictures and the proof [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.",
     or_file=True,
 )
 @click.option(
@@ -77,6 +83,7 @@ def check(
     scales: tuple[str, ...],
     out: str | None,
     strict: bool,
+    proof: bool,
     overrides: tuple[str, ...],
 ) -> int:
     """Judge a spec's own design, and say what to do next.
@@ -113,7 +120,8 @@ def check(
     run = _frames_of_run(loaded, frames, columns, scales)
     list(asked("on_check", "refuse", loaded))
     figures = _pictures(loaded) if plot else []
-    places = _places(figures, out, loaded, overrides)
+    places = _places(figures, out, loaded, overrides, proof)
+    of_proof = places.pop("proof", None)
     judged = _judged(loaded, run, overrides, whole, progress("at work on the verdict"))
     progress("summing up")
     files = [str(path) for path in _drawn(loaded, places)]
@@ -123,6 +131,9 @@ def check(
         _show(judged.lines(whole))
     if files and not _is_silent():
         say(f"Wrote {', '.join(files)}")
+    if of_proof:
+        of_proof.parent.mkdir(parents=True, exist_ok=True)
+        say(offered("of_table").of_design(loaded, spec, overrides, of_proof))
     beyond = run is not None and bool(run["left"])
     return int(strict and (judged.answer != "yes" or beyond))
 
@@ -380,24 +391,27 @@ def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iter
 
 
 def _places(
-    figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]
+    figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...], proof: bool
 ) -> dict[str, Path]:
-    """The file of each picture. Errors: UsageError for a place that cannot be used, or one without a picture."""
+    """The file of each picture, and of the proof. Errors: UsageError for a place that cannot be used, or one without a picture."""
     from wavesweep.program.cli.file_places import own_folder, refuse_inputs, refuse_other_things
 
-    if not figures:
+    if not figures and not proof:
         if out is not None:
             raise click.UsageError(
-                "--out: expected --plot, since nothing else is written, found none"
+                "--out: expected --plot or --proof, since nothing else is written, found none"
             )
         return {}
     from wavesweep.program import plots, results
 
     to = Path(out or own_folder([spec.name], overrides))
     places = {name: to / f"{name}.png" for name in figures}
-    if to.suffix[1:].lower() in FORMATS and not to.is_dir():
+    if figures and to.suffix[1:].lower() in FORMATS and not to.is_dir():
         places = {name: to.with_stem(f"{to.stem}-{name}") for name in figures}
         places[figures[0]] = to
+    if proof:
+        folder_of_proof = to if not to.suffix else to.parent
+        places["proof"] = folder_of_proof / "check.proof"
     for path in places.values():
         results.refuse_unusable(path.parent)
     refuse_other_things(*places.values())

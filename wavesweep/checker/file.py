@@ -460,7 +460,7 @@ def _forms(family: Family, cell: Cell, line: dict) -> list[form.Matrix]:
     for node in nodes:
         if _expect(node, dict, "a node").keys() - {"L", "Q"}:
             raise Unreadable("a node has L and Q alone")
-    return [_form(node, cell, [1] * len(family.states)) for node in nodes]
+    return [form_from(node, cell, [1] * len(family.states)) for node in nodes]
 
 
 def _chain(family: Family, cell: Cell, line: dict, box):
@@ -522,14 +522,15 @@ def _outside(family: Family, claim: Claim, cell: Cell, line: dict, box) -> Any:
     turn = line.get("turn", 0)
     if turn not in (0, 1, -1) or isinstance(turn, bool):
         raise Unreadable("the turn of a form is 1 or -1")
-    P = _form(line, cell, signs)
+    P = form_from(line, cell, signs)
     A = family.matrix("", cell)
     if signs and not form.decreases(P, [(None, A, P)], turn):
         raise Refused(f"the form {_in_words(box)} does not decrease")
     return signs.count(-1)
 
 
-def _form(line, cell: Cell, signs) -> form.Matrix:
+def form_from(line, cell: Cell, signs) -> form.Matrix:
+    """The form that a line of the file gives."""
     slopes = []
     for given in _expect(line.get("Q", []), list, "Q"):
         exponents, rows = _expect(given, list, "a slope")

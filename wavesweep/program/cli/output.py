@@ -301,17 +301,21 @@ def produce_intervals(
     options: Options,
     along: str | None = None,
     for_hands: Sequence[str] = (),
+    proof: bool = False,
 ) -> None:
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
     along: axis of the intervals, the spec's own by default. for_hands: words for guarantees, which
-    go with the intervals of the loop itself into a table KIND-hands.
+    go with the intervals of the loop itself into a table KIND-hands. proof: whether its proof file is written too.
     """
+    from wavesweep.capabilities import offered
     from wavesweep.program import results
     from wavesweep.program.tables.hand_rows import hands_of
     from wavesweep.program.tables.interval_table import intervals
 
     hands = None
+    if proof and not options.to_folder:
+        raise UsageError(f"--proof: expected a folder as --out, found {options.out}")
     if for_hands:
         hands, kind = hands_of(for_hands), kind + HANDS
 
@@ -323,7 +327,10 @@ def produce_intervals(
         own_axis = spec.names.find(spec.along) if along is None and spec.wall else None
         if loud and own_axis and own_axis.path == spec.wall[0]:
             say(f"along {spec.along} this is the table of `wavesweep zwidth`")
-        return [replace(intervals(spec, along=along, hands=hands, **work), kind=kind)]
+        table = replace(intervals(spec, along=along, hands=hands, **work), kind=kind)
+        if proof:
+            table = offered("of_table").with_proof(table, spec, source, options.overrides, say)
+        return [table]
 
     produce([kind], [source], options, compute)
 

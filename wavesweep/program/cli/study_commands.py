@@ -34,9 +34,17 @@ for_hands = click.option(
 )
 
 
+with_proof = click.option(
+    "--proof",
+    is_flag=True,
+    help="Also write NAME.proof: the rows of the spec's own loop as claims with their proofs, which `python -m wavesweep.checker "
+    "SPEC NAME.proof` checks without the rest of this program.",
+)
+
+
 def _of_intervals(body: Callable[..., Any]) -> Callable[..., Any]:
     """The options of the commands of stable intervals."""
-    with_options: Callable[..., Any] = for_hands(run_options("workers")(body))
+    with_options: Callable[..., Any] = for_hands(with_proof(run_options("workers")(body)))
     return with_options
 
 
@@ -52,7 +60,9 @@ def refuse_equal_names(sources: tuple[str, ...]) -> None:
 @click.command("zwidth")
 @several_specs
 @_of_intervals
-def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...]) -> None:
+def zwidth(
+    specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...], proof: bool
+) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
     The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has
@@ -83,11 +93,14 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
     from wavesweep.program.cli.output import produce, produce_intervals
 
     if len(specs) == 1:
-        return produce_intervals("zwidth", specs[0], options, along="K_VE", for_hands=for_hands)
+        return produce_intervals(
+            "zwidth", specs[0], options, along="K_VE", for_hands=for_hands, proof=proof
+        )
     refuse_equal_names(specs)
-    if for_hands:
+    if for_hands or proof:
+        option = "--for-hands" if for_hands else "--proof"
         raise click.UsageError(
-            "--for-hands: expected one spec beside it, found several; give each its own command"
+            f"{option}: expected one spec beside it, found several; give each its own command"
         )
     from wavesweep.program.tables.specs import intervals_of_specs
 
@@ -115,7 +128,12 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
 )
 @_of_intervals
 def stability_region(
-    spec: str, options: Options, for_hands: tuple[str, ...], mapped: str, share_open: float | None
+    spec: str,
+    options: Options,
+    for_hands: tuple[str, ...],
+    proof: bool,
+    mapped: str,
+    share_open: float | None,
 ) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
@@ -136,8 +154,9 @@ def stability_region(
     from wavesweep.program.cli.output import produce, produce_intervals
 
     if mapped:
-        if for_hands:
-            raise click.UsageError("--map: expected it without --for-hands; leave one of them out")
+        if for_hands or proof:
+            other = "--for-hands" if for_hands else "--proof"
+            raise click.UsageError(f"--map: expected it without {other}; leave one of them out")
         maps = offered("stability_map")
         names = [name.strip() for name in mapped.split(",")]
 
@@ -146,7 +165,7 @@ def stability_region(
 
         return produce(["stability-map"], [spec], options, compute)
 
-    return produce_intervals("stability-region", spec, options, for_hands=for_hands)
+    return produce_intervals("stability-region", spec, options, for_hands=for_hands, proof=proof)
 
 
 @click.command("bode")

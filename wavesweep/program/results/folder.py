@@ -25,7 +25,7 @@ def names_of(kind: str) -> list[str]:
     """The names of all files that a table may have, its package last."""
     best = [BEST] if kind in WITH_SPECS else []
     return [
-        *(f"{kind}{suffix}" for suffix in (".csv", ".parquet", *FIGURES, ".md")),
+        *(f"{kind}{suffix}" for suffix in (".csv", ".parquet", *FIGURES, ".md", ".proof")),
         *best,
         f"{kind}{PACKAGE}",
     ]

@@ -67,6 +67,7 @@ def package_text(
                 if kind in WITH_SPECS
             ),
             *(figure_resource(kind, facts, figure) for figure in figures),
+            *(_proof(kind, proof) for proof in [stem.with_suffix(".proof")] if proof.exists()),
         ],
         "wavesweep": facts,
     }
@@ -112,6 +113,18 @@ def _spec(kind: str, spec: Path) -> dict[str, Any]:
         "mediatype": "application/toml",
         **file_facts(spec),
         "path": f"{BEST}/{spec.name}",
+    }
+
+
+def _proof(kind: str, proof: Path) -> dict[str, Any]:
+    """The entry of a proof file."""
+    return {
+        "name": f"{kind}-proof",
+        "profile": "data-resource",
+        "type": "file",
+        "format": "proof",
+        "mediatype": "application/gzip",
+        **file_facts(proof),
     }
 
 

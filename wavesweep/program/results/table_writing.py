@@ -123,7 +123,7 @@ def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
     ):  # it has the facts of the run as well
         _replace(folder / name, directory / name, folder / f"{REPLACED}-{name}")
     listed = packaged_files(folder / package)
-    for suffix in (".csv", *FIGURES):
+    for suffix in (".csv", *FIGURES, ".proof"):
         if f"{kind}{suffix}" not in listed:
             (directory / f"{kind}{suffix}").unlink(missing_ok=True)
     sync(directory)

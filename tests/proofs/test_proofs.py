@@ -1,0 +1,108 @@
+"""Proof files that commands write, as the checker reads them."""
+
+import gzip
+import json
+
+import pytest
+from support.proofs import checked_file
+
+from wavesweep.program.cli import main
+
+WALL = """
+[rates]
+fast_hz = 1000.0
+ratio = 4
+[device]
+mass = 0.1
+damping = 1.5
+[environment]
+integration = "explicit"
+delay = 1
+[controller]
+kind = "dc"
+[sweep]
+K_VE = { start = 0, stop = 20000 }
+B_VE = [1.0, 3.0]
+"""
+SERVO = """
+[rates]
+tick_hz = 1000
+[numbers]
+k = { value = 20.0 }
+[block.body]
+type = "tf"
+num = [1]
+den = [0.03, 1, 0]
+[block.late]
+type = "delay"
+[wire]
+"late.u" = "-k*body.y"
+"body.u" = "late.y"
+[sweep]
+along = "k"
+k = { start = 1, stop = 3000 }
+"""
+
+
+def _run(*words):
+    return main([str(word) for word in words]) or 0
+
+
+def _written(folder, text, *words):
+    spec = folder / "spec.toml"
+    spec.write_text(text)
+    assert _run(*words[:1], spec, "--proof", "--out", folder / "out", *words[1:]) == 0
+    return spec
+
+
+def _lines(proof):
+    with gzip.open(proof) as file:
+        return [json.loads(line) for line in file]
+
+
+@pytest.mark.slow
+def test_every_row_of_walls_has_a_proof_to_its_ends(tmp_path, capsys):
+    spec = _written(tmp_path, WALL, "zwidth", "--no-plot")
+    proof = tmp_path / "out" / "zwidth.proof"
+    assert "claims prove 2 of 2 slices" in capsys.readouterr().err
+    code, said = checked_file(spec, proof)
+    assert (code, said.count("proved: ")) == (0, said.count("\n") - 1)
+    stable = [line for line in _lines(proof) if line.get("outside") == 0 and "claim" in line]
+    rows = (tmp_path / "out" / "zwidth.csv").read_text().splitlines()
+    high = [float(row.split(",")[rows[0].split(",").index("high")]) for row in rows[1:]]
+    assert [float(line["sides"]["K_VE"][1]) for line in stable] == pytest.approx(high, rel=2e-9)
+    # a row that promises more has no proof
+    proof.write_bytes(gzip.compress(gzip.decompress(proof.read_bytes()).replace(b'"3.0"', b'"2.9"')))
+    assert checked_file(spec, proof)[0] == 1
+
+
+@pytest.mark.slow
+def test_crossings_between_unstable_stretches_are_found_by_the_proof(tmp_path):
+    spec = _written(tmp_path, SERVO, "stability-region", "--no-plot")
+    proof = tmp_path / "out" / "stability-region.proof"
+    assert checked_file(spec, proof)[0] == 0
+    assert [line["outside"] for line in _lines(proof)[1:] if "claim" in line] == [0, 2]
+    assert _run("verify", tmp_path / "out") == 0
+
+
+@pytest.mark.parametrize(("gain", "outside"), [(20.0, 0), (900.0, 2)])
+def test_the_own_design_has_a_proof(tmp_path, gain, outside):
+    spec = _written(tmp_path, SERVO.replace("value = 20.0", f"value = {gain}"), "check")
+    proof = tmp_path / "out" / "check.proof"
+    assert checked_file(spec, proof)[0] == 0
+    assert _lines(proof)[1]["outside"] == outside
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("zwidth", "SPEC", "--proof", "--set", "controller.kind=dc-slow"), "expected a number beside --proof"),
+        (("zwidth", "SPEC", "--proof", "--out", "-"), "--proof: expected a folder"),
+        (("stability-region", "SPEC", "--proof", "--map", "K_VE,b"), "--map: expected it without --proof"),
+    ],
+)
+def test_what_has_no_proof_file_is_refused(tmp_path, capsys, words, said):
+    spec = tmp_path / "spec.toml"
+    spec.write_text(WALL)
+    assert _run(*(spec if word == "SPEC" else word for word in words)) == 2
+    assert said in capsys.readouterr().err

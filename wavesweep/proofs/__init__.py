@@ -1,0 +1,1 @@
+"""Proof files, which `wavesweep.checker` reads."""

@@ -1,0 +1,180 @@
+"""Cells along one number, each with a form, up to windows about the crossings between them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import copysign, sqrt
+from typing import Any
+
+import numpy as np
+
+from wavesweep.checker import balls, file, form
+from wavesweep.checker.balls import Refused
+from wavesweep.proofs.forms import form_of
+
+WINDOW = 1e-9  # half of a window about a crossing, of its value
+AROUND = 0.02  # of half of a cell: half of the next cell about a crossing within it
+LOOKED_AT = np.linspace(-1, 1, 33)  # places of a cell at which eigenvalues are counted
+MOST_CELLS = 3000  # that are tried along a stretch
+ORDER = 3  # of the matrices in doubles
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A cell from low to high. line: what the file says of it, None of a window."""
+
+    low: float
+    high: float
+    line: dict[str, Any] | None
+    outside: int = -1
+
+
+def exactly(value: float) -> Fraction:
+    """Return the decimals by which a double is written."""
+    return Fraction(repr(value))
+
+
+def cell_of(family: file.Family, box: dict[str, tuple[float, float]]) -> Cell | list[np.ndarray]:
+    """Return a cell of one side, or a point without sides, with a form that the checker accepts; or
+    the terms of its matrix, none if it is not bounded there."""
+    cell = balls.Cell({name: (exactly(low), exactly(high)) for name, (low, high) in box.items()})
+    try:
+        A = family.matrix("", cell)
+    except Refused:
+        return []
+    keys = [(power,) for power in range(ORDER + 1)] if cell.width else [()]
+    nothing = np.zeros((len(A.error),) * 2)
+    terms = [
+        np.array(A.parts[key], float) / balls.ONE if key in A.parts else nothing for key in keys
+    ]
+    low, high = next(iter(box.values()), (0.0, 0.0))
+    if not len(nothing):
+        return Cell(low, high, {"L": [], "signs": ""}, 0)
+    found = form_of(terms)
+    if found is None:
+        return terms
+    line: dict[str, Any] = {
+        "L": _written(found.L),
+        "signs": "".join("+" if sign > 0 else "-" for sign in found.signs),
+    }
+    if found.slopes:
+        line["Q"] = [[[at + 1], _written(each)] for at, each in enumerate(found.slopes)]
+    if found.turn:
+        line["turn"] = found.turn
+    signs = [int(sign) for sign in found.signs]
+    P = file.form_from(line, cell, signs)
+    if form.decreases(P, [(None, A, P)], found.turn):
+        return Cell(low, high, line, signs.count(-1))
+    return terms
+
+
+def _written(matrix):
+    return [[repr(x + 0.0) for x in row] for row in matrix.tolist()]
+
+
+def cells_along(
+    family: file.Family, name: str, low: float, high: float, ends: Sequence[float]
+) -> list[Cell]:
+    """Return the cells of a stretch in order. ends: crossings that are known. Errors: Refused."""
+    anchors = sorted(ends)
+    waiting = []
+    done = []
+    at = low
+    for end in anchors:
+        before, after = (end + sign * WINDOW * abs(end) for sign in (-1, 1))
+        if at < before:
+            waiting.append((at, before))
+        done.append(Cell(before, after, None))
+        at = after
+    waiting.append((at, high))
+    at_rim = WINDOW * (high - low)
+    tried = 0
+    while waiting:
+        start, stop = waiting.pop()
+        tried += 1
+        if tried > MOST_CELLS:
+            raise Refused(f"more than {MOST_CELLS} cells")
+        found = cell_of(family, {name: (start, stop)})
+        if isinstance(found, Cell):
+            done.append(found)
+            continue
+        if stop - start <= at_rim and (start == low or stop == high):
+            done.append(Cell(start, stop, None))
+            continue
+        crossing = _crossing(found, start, stop)
+        if crossing is None:
+            middle = _middle(start, stop, anchors)
+            if start == low or stop == high:  # which may be next to the circle there
+                middle = low + at_rim if start == low else high - at_rim
+                anchors.append(low if start == low else high)
+            if not start < middle < stop:
+                raise Refused(f"no form at {start}")
+            waiting += [(start, middle), (middle, stop)]
+            continue
+        least = WINDOW * abs(crossing)
+        half = max(AROUND * (stop - start) / 2, least)
+        before = max(start, crossing - half)
+        after = min(stop, crossing + half)
+        if half == least:
+            anchors.append(crossing)
+            done.append(Cell(before, after, None))
+        else:
+            waiting.append((before, after))
+        waiting += [piece for piece in ((start, before), (after, stop)) if piece[0] < piece[1]]
+    return sorted(done, key=lambda cell: cell.low)
+
+
+def _crossing(terms, start, stop):
+    """Where the number of eigenvalues outside changes within a cell, by its matrix in doubles."""
+    if len(terms) < 2 or not np.abs(terms[-1]).sum() < AROUND * np.abs(terms[0]).sum():
+        return None
+
+    def excess(places):
+        powers = places[:, None, None, None] ** np.arange(len(terms))[:, None, None]
+        return np.abs(np.linalg.eigvals((powers * np.array(terms)).sum(1))) - 1
+
+    counts = (excess(LOOKED_AT) > 0).sum(-1)
+    changes = np.flatnonzero(np.diff(counts))
+    if not changes.size:
+        return None
+    low, high = LOOKED_AT[changes[0]], LOOKED_AT[changes[0] + 1]
+    for _ in range(50):
+        middle = (low + high) / 2
+        if (excess(np.array([middle])) > 0).sum() == counts[changes[0]]:
+            low = middle
+        else:
+            high = middle
+    return float((start + stop) / 2 + (stop - start) / 2 * low)
+
+
+def _middle(start, stop, anchors):
+    """Where a cell is cut: by factors of the distance to a crossing that is near."""
+    for anchor in sorted(anchors, key=lambda each: min(abs(start - each), abs(stop - each)))[:1]:
+        near, far = sorted((start - anchor, stop - anchor), key=abs)
+        if abs(far) > 4 * abs(near) > 0 and near * far > 0:
+            return anchor + copysign(sqrt(near * far), far)
+    return (start + stop) / 2
+
+
+def stretches(cells: Sequence[Cell]) -> Iterator[list[Cell]]:
+    """Yield the runs of cells between windows with the same number of eigenvalues outside."""
+    run: list[Cell] = []
+    for cell in cells:
+        if run and (cell.line is None or cell.outside != run[-1].outside):
+            yield run
+            run = []
+        if cell.line is not None:
+            run.append(cell)
+    if run:
+        yield run
+
+
+def tree(name: str, cells: Sequence[Cell]) -> Iterator[dict[str, Any]]:
+    """Yield the lines of neighbouring cells in the order of the file."""
+    if len(cells) == 1:
+        yield cells[0].line or {"open": True}
+        return
+    half = len(cells) // 2
+    yield {"split": name, "at": repr(cells[half].low)}
+    yield from tree(name, cells[:half])
+    yield from tree(name, cells[half:])
