@@ -67,8 +67,30 @@ def test_margins_at_a_cut_are_those_of_its_own_samples(every, slow, margins, end
     """`S = (z - 1)/(z - 1 + s)` with s = K T every; at z = -1 it is 2/(2 - s), and `abs(S - 1/2)` is (2 + s)/(2 - s)/2."""
     loop = wavesweep.compile(cut_integrator(every, slow))
     (row,) = loop.stable_intervals(require={"margins": {"cut": "c.y", **margins}}).itertuples()
-    assert (row.certified, row.low, row.low_set_by, row.high_set_by) == (True, 0, "mode", "gain")
+    assert (row.certified, row.low, row.low_set_by, row.high_set_by) == (True, 0, "mode", "Ms at c.y")
     assert row.high == pytest.approx(end / T / every, rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("first", "second", "set_by", "end"),
+    [
+        ({"Ms": 1.25}, {"Ms": 2.0}, "Ms at c.y", 0.4),  # 2 - 2/Ms
+        ({"Ms": 2.0}, {"Ms": 1.25}, "Ms at d.y", 0.4),
+        ({"Ms": 2.0}, {"gain": 4.0}, "gain at d.y", 0.5),  # 2/gain
+        ({"phase_deg": 60.0}, {"gain": 1.5}, "phase at c.y", 1.0),  # 2 sin(30 deg)
+    ],
+)
+def test_of_several_cuts_the_one_that_sets_an_end_is_named(first, second, set_by, end):
+    """Two integrators, each under a gain of its own, `L = s/(z - 1)` with s = K T at either cut."""
+    loop = cut_integrator(1, 1)
+    wire = {"p.u": "c.y", "c.u": "-K*p.y", "q.u": "d.y", "d.u": "-K*q.y"}
+    blocks = {"p": loop["block"]["p"], "c": loop["block"]["c"], "q": loop["block"]["p"], "d": loop["block"]["c"]}
+    loop = loop | {"block": blocks, "wire": wire, "ports": {}}
+    margins = [{"cut": "c.y", **first}, {"cut": "d.y", **second}]
+    (row,) = wavesweep.compile(loop).stable_intervals(require={"margins": margins}).itertuples()
+    assert (row.certified, row.high_set_by) == (True, set_by)
+    assert row.high == pytest.approx(end / T, rel=1e-6)
 
 
 @pytest.mark.slow

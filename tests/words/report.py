@@ -32,6 +32,8 @@ COLUMNS = {  # of the table of intervals, by their heads
     "refuted from": "fails_from",
     "lower limit oscillates at (Hz)": "low_hz",
     "upper limit oscillates at (Hz)": "high_hz",
+    "lower limit set by": "low_set_by",
+    "upper limit set by": "high_set_by",
 }
 UP, DOWN = ("low", "fails_from"), ("high", "fails_below")  # how bounds are rounded
 TENTH_DIGITS = 1e-12  # relative: by which a rounded bound may miss one that has few digits
@@ -99,6 +101,8 @@ def hold_cells(run, cells, row):
         elif title == "proof":
             how = run.claims[row.get("guarantee", "spec")]["status"]
             assert cell.startswith(how if row["certified"] else "not certified"), (cells, how)
+        elif title.endswith("set by") and cell:
+            assert cell == value, (cells, row)
         elif cell in ("", "none"):
             assert pandas.isna(value), (cells, row)
         else:

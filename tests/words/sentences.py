@@ -506,11 +506,13 @@ def head(run, said):
     return of_members(run, said)
 
 
+SET_BY = r", set by (?:a mode|(?:gain|Ms|disk)(?: at h\.y)?)"
 WHAT = r"(?:(?:stable|proved) K|K (?:with|which) .*?|proved K .*?)"
 
 
 @shape(
-    rf"\s*largest ({WHAT}): (?:(just below) )?{N}(?: \((?:stable|proved|met) from {N} on\))?{AT}(?:, refuted at {N} by (.*))?",
+    rf"\s*largest ({WHAT}): (?:(just below) )?{N}(?: \((?:stable|proved|met) from {N} on\))?{AT}"
+    rf"(?:{SET_BY}|, refuted at {N} by (.*))?",
     "stability-region",
 )
 def largest(run, what, just_below, high, low, c, refuted, refuter):
@@ -532,7 +534,7 @@ def largest(run, what, just_below, high, low, c, refuted, refuter):
     return True
 
 
-@shape(rf"\s*smallest ({WHAT}): (?:just above )?{N}{AT}(?:, refuted at {N} by (.*))?", "stability-region")
+@shape(rf"\s*smallest ({WHAT}): (?:just above )?{N}{AT}(?:{SET_BY}|, refuted at {N} by (.*))?", "stability-region")
 def smallest(run, what, low, c, refuted, refuter):
     of_members(run, what)
     truth = min(map(least, run.sets(c)))

@@ -394,9 +394,9 @@ def _steps(
                 open_.append(after)
         if len(steps) > most:
             raise NotByWordsError(
-                f"channels {', '.join(channel.name for channel in channels)}: beside ranges and chances expected at most {most} "
-                "ways in which messages are late or lost, found more, as every tick of `late` is one; list values in [sweep] in "
-                "place of a range, write what every message takes as a delay (seconds) before the channel, or choose longer ticks"
+                f"channels {', '.join(channel.name for channel in channels)}: expected at most {most} ways in which messages are late or "
+                "lost, found more, as every tick of `late` is one; write what every message takes as a delay (seconds) before the "
+                "channel, choose longer ticks, or list values in [sweep] in place of ranges of [for_all]"
             )
     for (row, after), (sent, sources) in steps.items():
         yield row, sent, after, sources

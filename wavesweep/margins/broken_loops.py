@@ -154,14 +154,20 @@ def _block_of(port: str) -> str:
     return port.rpartition(".")[0]
 
 
-def default_cut(spec: Spec) -> str:
-    """The signal at which the spec asks for margins, in [sweep] require, or else in a wish; or else
-    the first of `cuts_of` that comes back to itself. Empty without one."""
+def asked_cuts(spec: Spec) -> list[str]:
+    """The signals at which the spec asks for margins, in [sweep] require and then in wishes."""
     asked = []
     if required := spec.asked.get("require"):
         asked += [margins["cut"] for margins in required.cuts]
     if design := spec.asked.get("design"):
         asked += [wish.options["cut"] for wish in design.wishes if "cut" in wish.options]
+    return [*dict.fromkeys(asked)]
+
+
+def default_cut(spec: Spec) -> str:
+    """The first of `asked_cuts`, or else of `cuts_of` that comes back to itself. Empty without
+    one."""
+    asked = asked_cuts(spec)
     if asked:
         return asked[0]
     return next((cut for cut in cuts_of(spec) if returns(spec, cut)), "")

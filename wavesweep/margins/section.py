@@ -1,6 +1,7 @@
 """The section of a report on margins."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from shlex import quote
 
 from wavesweep.program.spec import Spec
@@ -9,11 +10,13 @@ from wavesweep.program.tables.table import Table
 TITLE, PLACE = "Margins", 2
 
 
-def section(spec: Spec, cut: str) -> tuple[str, Callable[[], Table]]:
-    """The command of the table, with {} for the spec, and what makes it; cut: by default that
-    of the spec, see `default_cut`."""
-    from wavesweep.margins.broken_loops import default_cut
+def sections(spec: Spec, cut: str) -> Iterator[tuple[str, str, Callable[[], Table]]]:
+    """Yield for each signal at which the spec asks for margins the title, the command of the table,
+    with {} for the spec, and what makes it; cut: another signal in their place."""
+    from wavesweep.margins.broken_loops import asked_cuts, default_cut
     from wavesweep.margins.table import margins
 
-    cut = cut or default_cut(spec)
-    return f"margins {{}} --cut {quote(cut)}", lambda: margins(spec, cut)
+    cuts = [cut] if cut else asked_cuts(spec) or [default_cut(spec)]
+    for signal in cuts:
+        title = TITLE if len(cuts) == 1 else f"{TITLE} at {signal}"
+        yield title, f"margins {{}} --cut {quote(signal)}", partial(margins, spec, signal)

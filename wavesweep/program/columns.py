@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -127,17 +127,17 @@ def whose_column(columns: Columns) -> str:
     return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
 
 
-def columns_of_ends(records: np.ndarray, set_by: str = "") -> Columns:
-    """The omegas of records of intervals as columns and, if not empty, what sets each end: a mode,
-    or what `set_by` says."""
+def columns_of_ends(records: np.ndarray, set_by: Sequence[str] = ()) -> Columns:
+    """The omegas of records of intervals as columns and, with bounds on gains, what sets each end: a
+    mode, or the bound of which `set_by` has the word."""
     import numpy as np
 
     ends = ("low", "high")
     columns = {f"{end}_omega": np.abs(records[f"{end}_omega"]) for end in ends}
     for end in ends if set_by else ():
         omega = records[f"{end}_omega"]
-        cause = np.where(np.signbit(omega), set_by, "mode").astype(object)
-        columns[f"{end}_set_by"] = np.where(np.isnan(omega), "", cause)
+        words = np.array(["mode", *set_by], object)[records[f"{end}_cause"]]
+        columns[f"{end}_set_by"] = np.where(np.isnan(omega), "", words)
     return columns
 
 

@@ -88,14 +88,14 @@ class OnCheckModule(AsYouLike, Protocol):
 
 
 class SectionModule(Protocol):
-    """A section of a report."""
+    """Sections of a report."""
 
-    TITLE: str
     PLACE: int
     """Sections come in this order."""
 
-    def section(self, spec: Spec, cut: str) -> tuple[str, Callable[[], Table]]:
-        """The command of its table, with {} for the spec, and what makes the table."""
+    def sections(self, spec: Spec, cut: str) -> Iterable[tuple[str, str, Callable[[], Table]]]:
+        """The title of each, the command of its table, with {} for the spec, and what makes the
+        table."""
 
 
 class PanelModule(AsYouLike, Protocol):

@@ -27,11 +27,16 @@ from wavesweep.program.columns import whose_column
 from wavesweep.program.number_words import in_all_digits
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
-from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
+from wavesweep.reports.sentences import (
+    claims_of_rows,
+    counterexamples,
+    interval_rows,
+    question,
+    words_of_spec,
+)
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.claims import Verdict
-    from wavesweep.program.columns import Columns
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.kind import Line
     from wavesweep.program.tables.table import Table
@@ -105,7 +110,7 @@ def report(spec: Spec, asked: ReportRequest) -> str:
         except WavesweepError as error:
             leave_out(title, error)
     asked.at_work("the spec's own numbers")
-    swept = sections[INTERVALS].table.columns if INTERVALS in sections else {}
+    swept = sections[INTERVALS].table if INTERVALS in sections else None
     design_lines, judged, how_known = _own_lines(spec, swept)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
@@ -166,8 +171,8 @@ def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, Callable[[
         )
     }
     for part in sorted(modules("section"), key=lambda each: each.PLACE):
-        said, make = part.section(spec, asked.cut)
-        tables[part.TITLE] = said, lambda _, make=make: make()
+        for title, said, make in part.sections(spec, asked.cut):
+            tables[title] = said, lambda _, make=make: make()
     return tables | {RESPONSE: ("bode {}", lambda _: responses.responses([spec]))}
 
 
@@ -197,11 +202,11 @@ def _found(title: str, table: Table, command: str) -> ReportSection:
     return ReportSection(title, how_known, table, lines, svg, command, sha256(csv).hexdigest())
 
 
-def _own_lines(spec: Spec, swept: Columns) -> tuple[list[Line], Verdict, str]:
+def _own_lines(spec: Spec, swept: Table | None) -> tuple[list[Line], Verdict, str]:
     """What is known of the spec's own numbers, the verdict on what it asks, and how that is
     known.
 
-    swept: the columns of the spec's table of intervals, empty without one.
+    swept: the spec's table of intervals, None without one.
     """
     from wavesweep.program.analyses.assumptions import over_preset, unusual
     from wavesweep.program.analyses.claims import Verdict
@@ -210,9 +215,9 @@ def _own_lines(spec: Spec, swept: Columns) -> tuple[list[Line], Verdict, str]:
     found = own_design(spec)
     lines = [*own_lines(spec, found)]
     judging = offered("verdict")
-    claims = []
+    claims = [*claims_of_rows(spec, swept)] if swept else []
     if judging:
-        found |= judging.further(spec, found | {"swept": swept})
+        found |= judging.further(spec, found | {"swept": swept.columns if swept else {}})
         claims += found["claims"]
         lines += [line for _, line in judging.verdict_lines(spec, found)]
     lines += [*unusual(spec), *over_preset(spec)]
@@ -306,7 +311,8 @@ def _known(table: Table, *, doubtful: bool) -> str:
     if doubtful:
         return "Not all of the intervals are certified."
     claims = [Claim.read(fact) for fact in table.facts["claims"].values()]
-    said = [of_intervals(claim) for claim in claims]
+    some = bool(table.columns["intervals"].any())
+    said = [of_intervals(claim, some=some) for claim in claims]
     if len({*said}) == 1:
         return said[0]
     return "How the intervals are known stands in each row."
@@ -344,10 +350,18 @@ def _verification(
     again = f"wavesweep report {name}{_for_hands(asked)}" + (
         f" --cut {quote(asked.cut)}" if asked.cut else ""
     )
-    commands = [f"{entry.command} --out verified" for entry in found]
+    folders = []  # one more for a kind of table that is there already
+    for entry in found:
+        others = sum(each[0] == entry.table.kind for each in folders)
+        folders.append((entry.table.kind, f"verified-{others + 1}" if others else "verified"))
+    commands = [
+        f"{entry.command} --out {folder}" for entry, (_, folder) in zip(found, folders, strict=True)
+    ]
+    for folder in dict.fromkeys(folder for _, folder in folders):
+        commands.append(f"wavesweep verify {folder} --prove")
     yield html.element("h2", "How to verify this report")
     yield html.element("p", f"Save the spec below as {spec.name}.toml, and run:")
-    yield html.element("pre", "\n".join([*commands, "wavesweep verify verified --prove", again]))
+    yield html.element("pre", "\n".join([*commands, again]))
     yield html.element("p", SAME, "small")
     used = versions()
     rows = [
@@ -355,7 +369,10 @@ def _verification(
         ("numpy", used["numpy_version"]),
         ("SHA-256 of the resolved spec", spec.sha256),
     ]
-    rows += [(f"SHA-256 of verified/{entry.table.kind}.csv", entry.sha256) for entry in found]
+    rows += [
+        (f"SHA-256 of {folder}/{kind}.csv", entry.sha256)
+        for entry, (kind, folder) in zip(found, folders, strict=True)
+    ]
     yield html.table(("what", "version or hash"), rows)
 
 

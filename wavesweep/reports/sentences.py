@@ -36,6 +36,8 @@ HEADS = {
     "high": "to",
     "low_hz": "lower limit oscillates at",
     "high_hz": "upper limit oscillates at",
+    "low_set_by": "lower limit set by",
+    "high_set_by": "upper limit set by",
     "fails_below": "refuted below",
     "fails_from": "refuted from",
 }
@@ -111,6 +113,7 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
     if whose:
         shown.append(whose)
     shown += ["low", "high", "low_hz", "high_hz"]
+    shown += [name for name in ("low_set_by", "high_set_by") if name in columns]
     shown += [
         name
         for name in ("fails_below", "fails_from")
@@ -134,6 +137,19 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
         claim = of_rows(table.facts, word, columns)
         rows.append([*texts.values(), _proof(row, claim)])
     return (*head, "proof"), rows
+
+
+def claims_of_rows(spec: Spec, table: Table) -> Iterator[Claim]:
+    """Yield what the certified rows of a table that the spec's own numbers lie in say of all that
+    they hold for."""
+    columns = table.columns
+    if whose_column(columns) != "guarantee" or not len(columns["along"]):
+        return
+    value = spec.values[spec.names.find(columns["along"][0]).path]
+    for row in _rows(columns):
+        own = all(row[name] == spec.values[spec.names.find(name).path] for name in axes_of(columns))
+        if own and row["certified"] and row["low"] <= value <= row["high"]:
+            yield of_rows(table.facts, row["guarantee"], columns)
 
 
 def _proof(row: Columns, claim: Claim) -> str:

@@ -59,11 +59,9 @@ class Bound:
         return 0.6 * bool(self.damped or self.bounded) + 1.0 * len(self.gains)
 
     @property
-    def set_by(self) -> str:
-        """What sets ends that no mode sets; empty without gains and responses in time."""
-        in_time = [isinstance(gain, TimeBound) for gain in self.gains]
-        words = ["gain"] * (False in in_time) + ["response"] * (True in in_time)
-        return " or ".join(words)
+    def set_by(self) -> list[str]:
+        """The words of what sets ends that no mode sets, one of each bound on a gain."""
+        return [gain.word for gain in self.gains]
 
     @property
     def of_size(self) -> "Bound | None":
@@ -192,8 +190,8 @@ class Bound:
                 [
                     *modes,
                     of_size if self.gains and not any(modes) else "",
-                    GAIN if "gain" in self.set_by else "",
-                    IN_TIME if "response" in self.set_by else "",
+                    "" if all(map(_in_time, self.gains)) else GAIN,
+                    IN_TIME if any(map(_in_time, self.gains)) else "",
                 ],
             )
         )
@@ -219,6 +217,11 @@ class Bound:
             raise UsageError(
                 f"{name} changes the time of a frame: {expected}, found {refused}; {instead}"
             )
+
+
+def _in_time(gain: GainBound | CutBound | FactorBound | TimeBound) -> bool:
+    """Whether it bounds a response in time."""
+    return isinstance(gain, TimeBound)
 
 
 def words_of(written: Mapping[str, object], clock: str) -> str:

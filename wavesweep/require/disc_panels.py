@@ -147,6 +147,8 @@ def _turned(found: Intervals) -> Intervals:
         high=0.0 - found.low,
         low_omega=found.high_omega,
         high_omega=found.low_omega,
+        low_cause=found.high_cause,
+        high_cause=found.low_cause,
     )
     return turned.take(np.lexsort((turned.low, turned.column)))
 
@@ -163,6 +165,8 @@ class _Row(NamedTuple):
     high_omega: float
     doubt: int
     residual: float
+    low_cause: int = 0
+    high_cause: int = 0
 
 
 class _End(NamedTuple):

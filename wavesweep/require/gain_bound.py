@@ -67,6 +67,8 @@ class GainBound(NamedTuple):
     at_most: float
     band_hz: tuple[float, float] | None = None
 
+    word = "gain"
+
 
 class CutBound(NamedTuple):
     """What the distance of 1/(1 + L) to a number has to be below, of the loop L that is cut at a
@@ -82,6 +84,11 @@ class CutBound(NamedTuple):
 
     band_hz = None  # it is of all frequencies
 
+    @property
+    def word(self) -> str:
+        """What sets an end that it sets."""
+        return f"{'disk' if self.centre else 'Ms'} at {self.cut}"
+
 
 class FactorBound(NamedTuple):
     """With which factors of the signal at a cut a loop has to be stable.
@@ -94,6 +101,11 @@ class FactorBound(NamedTuple):
     size: float
 
     band_hz = None  # it is of all frequencies
+
+    @property
+    def word(self) -> str:
+        """What sets an end that it sets."""
+        return f"{'gain' if self.margin == FACTOR_GAIN else 'phase'} at {self.cut}"
 
 
 class TimeBound(NamedTuple):
@@ -108,6 +120,11 @@ class TimeBound(NamedTuple):
     at_most: float
 
     band_hz = None  # it is of all frequencies
+
+    @property
+    def word(self) -> str:
+        """What sets an end that it sets."""
+        return self.measure
 
     @property
     def is_time(self) -> bool:

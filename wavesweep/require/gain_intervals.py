@@ -119,7 +119,7 @@ def attached(
         exact = exactness * (np.abs(stable_end) + nothing)
         near = (np.abs(end - stable_end) <= exact) & same_column
         nearest = near.argmax(-1)
-        for name in (side, f"{side}_omega"):
+        for name in (side, f"{side}_omega", f"{side}_cause"):
             ends[name] = np.where(
                 near.any(-1), getattr(stable, name)[nearest], getattr(found, name)
             )

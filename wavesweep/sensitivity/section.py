@@ -1,6 +1,6 @@
 """The section of a report on what sets the limits."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.table import Table
@@ -8,8 +8,9 @@ from wavesweep.program.tables.table import Table
 TITLE, PLACE = "What sets the limits", 1
 
 
-def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:
-    """The command of the table `why`, with {} for the spec, and what makes the table."""
+def sections(spec: Spec, _: str) -> Iterator[tuple[str, str, Callable[[], Table]]]:
+    """Yield the title, the command of the table `why`, with {} for the spec, and what makes the
+    table."""
     from wavesweep.sensitivity.table import why
 
-    return "why {}", lambda: why(spec)
+    yield TITLE, "why {}", lambda: why(spec)

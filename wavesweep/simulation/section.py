@@ -1,6 +1,6 @@
 """The section of a report on a run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from wavesweep.program.spec import Spec, load
@@ -9,14 +9,16 @@ from wavesweep.program.tables.table import Table
 TITLE, PLACE = "Simulation", 3
 
 
-def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:
-    """The command of the table, with {} for the spec, and what makes it: with a step, unless the
-    spec has another input."""
+def sections(spec: Spec, _: str) -> Iterator[tuple[str, str, Callable[[], Table]]]:
+    """Yield the title, the command of the table, with {} for the spec, and what makes it: with a
+    step, unless the spec has another input."""
     from wavesweep.simulation.table import simulate
 
     if "simulate.input" in spec.given:
-        return "simulate {}", lambda: simulate(spec.asking("simulate"))[0]
-    return "simulate {} --set simulate.input=step", lambda: simulate(_with_step(spec))[0]
+        yield TITLE, "simulate {}", lambda: simulate(spec.asking("simulate"))[0]
+    else:
+        with_step = "simulate {} --set simulate.input=step"
+        yield TITLE, with_step, lambda: simulate(_with_step(spec))[0]
 
 
 def _with_step(spec: Spec) -> Spec:

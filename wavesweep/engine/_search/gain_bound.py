@@ -26,8 +26,14 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     bound = question.bound
     found = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
-    for gain in bound.gains:
-        found = common([found, bound.within_gain(gain, frames, question.span, found)])
+    for number, gain in enumerate(bound.gains, start=1):
+        within = bound.within_gain(gain, frames, question.span, found)
+        causes = {}
+        for end in ("low", "high"):
+            own = np.signbit(getattr(within, f"{end}_omega"))
+            before = getattr(within, f"{end}_cause")
+            causes[f"{end}_cause"] = np.where(own & (before == 0), number, before)
+        found = common([found, replace(within, **causes)])
     # Ends of stability are in their own time already; those of gains have a minus.
     timed = in_own_time(found, loops, question.along)
     omegas = {}

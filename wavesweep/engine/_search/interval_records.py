@@ -19,7 +19,10 @@ FIELDS = (
     ("certified", "?"),
     ("residual", "<f8"),
     ("doubt", "i1"),
+    ("low_cause", "i1"),
+    ("high_cause", "i1"),
 )
+CAUSES = ("low_cause", "high_cause")
 LINES = ("low_hz", "high_hz")
 OPEN = (("open_places", "<i4"), ("open_low", "<f8"), ("open_high", "<f8"))
 
@@ -48,7 +51,16 @@ def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
     records["slice"] = rows.column
     records["intervals"] = rows.count
     records["interval"] = np.maximum(rows.index, 0)
-    for name in ("low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"):
+    for name in (
+        "low",
+        "high",
+        "low_omega",
+        "high_omega",
+        "certified",
+        "residual",
+        "doubt",
+        *CAUSES,
+    ):
         records[name] = getattr(rows, name)
     for name, _ in OPEN:
         records[name] = getattr(open_, name.removeprefix("open_"))

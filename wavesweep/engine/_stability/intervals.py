@@ -23,7 +23,8 @@ class Intervals(Rows):
     with no other element. low_omega, high_omega: rad/s of the oscillation that starts there, NaN if
     the range ends the interval, or an open place begins there. doubt: reason why the column is not
     certified, NONE if it is (numbers of `doubts.Doubt`). residual: the largest relative residual of
-    the characteristic equation at crossings of the interval, 0 if there are none.
+    the characteristic equation at crossings of the interval, 0 if there are none. low_cause,
+    high_cause: what sets an end, 0 for a mode or nothing, n for the n-th bound on a gain.
     """
 
     column: np.ndarray
@@ -35,6 +36,8 @@ class Intervals(Rows):
     high_omega: np.ndarray
     doubt: np.ndarray
     residual: np.ndarray
+    low_cause: np.ndarray
+    high_cause: np.ndarray
 
     @property
     def certified(self) -> np.ndarray:
@@ -70,6 +73,8 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
         high_omega=high_theta[last] / period[column],
         doubt=doubt[column],
         residual=np.where(stable, np.maximum(r.residual[first], r.residual[last]), 0.0),
+        low_cause=0 * first,
+        high_cause=0 * first,
     )
     none = np.flatnonzero(np.bincount(column, minlength=period.size) == 0)
     located = Intervals.join([rows, _empty(none, doubt[none])])
@@ -90,6 +95,8 @@ def _empty(column, doubt, span=(np.nan, np.nan)) -> Intervals:
         high_omega=nothing,
         doubt=doubt,
         residual=np.zeros(size),
+        low_cause=np.zeros(size, int),
+        high_cause=np.zeros(size, int),
     )
 
 
@@ -148,6 +155,7 @@ def without_seams(rows: Intervals) -> Intervals:
         rows.take(first),
         high=rows.high[last],
         high_omega=rows.high_omega[last],
+        high_cause=rows.high_cause[last],
         residual=np.maximum.reduceat(rows.residual, first),
     )
     return _numbered(whole)
@@ -199,6 +207,7 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
         low=np.where(has_stable, rows.low, np.nan),
         high=np.where(has_stable, intervals.high[last], np.nan),
         high_omega=intervals.high_omega[last],
+        high_cause=intervals.high_cause[last],
         residual=np.where(ended, np.maximum.reduceat(intervals.residual, begin), np.nan),
     )
     places = np.add.reduceat(open_ & ~np.append(False, linked & open_[:-1]), begin)
@@ -249,10 +258,11 @@ def common(loops: Sequence[Intervals]) -> Intervals:
         pieces, doubt = _common_in_column([columns[column] for columns in of_loops])
         count = sum(piece.stable for piece in pieces)
         before = 0
-        for piece in pieces or [_Piece(np.nan, np.nan, np.nan, np.nan, 0.0, False)]:
+        for piece in pieces or [_Piece(np.nan, np.nan, np.nan, np.nan, 0, 0, 0.0, False)]:
             index = before if piece.stable else -1
             before += piece.stable
-            rows.append((column, index, count, *piece[:4], doubt, piece.residual))
+            causes = piece.low_cause, piece.high_cause
+            rows.append((column, index, count, *piece[:4], doubt, piece.residual, *causes))
     facts = zip(*rows, strict=True) if rows else [()] * len(fields(Intervals))
     named = zip(fields(Intervals), facts, strict=True)
     return Intervals(
@@ -267,6 +277,8 @@ class _Piece(NamedTuple):
     high: float
     low_omega: float
     high_omega: float
+    low_cause: int
+    high_cause: int
     residual: float
     stable: bool
 
@@ -279,7 +291,7 @@ def _by_column(intervals):
             int(intervals.column[place]), ([], int(intervals.doubt[place]))
         )
         if not np.isnan(intervals.low[place]):
-            ends = (float(getattr(intervals, name)[place]) for name in _Piece._fields[:5])
+            ends = (getattr(intervals, name)[place].item() for name in _Piece._fields[:7])
             pieces.append(_Piece(*ends, bool(intervals.index[place] >= 0)))
     return dict(sorted(columns.items()))
 
@@ -312,6 +324,12 @@ def _overlap(first, second):
         return None
     stable = first.stable and second.stable
     omegas = (begins.low_omega, ends.high_omega) if stable else (np.nan, np.nan)
+    causes = (begins.low_cause, ends.high_cause) if stable else (0, 0)
     return _Piece(
-        begins.low, ends.high, *omegas, max(first.residual, second.residual) * stable, stable
+        begins.low,
+        ends.high,
+        *omegas,
+        *causes,
+        max(first.residual, second.residual) * stable,
+        stable,
     )

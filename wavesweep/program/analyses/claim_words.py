@@ -29,6 +29,7 @@ from wavesweep.program.analyses.claims import (
     Status,
     Tick,
     Verdict,
+    curve_of,
 )
 from wavesweep.program.number_words import in_all_digits, span_in_words
 
@@ -37,6 +38,7 @@ ALL_OF = {
     PUSHES: "all walls up to K_VE, B_VE that push and never pull",
     PASSIVE_HANDS: "all passive hands",
 }
+CURVED_BLOCK = curve_of("")  # behind the name of a block
 LINEAR_LOOP = (
     "All else is as the spec writes it, in a linear loop that is sampled and held at its rates, "
     "without friction and the steps of an encoder"
@@ -303,7 +305,10 @@ def all_of_scope(scope: Scope) -> str:
     said = [loops.removeprefix("all ")] if (loops := _loops_of_a_line(scope)) else []
     if scope.hands != OPERATOR:
         said.append(ALL_OF.get(scope.hands, scope.hands))
-    if scope.walls != LINEAR:
+    if scope.walls.endswith(CURVED_BLOCK):
+        block = scope.walls.removesuffix(CURVED_BLOCK)
+        said.append(f"all curves of slopes from 0 to 1 in the place of {block}")
+    elif scope.walls != LINEAR:
         said.append(ALL_OF.get(scope.walls, scope.walls))
     return f"for all {' and '.join(said).removeprefix('all ')}"
 
@@ -455,8 +460,10 @@ def no_value(claim: Claim, name: str, reason: str, *, undecided: bool) -> str:
     return f"no {value_with(claim.what, name)} anywhere in the swept range{because}"
 
 
-def of_intervals(claim: Claim) -> str:
-    """How intervals are known of which no row is in doubt."""
+def of_intervals(claim: Claim, *, some: bool) -> str:
+    """How intervals are known of which no row is in doubt; some: whether there are any."""
+    if not some:
+        return f"Certified: {form_of(claim.what).nowhere} in the range."
     if claim.status is Status.CERTIFIED and claim.what == STABLE:
         return "Certified: of the range every value in an interval is stable, and no other one."
     return f"The intervals are {vouched_for(claim)}."

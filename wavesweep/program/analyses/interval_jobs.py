@@ -243,11 +243,13 @@ def _joined(pieces):
 def _columns(job, combination, records):
     """The axes, `along`, and the fields of the records."""
     columns = {
-        name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"
+        name: np.ascontiguousarray(records[name])
+        for name in records.dtype.names
+        if name != "slice" and not name.endswith("_cause")
     }
     columns["doubt"] = words(columns["doubt"])
     required = job.asked.require
-    columns |= columns_of_ends(records, required.bound.set_by if required else "")
+    columns |= columns_of_ends(records, required.bound.set_by if required else ())
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | columns
 

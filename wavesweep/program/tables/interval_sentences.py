@@ -130,6 +130,7 @@ class Sentences:
         if largest is None:
             return self._none()
         ended = ENDS[largest["ended_by"]].format("it" if self._numbers["required"] else "stability")
+        ended += _set_by(largest)
         if "refuted_from" in largest:
             ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
@@ -192,7 +193,7 @@ class Sentences:
             said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         elif least["unknown_below"]:
             said += ", below which it is not known"
-        said += unless(claim, known=least["certified"])
+        said += f"{_set_by(least)}{unless(claim, known=least['certified'])}"
         if upwards:
             if self._numbers["stable_intervals"] > 1:
                 goes = "every interval goes"
@@ -319,6 +320,14 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
             kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)),
             True,
         )
+
+
+def _set_by(extreme: Numbers) -> str:
+    """Which of several requirements sets an end, if the table has that."""
+    word = extreme.get("set_by")
+    if not word:
+        return ""
+    return f", set by {'a mode' if word == 'mode' else word}"
 
 
 def _folded(text: str) -> str:

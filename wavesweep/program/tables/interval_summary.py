@@ -236,6 +236,8 @@ class LoopSummary:
             "ended_by": self._ended_by(row),
             "open": open_places(columns, 0),
         }
+        if "high_set_by" in row:
+            facts["set_by"] = row["high_set_by"]
         hand = {
             number: row.get(f"high_hand_{number}", np.nan)
             for number in ("mass", "damping", "stiffness")
@@ -275,6 +277,8 @@ class LoopSummary:
             largest and largest["ended_by"] == "range" and not self._ends_within
         )
         least["unknown_below"] = bool(row["open_low"] < row["low"])
+        if "low_set_by" in row:
+            least["set_by"] = row["low_set_by"]
         refuter = _refuters(row).low
         if refuter:
             least |= {"refuted_below": row["fails_below"], "refuted_by": refuter}
