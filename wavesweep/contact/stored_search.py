@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wavesweep.contact.stored_check import Conditions, Stored, coefficient_parts
-from wavesweep.engine.switched import Inequality, minimised
+from wavesweep.engine.switched import Inequality, minimised, symmetric_basis
 
 LEAST_WEIGHT = 1e-5  # of the rest, g, where g + h is 1 at most
 LEAST_ROOM = 1e-7  # of F, where forces are of size 1
@@ -31,11 +31,8 @@ def find_stored(
     terms = [conditions.terms(wall) for wall in walls]
     count, N = terms[0].own.value.shape[:2]
     n = N - 1  # of (eta, m)
-    row, column = np.triu_indices(n)
-    m = row.size
-    basis = np.zeros((m, n, n))
-    basis[np.arange(m), row, column] = 1.0
-    basis[np.arange(m), column, row] = 1.0
+    basis = symmetric_basis(n)
+    m = len(basis)
     nodes = 1 + int(max(conditions.source.max(), conditions.target.max()))
     own = np.arange(m)
     g, h, t = nodes * m + np.arange(3)  # their places among the unknowns, behind the P_i

@@ -87,7 +87,7 @@ if TYPE_CHECKING:
         written,
     )
     from wavesweep.engine._switched.ring_search import RingSearch, opened, units_of_ring, walked
-    from wavesweep.engine._switched.semidefinite import Inequality, minimised
+    from wavesweep.engine._switched.semidefinite import Inequality, minimised, symmetric_basis
 else:
     __getattr__ = on_demand(
         {
@@ -201,6 +201,7 @@ else:
             "_switched.semidefinite": (
                 "Inequality",
                 "minimised",
+                "symmetric_basis",
             ),
         }
     )

@@ -393,7 +393,10 @@ class _Newton:
         own = n * (n + 1) // 2
         nodes_in_order, apart = graph.along
         if NARROW * (apart + 1) > nodes:
-            hessian = hessian_of(*edge_terms, graph, nodes)
+            hessian = np.zeros((nodes, own, nodes, own))
+            for first, last, parts in _hessian_parts(*edge_terms, graph, nodes):
+                hessian[first, :, last] += parts
+            hessian = hessian.reshape(nodes * own, -1)
             factor, _ = cho_factor(hessian, lower=True, overwrite_a=True)
             return _Newton(gradient, factor, None, nodes * own, (nodes, n))
         order = (nodes_in_order[:, None] * own + np.arange(own)).ravel()
@@ -440,16 +443,6 @@ def _hessian_parts(inverse, moved, arriving, graph, nodes):
     mixed = acting(_products(moved.mT, *graph.grouped(pairs)), n)
     yield first, last, -mixed  # each pair of nodes once
     yield last, first, -mixed.mT
-
-
-def hessian_of(inverse, moved, arriving, graph, nodes) -> np.ndarray:
-    """Return the whole Hessian, see `_hessian_parts`."""
-    n = inverse.shape[-1]
-    own = n * (n + 1) // 2
-    hessian = np.zeros((nodes, own, nodes, own))
-    for first, last, parts in _hessian_parts(inverse, moved, arriving, graph, nodes):
-        hessian[first, :, last] += parts
-    return hessian.reshape(nodes * own, -1)
 
 
 @lru_cache(maxsize=64)

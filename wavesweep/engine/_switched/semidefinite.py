@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+TOLERANCE = 1e-11  # of a solution, which the solver stays above where rounding leaves less
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inequality:
@@ -29,8 +31,8 @@ def minimised(
     """Return x `(unknowns,)` with the least `cost' x` of those that meet all inequalities and `G x <=
     h`, NaN if there is none.
 
-    Accuracy: cost and inequalities to about 1e-8 of the size of what they consist of, or less where
-    the solver makes no more progress: who needs more checks what is found.
+    Accuracy: TOLERANCE of the size of what cost and inequalities consist of, and some 1e-8 where the
+    solver makes no more progress: who relies on the inequalities checks them.
     """
     import clarabel
     from scipy.sparse import csc_matrix, vstack
@@ -54,7 +56,21 @@ def minimised(
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
+    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = TOLERANCE
     A = vstack(parts, format="csc")
     nothing = csc_matrix((unknowns, unknowns))
     solver = clarabel.DefaultSolver(nothing, cost, A, np.concatenate(right), cones, settings)
-    return np.array(solver.solve().x)
+    solution = solver.solve()
+    if "Infeasible" in str(solution.status):
+        return np.full(unknowns, np.nan)
+    return np.array(solution.x)
+
+
+def symmetric_basis(n: int) -> np.ndarray:
+    """Return a basis of symmetric matrices, `(n (n + 1) / 2, n, n)`: of zeros and ones."""
+    row, column = np.triu_indices(n)
+    own = np.arange(row.size)
+    basis = np.zeros((row.size, n, n))
+    basis[own, row, column] = 1.0
+    basis[own, column, row] = 1.0
+    return basis
