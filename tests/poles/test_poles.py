@@ -10,6 +10,7 @@ from scipy.linalg import expm
 from support.drawn import APART, DRIVE
 
 import wavesweep
+from wavesweep.engine.errors import UsageError
 from wavesweep.poles.table import ends_on_circle
 from wavesweep.program.analyses.asked import axes_asked
 from wavesweep.program.analyses.poles import poles
@@ -166,3 +167,10 @@ def test_ends_are_rounded_into_their_intervals():
     found = {"period_s": 0.01, "over": "K", "values": 300, "from": 0.5, "to": 200, "poles": 3, "ends": ends, "doubts": {}}
     lines = [text for text, _ in kind_named("poles").lines(found)]
     assert lines[1:] == ["  a stable interval ends at K = 1.00001, 1 Hz", "  a stable interval ends at K = 116.991, 2 Hz"]
+
+
+@pytest.mark.slow
+def test_a_frame_of_more_states_than_spectra_are_computed_of_is_refused():
+    spec = load({"controller": {"kind": "dc-vc"}, "device": {"delay": 1000}})
+    with pytest.raises(UsageError, match=r"poles: expected a frame of at most 400 states, .*found 10\d\d"):
+        poles(spec)

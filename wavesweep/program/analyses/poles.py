@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import (
     certain_modes,
@@ -20,6 +21,8 @@ from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
 
 # distance from the unit circle, up to which a pole is on it: it is known to rounding
 ON_CIRCLE = 1e-6
+# of a frame of several ticks, some 10 s; the time grows with the fourth power
+MOST_STATES = 400
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # of a pole of 0 or of 1
@@ -32,7 +35,7 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
     energy. doubt: "rounding" of poles that rounding could move across the circle, "overflow" of a
     row without numbers for a loop whose frame is not known.
 
-    Errors: SpecError for a loop without a solution.
+    Errors: SpecError for a loop without a solution, UsageError for more than MOST_STATES.
     """
     refuse_singular(spec, own_loop(spec).drawing)
     grid = make_grid(spec, (axis,) if axis else ())
@@ -53,6 +56,11 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     drawn = loops.drawn()
     drift = loops.drift_of_frames()
     states = len(drift.remaining)
+    if drawn.ticks > 1 and states > MOST_STATES:
+        raise UsageError(
+            f"poles: expected a frame of at most {MOST_STATES} states, each of whose modes has its own spectrum, found "
+            f"{states}; a delay has one for each of its steps: give it fewer, in a block that runs more slowly"
+        )
     frame_period = np.asarray(drawn.period * drawn.ticks, float)
     period = np.broadcast_to(frame_period, (size,))
     E, hidden = loops.frames_with_reliability(drift, drawn)
