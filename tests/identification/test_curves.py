@@ -11,7 +11,8 @@ from wavesweep.identification.curves import CURVES, means_over_ticks, with_curve
 from wavesweep.identification.device_spec import spec_text
 from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
-from wavesweep.identification.prediction import predicted, scaled
+from wavesweep.identification.prediction.fitting import predicted
+from wavesweep.identification.prediction.scaled_log import scaled
 from wavesweep.identification.predictor import tick_of
 from wavesweep.identification.table import identify
 

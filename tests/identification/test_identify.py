@@ -342,3 +342,20 @@ def test_stamps_that_jitter_leave_the_mass_and_the_damping_in_their_intervals(ki
     assert found["mass"]["low"] <= 0.1 <= found["mass"]["high"]
     assert found["damping"]["low"] <= 1.5 <= found["damping"]["high"]
     assert found["mass"]["high"] - found["mass"]["low"] < 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ticks", [3.0, 8.0])
+def test_a_lag_of_the_actuator_is_named(ticks):
+    """Of a rotor whose speed is read: the torque follows what is asked for by a lag of first order."""
+    rng = np.random.default_rng(3)
+    force = np.repeat(rng.uniform(-0.5, 0.5, 300), 10)
+    lagging, v, speed = 0.0, 0.0, []
+    for asked in force:
+        speed.append(v)
+        lagging += (1 - np.exp(-1 / ticks)) * (asked - lagging)
+        v = np.exp(-1.5 / RATE) * v + (1 - np.exp(-1.5 / RATE)) / 0.15 * lagging
+    reading = np.round(np.array(speed) / 1e-5) * 1e-5
+    _, verdict = identified(Model(measured="velocity"), force, reading, 1 / RATE, 1e-5)
+    assert verdict.missing == "lag"
+    assert verdict.share > 0.5

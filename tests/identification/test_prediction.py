@@ -11,7 +11,10 @@ from simulated_logs import of_curves, of_one_mass, of_two_masses
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
-from wavesweep.identification.prediction import Search, least_of, path_within_ticks, predicted, scaled
+from wavesweep.identification.prediction.fitting import predicted
+from wavesweep.identification.prediction.scaled_log import scaled
+from wavesweep.identification.prediction.search import Search, least_of
+from wavesweep.identification.prediction.smoother import path_within_ticks
 from wavesweep.identification.predictor import Predictor, tick_of
 
 SHAPE = {"rate": 5.0, "square": 3e4, "share": 0.7, "load_rate": 3.0, "coupling_rate": 8.0}

@@ -18,13 +18,10 @@ from wavesweep.identification.explained import Verdict, identified
 from wavesweep.identification.fit import Fit
 from wavesweep.identification.log import Log
 from wavesweep.identification.model import ORDER, Model, late
-from wavesweep.identification.prediction import (
-    Prediction,
-    errors_of,
-    predicted,
-    projected,
-    smoothed_states,
-)
+from wavesweep.identification.prediction.fitting import predicted
+from wavesweep.identification.prediction.innovations import errors_of, projected
+from wavesweep.identification.prediction.intervals import Prediction
+from wavesweep.identification.prediction.smoother import smoothed_states
 
 ROUNDS = 4  # of all axes: alone, beside the motion of the others as it was found, and twice again
 # condition of the correlations of forces, beyond which some are sums of the others but for rounding

@@ -16,16 +16,13 @@ import numpy as np
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.identification.model import late
-from wavesweep.identification.prediction import (
-    Place,
-    ScaledLog,
-    errors_of,
+from wavesweep.identification.prediction.innovations import errors_of, projected, theta_of
+from wavesweep.identification.prediction.scaled_log import ScaledLog
+from wavesweep.identification.prediction.search import Place, least_of
+from wavesweep.identification.prediction.smoother import (
     force_beside,
-    least_of,
     path_within_ticks,
-    projected,
     smoothed_states,
-    theta_of,
 )
 
 STEPS_WITH_CURVE = 12  # of the search with a curve

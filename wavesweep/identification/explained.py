@@ -19,16 +19,15 @@ from wavesweep.identification.curves import (
 )
 from wavesweep.identification.fit import Fit, at_an_instant, by_prediction, fitted, moves, refined
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
-from wavesweep.identification.prediction import (
-    FIT_LOGGER,
-    LIKELIER,
-    ONE_WAY,
-    Prediction,
-    estimated_at,
+from wavesweep.identification.prediction.fitting import (
     innovations_of,
     predicted,
     refuse_friction_below_zero,
 )
+from wavesweep.identification.prediction.intervals import Prediction, estimated_at
+from wavesweep.identification.prediction.scaled_log import ONE_WAY
+from wavesweep.identification.prediction.search import FIT_LOGGER
+from wavesweep.identification.prediction.smoother import LIKELIER
 
 ENCODER_OFFSETS = 12  # offsets of the encoder's steps over which rounding errors are averaged
 EXACT_RESIDUAL = 1e-10  # residual, relative to the motion, that double precision alone explains
@@ -43,6 +42,7 @@ SURE_SIGNIFICANCE = 8.0
 LEAST_LACKING = 1e-5
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
+LAGS = (1.0, 4.0, 16.0)  # time constants in ticks
 LACKING = "fitted; whether the log has %s as well, %d of %d"
 
 
@@ -51,7 +51,8 @@ class Verdict:
     """The judgement of a fit.
 
     explained: the encoder and white noise explain the residual. missing: "friction", "spring",
-    "delay", "resonance", one of `CURVES`, "axes" (the forces of others), "force" (one that the log does not have), "noise" (of the
+    "delay", "resonance", one of `CURVES`, "axes" (the forces of others), "lag" (of the force),
+    "force" (one that the log does not have), "noise" (of the
     reading, which is not white), "one-way" (friction or a constant force), "unknown", "unseen" (the
     log would show no resonance at all), or empty if it is explained. frequency_hz: of the
     resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that
@@ -135,18 +136,29 @@ def _least_explained_part(found, rows):
 
 
 def _with_curves(model, bare, count, others):
-    """Yield the effects that are curves of the motion, or forces of other axes, of so many rows,
-    beside a fit without."""
-    curves = [*CURVES, *["axes"] * bool(others)]
+    """Yield the effects that are curves of the motion, or other forces by their names, of so many
+    rows, beside a fit without."""
+    curves = [*CURVES, *others]
     # Beside friction that which depends on direction is a constant force, which the walk has.
     if model.friction:
         curves.remove("sided friction")
     for number, name in enumerate(curves, 1):
         FIT_LOGGER.info(LACKING, name, number, len(curves))
-        beside = with_curve(name, bare.place, others if name == "axes" else ())
+        beside = with_curve(name, bare.place, others.get(name, ()))
         if beside.force < np.inf:
             likelier = count * np.log(bare.rms / beside.rms)
             yield Effect(name, likelier, beside.force, moved=beside.theta - bare.theta)
+
+
+def _lagging(force):
+    """The force behind lags of first order, whose sums are close to it behind one in between."""
+    from scipy.signal import lfilter
+
+    lagging = []
+    for time_constant in LAGS:
+        kept = np.exp(-1 / time_constant)
+        lagging.append(lfilter([1 - kept], [1, -kept], force))
+    return lagging
 
 
 def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray]) -> tuple[Fit, Verdict]:
@@ -167,10 +179,17 @@ def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray]) -> tuple[
         count = end - first
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
         if seen and not fit.model.load:
-            acting = [force[first:end] for force in others]
-            effects += _with_curves(fit.model, bare, count, acting)
+            acting = {"lag": _lagging(rows.force)}
+            if others:
+                acting["axes"] = others
+            of_part = {
+                name: [each[first:end] for each in forces] for name, forces in acting.items()
+            }
+            effects += _with_curves(fit.model, bare, count, of_part)
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
-    best = _best(effects)
+    # A lag that leaves a tenth of the force goes before curves, which are likelier by a part of it.
+    lag = [effect for effect in effects if effect.name == "lag" and effect.left < 0.1 * force]
+    best = _best(lag or effects)
     name = "force" if seen else "noise"
     share = 0.0
     tone_hz = float("nan")

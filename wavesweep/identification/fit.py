@@ -24,13 +24,9 @@ from wavesweep.identification.model import (
     readings,
     sensitivities,
 )
-from wavesweep.identification.prediction import (
-    ONE_WAY,
-    OUTLIER_SHARE,
-    Prediction,
-    StaticFriction,
-    predicted,
-)
+from wavesweep.identification.prediction.fitting import predicted
+from wavesweep.identification.prediction.intervals import Prediction, StaticFriction
+from wavesweep.identification.prediction.scaled_log import ONE_WAY, OUTLIER_SHARE
 
 FIRST_ROWS = 5  # rows from which the initial velocity is guessed
 # times the noise of the readings or their step, above which an error is not that of an encoder

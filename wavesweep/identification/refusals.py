@@ -8,12 +8,8 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.log import Log
 from wavesweep.identification.model import Model
-from wavesweep.identification.prediction import (
-    FEWEST,
-    MOST,
-    predicted,
-    refuse_friction_below_zero,
-)
+from wavesweep.identification.prediction.fitting import predicted, refuse_friction_below_zero
+from wavesweep.identification.prediction.search import FEWEST, MOST
 from wavesweep.program.csv_files import seconds
 
 ROWS_SHIFTED = 3000  # rows with which a column is shifted

@@ -13,7 +13,7 @@ from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.model import OWN, Model, euler, of_modes, reach, step, tick_of_two
 from wavesweep.identification.points import FrequencyResponse
-from wavesweep.identification.prediction import NO_RESONANCE
+from wavesweep.identification.prediction.fitting import NO_RESONANCE
 
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)

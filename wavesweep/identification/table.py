@@ -78,6 +78,8 @@ MISSING = {
     "saturating mass": "a mass that changes with speed, as an inductance that saturates",
     "saturating force": "a force that saturates",
     "axes": "what the forces of other axes do, which the log has as well; --axes fits them together",
+    "lag": "a lag of the force behind that of the log, as of an amplifier or a winding; record what the actuator really does "
+    "(its measured current), or filter the force of the log by the lag",
     "force": "a force that does not depend on the motion, as of a drift, a cable or a hand",
     "noise": "noise of the reading that is not white; no force shows beside that of the log",
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
