@@ -2,9 +2,13 @@
 
 from math import exp, log
 
+import numpy as np
 import pytest
 
+from wavesweep.designs.family import scenarios_of
+from wavesweep.designs.study import design
 from wavesweep.designs.wished import wished
+from wavesweep.designs.wishes import evaluate
 from wavesweep.engine.errors import SpecError
 from wavesweep.program.analyses.claim_words import scope_in_words
 from wavesweep.program.spec import load
@@ -75,3 +79,38 @@ def test_wishes_of_one_kind_are_about_their_own_cuts():
 def test_a_wrong_wish_of_a_list_is_named(wish, said):
     with pytest.raises(SpecError, match=said):
         loop(wish)
+
+
+INTEGRATOR = {  # under a gain in every tick of 10 ms: |L| = 1 at 2 sin(t/2) = K T, with a phase of 90 deg - t/2 left
+    "rates": {"tick_hz": 100.0},
+    "numbers": {"K": 10.0},
+    "block": {"p": {"type": "tf", "num": [1], "den": [1, 0]}, "c": {"type": "gain", "k": "K"}},
+    "wire": {"p.u": "c.y", "c.u": "ref - p.y"},
+    "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "p.y"}},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.asks("margins")
+def test_the_largest_number_is_that_of_the_bound_of_another_wish():
+    wish = {"largest": "K", "phase_deg": {"at_least": 40, "cut": "c.y"}}
+    spec = load(INTEGRATOR | {"design": {"vary": {"K": {"start": 1, "stop": 250}}, "wish": wish}})
+    table = design(spec, jobs=1)
+    K = 200 * np.sin(np.radians(50))
+    assert K * (1 - 1e-4) < table.columns["largest"][0] <= K
+    assert table.columns["largest"][0] == table.columns["K"][0]
+    assert spec.design.settings == {"seed": 0, "population": 32, "generations": 12}
+
+
+def test_numbers_of_unstable_loops_are_none():
+    tables = INTEGRATOR | {"design": {"vary": {"K": {"start": 1, "stop": 250}}, "wish": {"smallest": {"number": "K"}}}}
+    spec = load(tables)
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": np.array([3.0, 199.0, 201.0])}, 1.0)
+    assert found["smallest"].value == pytest.approx([3.0, 199.0, np.nan], nan_ok=True)
+    assert load(spec.asking("design").tables()).design == spec.design
+
+
+@pytest.mark.parametrize("wish", ["k", {}, 3.0])
+def test_only_a_varied_number_is_made_large(wish):
+    with pytest.raises(SpecError, match=r"design\.wish\.largest"):
+        load(INTEGRATOR | {"design": {"vary": {"K": {"start": 1, "stop": 250}}, "wish": {"largest": wish}}})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,10 +27,19 @@ VARIED, WISHED = (f"design.{name}" for name in ("vary", "wish"))
 DESIGN_KEYS = Key.by_path(
     [
         Key.whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
-        Key.whole("design.population", 96, "designs of a generation", 8, 10_000),
-        Key.whole("design.generations", 80, "generations of the search", 1, 100_000),
+        Key.whole(
+            "design.population", 96, "designs of a generation, 32 of one number alone", 8, 10_000
+        ),
+        Key.whole(
+            "design.generations",
+            80,
+            "generations of the search, 12 of one number alone",
+            1,
+            100_000,
+        ),
     ]
 )
+OF_ONE_NUMBER = {"design.population": 32, "design.generations": 12}  # finds it to 1e-4 of its range
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
 NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls belong to the wishes
 
@@ -163,9 +172,11 @@ class _Reader:
 
     def design(self, varied: Iterable[Axis]) -> Design:
         settings = {path: key.default for path, key in DESIGN_KEYS.items()}
-        settings |= self.mistakes.read(DESIGN_KEYS, self.settings)
         vary = tuple(self.varied(varied))
-        wishes = tuple(self.wished())
+        if len(vary) == 1:
+            settings |= OF_ONE_NUMBER
+        settings |= self.mistakes.read(DESIGN_KEYS, self.settings)
+        wishes = tuple(self.wished([axis.name for axis in vary]))
         self.refuse_absent("vary", "at least one number to vary")
         self.refuse_absent("wish", f"at least one of {', '.join(WISHES)}")
         free = [wish.name for wish in wishes if wish.bound is None]
@@ -199,7 +210,8 @@ class _Reader:
             else:
                 yield replace(axis, values=tuple(axis.choices), scale=None)
 
-    def wished(self) -> Iterator[Wish]:
+    def wished(self, varied: Sequence[str]) -> Iterator[Wish]:
+        """The wishes, of which some are for one of the varied numbers."""
         named: set[str] = set()
         for name, leaves in self.separate_wishes():
             path = f"design.wish.{name}"
@@ -213,16 +225,21 @@ class _Reader:
             if not known:
                 continue
             itself = leaves.get("")
-            if itself is not None and itself.value != {}:
+            given = {option: leaf for option, leaf in leaves.items() if option}
+            if itself is not None and isinstance(itself.value, str) and "number" in kind.options:
+                given = {"number": itself}
+            elif itself is not None and itself.value != {}:
                 expected = f"a table such as {{ {kind.bound} = ... }}"
                 self.mistakes.refuse(itself, path, expected, show(itself.value))
-            given = {option: leaf for option, leaf in leaves.items() if option}
             options = self.mistakes.read(kind.keys, given, path)
             bound = options.pop(kind.bound, None)
             for option, value in options.items():
                 if isinstance(value, tuple):
                     options[option] = distinct(value)
-            if not self.lacks_signals(name, kind.options, options):
+            if "number" in kind.options and options.get("number") not in varied:
+                expected = f"a number of [design.vary] ({', '.join(varied)})"
+                self.refuse(f"wish.{name}", expected, show(options.get("number", "none")))
+            elif not self.lacks_signals(name, kind.options, options):
                 places = {option: leaf.place for option, leaf in leaves.items()}
                 yield Wish(name, bound, options, places)
 
@@ -274,6 +291,8 @@ def schema(shapes: Shapes) -> dict[str, Any]:
         if kind.ports is not None or not shapes.drawn:
             wish = shapes.keys(kind.keys, description=shapes.described(kind))
             wishes[name] = shapes.several(wish)
+            if "number" in kind.options:  # also as its name alone
+                wishes[name]["anyOf"].append({"type": "string"})
             numbered[f"^{name}_[2-9]$"] = wish
     table = shapes.keys(TABLE.keys_in_it)
     table["properties"] |= {

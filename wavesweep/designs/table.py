@@ -46,7 +46,12 @@ def wish_units(spec: Spec) -> dict[str, str]:
     units["port"] = spec.at_port("m/N")
     if spec.wall:
         units["z_width"] = spec.names.keys[spec.wall[0]].unit or units["z_width"]
-    return {wish.name: units.get(wish.word, wish.kind.unit) for wish in spec.design.wishes}
+    named = {axis.name: spec.names.keys[axis.path].unit for axis in spec.design.vary}
+    found = {}
+    for wish in spec.design.wishes:
+        own = named.get(wish.options.get("number"), wish.kind.unit)
+        found[wish.name] = units.get(wish.word, own)
+    return found
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:

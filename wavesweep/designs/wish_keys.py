@@ -19,6 +19,7 @@ _HZ = Key.positive("band_hz", None, "Hz", "lowest and highest frequency")
 _BAND = {"band_hz": Key.several(_HZ, 2, rising=True)}
 _OF_WALL = {"B_VE": Key.several(_DAMPING)}
 _WALLS = {"walls": Key.several(_STIFFNESS), **_OF_WALL}
+_NUMBER = {"number": Key.word("number", None, "name of a number of [design.vary]")}
 _MODES = {
     "modes": Key.word("modes", ALL_MODES, "which modes count", MODES),
     "slower_than": Key.positive(
@@ -112,6 +113,23 @@ WISHES = MappingProxyType(
             name: WishKind("s", False, time.title, time.description, _WALLS, ())
             for name, time in TIMES_OF_MODES.items()
         },
+        "largest": WishKind(
+            "",
+            True,
+            "largest number",
+            'a number of [design.vary] that is to be as large as possible, largest = "K", while the loop is stable and all '
+            "other wishes are met",
+            {**_NUMBER, **_WALLS},
+            (),
+        ),
+        "smallest": WishKind(
+            "",
+            False,
+            "smallest number",
+            "the same of a number that is to be as small as possible",
+            {**_NUMBER, **_WALLS},
+            (),
+        ),
         "delay_margin": WishKind(
             "tick",
             True,

@@ -361,6 +361,13 @@ def _offered(spec, wish, points):
     return value, certified
 
 
+def _number(spec, wish, points):
+    """A number of each point itself; missing if the loop is unstable."""
+    radius = _radii(spec, points)
+    (path,) = (axis.path for axis in spec.design.vary if axis.name == wish.options["number"])
+    return np.where(radius < 1, points.changes[path], np.nan), ~np.isnan(radius)
+
+
 def _delay_margin(spec, wish, points):
     """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop
     is unstable without any.
@@ -473,6 +480,8 @@ def responses_of(loops: Loops, size: int, frequency_hz, good: float) -> Response
 
 _MEASURES = {
     "transparency": _transparency,
+    "largest": _number,
+    "smallest": _number,
     "delay_margin": _delay_margin,
     **dict.fromkeys(TIMES_OF_MODES, _batched(_time_of_modes)),
     "damping_ratio": _batched(_damping_ratio),
