@@ -10,6 +10,7 @@ from meaning.moments import growth_at_random
 from meaning.reading import drift_of, machine_of
 from meaning.required import Found
 from meaning.sets import set_of
+from meaning.walls import judge_refuting_wall, judge_walls
 
 INSIDE = 0.999  # of a proved end, where members are looked for that grow
 GROWS = 1e-7  # of a radius: what grows by less may be rounding
@@ -54,6 +55,12 @@ def judge_row(tables: dict, row: dict, random) -> list[Found]:
     asked = asked_of(tables)
     at = partial(with_numbers, tables)
     kind = row["guarantee"]
+    if kind == "contact":
+        inside = at({along: INSIDE * row["high"]})
+        found = judge_walls(tables, inside, row, random)
+        if row["counterexample"] and not np.isnan(row["fails_from"]):
+            found.append(judge_refuting_wall(at({along: row["fails_from"]}), row["counterexample"], drift))
+        return found
     found = []
     for end in ("high", "low"):
         value = row[end] * (INSIDE if end == "high" else 2 - INSIDE)

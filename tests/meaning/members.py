@@ -122,7 +122,8 @@ class Walk:
 class ControllerFrames:
     """Frames of a controller: the slow environment samples at the first tick of each."""
 
-    def __init__(self, tables: dict, asked: Asked):
+    def __init__(self, tables: dict, asked: Asked, seen=lambda instant: instant):
+        """seen: each instant of a tick as it is taken."""
         own = Controller(tables, doubles)
         nominal = int(own.ratio)
         self.elapsed = tables.get("environment", {}).get("step", "elapsed") == "elapsed"
@@ -137,9 +138,9 @@ class ControllerFrames:
                 slow.Ts = step * own.T
                 slow.delay = 0 if at_once else 1
                 for pending in (True, False):
-                    kinds["sample", step, at_once, pending] = slow.tick((0,) if pending else (), 0)
-        kinds["come"] = slow.tick((0,), None)
-        kinds["plain"] = slow.tick((), None)
+                    kinds["sample", step, at_once, pending] = seen(slow.tick((0,) if pending else (), 0))
+        kinds["come"] = seen(slow.tick((0,), None))
+        kinds["plain"] = seen(slow.tick((), None))
         extra = []
         if own.late_rest:
             kinds["motor"] = Instant({}, {"@f": {f"@m{own.late_ticks}": 1}})
@@ -155,13 +156,15 @@ class ControllerFrames:
         """Whether no more results in a row are lost than may be, also where the word begins again."""
         return most_in_a_row([frame.delay is LOST for frame in word]) <= self.lost
 
-    def frame(self, frame: Frame, before: Frame) -> np.ndarray:
+    def sample(self, frame: Frame, before: Frame):
+        """The kind of a frame's first tick."""
         step = before.ticks if self.elapsed else self.nominal
-        pending = before.delay in ("frame", before.ticks)
-        key = frame, step, pending
+        return "sample", step, frame.delay == 0, before.delay in ("frame", before.ticks)
+
+    def frame(self, frame: Frame, before: Frame) -> np.ndarray:
+        key = frame, self.sample(frame, before)
         if key not in self.made:
-            at_once = frame.delay == 0
-            matrix = self.walk.after(("sample", step, at_once, pending))
+            matrix = self.walk.after(key[1])
             for tick in range(1, frame.ticks):
                 matrix = self.walk.after("come" if tick == frame.delay else "plain") @ matrix
             self.made[key] = matrix
@@ -198,7 +201,7 @@ class DrawnFrames:
                 row = []
                 for tick in range(own.every(slow[0])):
                     active = tuple(name for name in running if name not in slow or own.phase(name) == tick)
-                    kinds[before, active], between = other.tick(running, active)
+                    kinds[before, active], between = other.tick(running, active, {})
                     for later, kind, instant in between:
                         kinds[kind] = instant
                         extra[kind] = later
@@ -294,7 +297,7 @@ class Messages:
         self.walk = Walk(own.T, kinds, [(later, kind) for kind, later in extra.items()], own.motion())
 
     def _tick(self, active, sources):
-        instant, between = self.drawing.tick(self.running, active)
+        instant, between = self.drawing.tick(self.running, active, {})
         for link, source in zip(self.links, sources, strict=True):
             out = f"{link.name}.y"
             if link.name in active:

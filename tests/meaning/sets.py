@@ -287,7 +287,27 @@ def late_ticks(draw: Draw) -> dict:
     return tables
 
 
+def contact(draw: Draw) -> dict:
+    """Any wall that pushes and never pulls, also beside lengths of frames and values of numbers."""
+    tables = controller(draw, ("dc-slow", "dc-slow", "pmw", "pmw-lm"))
+    tables["environment"]["step"] = "elapsed"
+    tables["for_all"] = {"contact": True}
+    which = draw.of(("alone", "alone", "frames", "values", "delays"))
+    ratio = tables["rates"]["ratio"]
+    if which == "frames":
+        tables["for_all"]["rates.ratio"] = {"values": [ratio, ratio + draw.whole(1, 2)], "varying": True}
+    elif which == "values":
+        tables["for_all"]["device.mass"] = {"values": [tables["device"]["mass"], 2 * tables["device"]["mass"]]}
+    elif which == "delays":
+        tables["for_all"]["environment.delay"] = {"values": [0, 1], "varying": True}
+    return tables
+
+
+def late_ticks_or_contact(draw: Draw) -> dict:
+    return draw.of((late_ticks, contact, contact))(draw)
+
+
 KINDS = (
     numbers_of_controller, frames, messages, numbers_of_drawing, delays, messages, random_messages, drawn_frames,
-    messages_and_numbers, random_frames, frames_and_numbers, late_ticks,
+    messages_and_numbers, random_frames, frames_and_numbers, late_ticks_or_contact,
 )  # fmt: skip
