@@ -86,8 +86,9 @@ if TYPE_CHECKING:
         shortest_through,
         written,
     )
-    from wavesweep.engine._switched.ring_search import RingSearch, opened, units_of_ring, walked
+    from wavesweep.engine._switched.ring_search import RingSearch, opened, units_of_ring
     from wavesweep.engine._switched.semidefinite import Inequality, minimised, symmetric_basis
+    from wavesweep.engine._switched.stretches import covered
 else:
     __getattr__ = on_demand(
         {
@@ -196,12 +197,12 @@ else:
                 "RingSearch",
                 "opened",
                 "units_of_ring",
-                "walked",
             ),
             "_switched.semidefinite": (
                 "Inequality",
                 "minimised",
                 "symmetric_basis",
             ),
+            "_switched.stretches": ("covered",),
         }
     )

@@ -15,8 +15,8 @@ from wavesweep.engine.switched import (
     Bracket,
     Decision,
     RingSearch,
+    covered,
     is_refuted,
-    walked,
 )
 from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
 from wavesweep.for_all.message_rings import RingFrames
@@ -24,6 +24,8 @@ from wavesweep.for_all.message_rings import RingFrames
 WORK = 1e11  # operations of a search for norms, or of a proof on one side: some 40 s
 STARTS = (0.1, 0.01, 0.5, 1e-3, 1e-4)  # of an interval, where a proof begins
 NORMS_BEGIN = 0.2  # of what a small gain proves, where norms are searched that prove more
+LEAST_STEP = 5e-3  # of a number, or of the way that is left: shorter ones end a proof
+STEPS = 80  # of a proof
 BY_GAIN = "by a small gain"
 
 
@@ -76,7 +78,8 @@ def bracket_ring(
         centre = search and search.found(start, work)
         if centre is not None and search.proved((start, centre)):
             centre = replace(centre, work=0.0)
-            _, end = walked(search, centre, start, goal, work, report=partial(report, below))
+            told = partial(report, below)
+            _, end, _ = covered(search, centre, start, goal, LEAST_STEP, work, STEPS, told)
             above = max(above, end)
     refuted_below, first = np.nan, ()
     if below > max(low, tolerance**2 * above):

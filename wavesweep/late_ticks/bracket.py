@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -21,12 +20,12 @@ from wavesweep.engine.switched import (
     Centre,
     Graph,
     Norms,
+    covered,
     is_refuted,
     opened,
     recentred,
     shrink_along,
     units_of_ring,
-    walked,
 )
 from wavesweep.late_ticks.patterns import (
     Pattern,
@@ -86,7 +85,7 @@ class Search:
     ticks: LateTicks
     remembered: int = 0
     squares: int = 0
-    to: Any = None
+    to: np.ndarray | None = None
 
     @cached_property
     def back(self) -> np.ndarray:
@@ -104,7 +103,7 @@ class Search:
         return list(product(range(self.ticks.cells), repeat=self.remembered))
 
     @cached_property
-    def graph(self) -> Any:
+    def graph(self) -> Graph:
         """The graph of all control points."""
         places, cells = self.ticks.places, self.ticks.cells
         number = {history: at for at, history in enumerate(self.histories)}
@@ -171,13 +170,13 @@ class Search:
         start = Centre(P, self.graph, one, one).rounded()
         return Forms(search, x, recentred(start, search.at(x, 0.0), 60))
 
-    def proved(self, *ends: tuple[float, Any]) -> bool:
-        """Whether forms at one number, or those between the forms at two, are proved to decrease
-        for it, or for all numbers between."""
+    def proved(self, *ends: tuple[float, Centre]) -> tuple[Norms, ...] | None:
+        """Norms in which the squared ticks shrink, by forms at one number, or at two and those
+        between, if that is proved for the number, or for all between; else None."""
         low, high = min(ends, key=_first), max(ends, key=_first)
         points = self.ticks.family.hull(low[0], high[0])
         if points is None:
-            return False
+            return None
         several = (low, high) if low[0] < high[0] else (low,)
         E, dE = points
         A = np.eye(E.shape[-1]) + E
@@ -198,7 +197,8 @@ class Search:
         for _, centre in several:
             P = to.mT @ centre.norms.P @ to
             norms.append(Norms((P + P.mT) / 2, self.graph))
-        return shrink_along(norms, E.reshape(shape), dE.reshape(shape), self.follows)
+        shrink = shrink_along(norms, E.reshape(shape), dE.reshape(shape), self.follows)
+        return tuple(norms) if shrink else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,13 +208,13 @@ class Forms:
 
     search: Search
     x: float
-    centre: Any
+    centre: Centre
     width: float = 0.0
 
     @property
     def proved(self) -> bool:
         """Whether all ticks are proved to decrease."""
-        return self.width == 1 and self.search.proved((self.x, self.centre))
+        return self.width == 1 and bool(self.search.proved((self.x, self.centre)))
 
     def opened(self) -> Forms:
         """The forms of ticks that are less and less alike, until the search stalls."""
@@ -229,8 +229,8 @@ class Forms:
     def walked(self, goal: float) -> Forms:
         """The last forms of a proof without a gap towards a goal."""
         # Steps of a hundredth of a number lead to a thousandth of it within 1000.
-        centre, x = walked(
-            self.search, self.centre, self.x, goal, OPERATIONS_OF_BRACKET, LEAST_STEP, 1000
+        _, x, centre = covered(
+            self.search, self.centre, self.x, goal, LEAST_STEP, OPERATIONS_OF_BRACKET, 1000
         )
         return replace(self, centre=centre, x=x)
 

@@ -9,11 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine._switched.graph import Family
-from wavesweep.engine._switched.norm_check import Norms, shrink_along
+from wavesweep.engine._switched.norm_check import Norms
 from wavesweep.engine._switched.norms import (
     OPERATIONS_OF_SEARCH,
     Centre,
-    advanced,
     find_norms,
     finer,
     first_centre,
@@ -32,6 +31,7 @@ from wavesweep.engine._switched.patterns import (
     shortest_through,
 )
 from wavesweep.engine._switched.remembered import Remembered
+from wavesweep.engine._switched.stretches import ProvedStretch, covered
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 # an end counts as at least this part of its distance from the start, where relative sizes are
@@ -47,8 +47,6 @@ FINER, FINEST, FINE = 3.0, 3e-4, 1e9
 # proved, and of several together without a finer graph; relative to the rest of the way or to the
 # number itself.
 LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
-# relative to the whole way: a stretch, and the least rest to which it is compared
-SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,16 +61,6 @@ class Decision:
     norms: Norms | None = None
     word: Word = ()
     by: str = ""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ProvedStretch:
-    """An interval of numbers for which the matrices shrink in norms that lie between those of
-    its ends, see `shrink_along`."""
-
-    low: float
-    high: float
-    norms: tuple[Norms, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +94,7 @@ def decide(family: Family, x: float = 0.0, work: float = OPERATIONS_OF_SEARCH) -
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     centre, factor = find_norms(A, family.follows, work=work)
-    norms = _proved(family, (x,), (centre,)) if factor == 1 else None
+    norms = family.proved((x, centre)) if factor == 1 else None
     if norms:
         return Decision(PROVED, *norms)
     for word in growing(A, family.follows, centre.basis, (), MORE, norms=centre.norms):
@@ -258,7 +246,7 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
     fails, word = nearest_refuted(family, way.start, way.limit, tolerance)
     goal = way.short_of(fails) if word else way.limit
     begun = replace(first, work=0.0)
-    stretches, reached, climbed = _covered(family, begun, way.start, goal, LEAST_CLIMB, work)
+    stretches, reached, climbed = covered(family, begun, way.start, goal, LEAST_CLIMB, work)
     way.tell(reached, goal)
     spent = climbed.work
     centre = first
@@ -348,7 +336,7 @@ def _back(family, centre, factor, aim, reached, work):
     used = centre.work
     if factor != 1:
         return (), used
-    if not _proved(family, (aim,), (centre,)):
+    if family.proved((aim, centre)) is None:
         return (), used  # rounding leaves no room, and a finer graph gives none
     stretches = ()
     at = aim
@@ -356,7 +344,7 @@ def _back(family, centre, factor, aim, reached, work):
     # Finer graphs without a longer stretch, after which rounding leaves no room.
     while factor == 1 and used < work and fruitless < 3:
         begun = replace(centre, work=0.0)
-        further, far, last = _covered(family, begun, at, reached, LEAST_BACK, work - used)
+        further, far, last = covered(family, begun, at, reached, LEAST_BACK, work - used)
         stretches += further
         used += last.work
         if far == reached:
@@ -437,68 +425,3 @@ def _first(family, words, stable, unstable, limit):
         elif not best[1] and is_refuted(family, word, unstable):
             best = float(unstable), word
     return best
-
-
-def _proved(family, ends, centres):
-    """Norms of all states by the forms of the centres at one number or at two, low and high, if
-    they are proved to be norms for it or for all numbers between them; or None."""
-    points = family.hull(ends[0], ends[-1])
-    if points is None:
-        return None
-    norms = []
-    for centre, place in zip(centres, (0, -1), strict=False):
-        norms.append(family.norms(centre, points[0][[place]]))
-    if None in norms or not shrink_along(tuple(norms), *points, family.follows):
-        return None
-    return tuple(norms)
-
-
-def _covered(family, centre, start, goal, least, work):
-    """Stretches without a gap from the start towards the goal, the number that they reach, and the
-    last forms.
-
-    The centres of all forms are followed from number to number, and a stretch goes from one to the
-    next. least: the shortest stretch, relative to the rest of the way. work: operations after which
-    this ends.
-    """
-    stretches = []
-    end = start
-    # Norms for one side of the start.
-    while end != goal and len(stretches) < 300 and centre.work < work:
-        rest = abs(goal - end)
-        whole = abs(goal - start)
-        share = least * min(rest, max(abs(end), SHORTEST_LEFT * whole))
-        shortest = min(rest, max(share, SHORTEST * whole))
-        stretch, ahead = _stretch(family, centre, end, goal, shortest, work)
-        if stretch is None:
-            return tuple(stretches), end, replace(centre, work=ahead.work)
-        stretches.append(stretch)
-        end = stretch.high if end < stretch.high else stretch.low
-        centre = ahead
-    return tuple(stretches), end, centre
-
-
-def _stretch(
-    family: Family, centre: Centre, end: float, target: float, shortest: float, work: float
-) -> tuple[ProvedStretch | None, Centre]:
-    """The first proved stretch from a number to a target, or half as far, and so on, with the
-    forms at its other end; None if it would be shorter than the shortest one."""
-    ahead = centre
-    while ahead.work < work:
-        try:
-            ahead, x = advanced(replace(centre, work=ahead.work), family.at, end, target)
-            ahead = ahead.rounded()
-        except np.linalg.LinAlgError:
-            break
-        if abs(x - end) < shortest or x == end:
-            break
-        ends = (end, x)
-        centres = (centre, ahead)
-        if x < end:
-            ends = ends[::-1]
-            centres = centres[::-1]
-        norms = _proved(family, ends, centres)
-        if norms is not None:
-            return ProvedStretch(*ends, norms), ahead
-        target = (x + end) / 2
-    return None, ahead

@@ -23,11 +23,12 @@ from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
 from wavesweep.engine._sets.taylor_models import Polynomials
 from wavesweep.engine._stability.spectrum import count_outside
-from wavesweep.engine._switched.brackets import Bracket, ProvedStretch
+from wavesweep.engine._switched.brackets import Bracket
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.loop_frames import LoopFrames
 from wavesweep.engine._switched.norm_check import Norms, shrink_on_average, shrink_over
 from wavesweep.engine._switched.norms import acting, packed, unpacked
+from wavesweep.engine._switched.stretches import ProvedStretch
 from wavesweep.engine.doubles import EPS
 
 MOMENT_BISECTIONS = 60  # more halve no interval of doubles

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine._switched.graph import Family
-from wavesweep.engine._switched.norm_check import Norms
+from wavesweep.engine._switched.norm_check import Norms, shrink_along
 from wavesweep.engine._switched.norms import Centre, rough_basis
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 
@@ -67,6 +67,20 @@ class Remembered:
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """The hull of the matrices of all states; see `Family`."""
         return self.family.hull(low, high)
+
+    def proved(self, *ends: tuple[float, Centre]) -> tuple[Norms, ...] | None:
+        """Norms of all states by forms of z at one number, or at two and those between, in which all
+        matrices of that number, or of all between, are proved to shrink; None if they are not."""
+        ends = tuple(sorted(ends, key=lambda end: end[0]))
+        points = self.hull(ends[0][0], ends[-1][0])
+        if points is None:
+            return None
+        norms = []
+        for (_, centre), place in zip(ends, (0, -1), strict=False):
+            norms.append(self.norms(centre, points[0][[place]]))
+        if None in norms or not shrink_along(norms, *points, self.follows):
+            return None
+        return tuple(norms)
 
     def norms(self, centre: Centre, E: np.ndarray) -> Norms | None:
         """Return norms of all states from those of z, in which matrices `I + E` of x shrink if they

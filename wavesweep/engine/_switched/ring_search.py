@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -75,18 +75,17 @@ class RingSearch:
         centre, width = opened(centre, lambda w: same + w * (A - same), 0.0, work)
         return centre if width == 1 else None
 
-    def proved(self, *ends: tuple[float, Centre]) -> bool:
-        """Whether forms at one number, or those between the forms at two, are proved to be norms
-        for it, or for all numbers between."""
+    def proved(self, *ends: tuple[float, Centre]) -> tuple[Norms, ...] | None:
+        """See `Search`."""
         ends = tuple(sorted(ends, key=lambda end: end[0]))
         points = self.family.hull(ends[0][0], ends[-1][0])
         if points is None:
-            return False
+            return None
         norms = []
         for _, centre in ends:
             P = self.to.mT @ centre.norms.P @ self.to
             norms.append(Norms((P + P.mT) / 2, self.graph))
-        return shrink_along(norms, *points, self.family.follows)
+        return tuple(norms) if shrink_along(norms, *points, self.family.follows) else None
 
 
 def opened(
@@ -109,49 +108,6 @@ def opened(
         if step < min(2e-3 * width, 0.03 * (1 - width)) or not step:
             break
     return centre, width
-
-
-def walked(
-    search: Any,
-    centre: Centre,
-    x: float,
-    goal: float,
-    work: float,
-    least: float = 5e-3,
-    steps: int = 80,
-    report: Callable[[float, float], None] = lambda *_: None,
-) -> tuple[Centre, float]:
-    """Return the last forms of a proof without a gap from x towards a goal, and the number that it
-    reaches.
-
-    search: `at` gives the matrices of a number for searches, and `proved` says whether forms at two
-    numbers are proved for all between. centre: proved at x. least: of a number, or of the way that
-    is left, a step that ends a proof. steps: at most. report: is called with each number that is
-    reached, and the percentage of the way.
-    """
-    start = x
-    for _ in range(steps):
-        if x == goal or centre.work > work:
-            break
-        left = abs(goal - x)
-        target = goal
-        step = None
-        while step is None:
-            try:
-                ahead, at = advanced(centre, search.at, x, target)
-                ahead = ahead.rounded()
-            except np.linalg.LinAlgError:  # singular to rounding
-                break
-            if at == x or abs(at - x) < least * min(left, max(abs(x), 1e-3 * left)):
-                break
-            if search.proved((x, centre), (at, ahead)):
-                step = ahead, at
-            target = (x + at) / 2
-        if step is None:
-            break
-        centre, x = step
-        report(x, 100 * (x - start) / (goal - start))
-    return centre, x
 
 
 def units_of_ring(A: np.ndarray) -> np.ndarray | None:
