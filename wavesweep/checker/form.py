@@ -51,13 +51,24 @@ def _dot(left: Rows, right: Rows) -> Rows:
     return [[sum(map(mul, row, column)) >> BITS for column in columns] for row in left]
 
 
-def _product(left: Matrix, right: Matrix) -> Matrix:
+def _mirrored(left: Rows, right: Rows) -> Rows:
+    """The same above the diagonal, and mirrored below: of terms whose sum is symmetric."""
+    columns = transposed(right)
+    upper = [
+        [sum(map(mul, row, column)) >> BITS for column in columns[at:]]
+        for at, row in enumerate(left)
+    ]
+    size = range(len(left))
+    return [[upper[min(at, other)][abs(at - other)] for other in size] for at in size]
+
+
+def _product(left: Matrix, right: Matrix, dot=_dot) -> Matrix:
     """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b), and 1 for each product that is rounded down."""
     found: dict[tuple, Rows] = {}
     for m, A in left.parts.items():
         for k, B in right.parts.items():
             both = tuple(i + j for i, j in zip(m, k, strict=True))
-            term = _dot(A, B)
+            term = dot(A, B)
             found[both] = _sum((found[both], term)) if both in found else term
     rounded = len(left.parts) * len(right.parts) + 2
     bounds = [[[rounded] * len(right.error[0]) for _ in left.error]]
@@ -133,10 +144,10 @@ def decreases(P: Matrix, steps: list[tuple[Matrix | None, Matrix, Matrix]], turn
     in which large modes are no larger than others.
     """
     X = _inverse(steps[0][1], turn) if turn else None
-    total = _product(_turned(X), _product(P, X)) if X else P
+    total = _product(_turned(X), _product(P, X), _mirrored) if X else P
     for share, A, Q in steps:
         moved = _cut(_product(A, X), KEPT) if X else A
-        taken = _product(_turned(moved), _product(Q, moved))
+        taken = _product(_turned(moved), _product(Q, moved), _mirrored)
         if share is not None:
             spread = {m: diagonal([c] * len(P.error)) for m, ((c,),) in share.parts.items()}
             taken = _product(Matrix(spread, diagonal([share.error[0][0]] * len(P.error))), taken)
@@ -178,16 +189,13 @@ def _definite(F: Rows, R: Rows) -> bool:
         ]
     except (OverflowError, ValueError, ZeroDivisionError):
         return False
-    W_t = transposed(W)
-    G = _dot(W_t, _dot(F, W))
+    G = _mirrored(transposed(W), _dot(F, W))
     size = [[abs(x) for x in row] for row in W]
-    S = _dot(transposed(size), _dot(R, size))
+    across = [sum(map(mul, row, map(sum, size))) >> BITS for row in R]  # R |W| 1
     slack = (n + 2) * (max(map(max, size)) * n // ONE + 4)  # of products that are rounded down
     for k, row in enumerate(G):
-        if (
-            row[k]
-            <= sum(abs(x) for other, x in enumerate(row) if other != k) + sum(S[k]) + n * slack
-        ):
+        error = (sum(size[i][k] * across[i] for i in range(n)) >> BITS) + n * slack
+        if row[k] <= sum(abs(x) for other, x in enumerate(row) if other != k) + error:
             return False
     return True
 
