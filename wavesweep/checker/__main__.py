@@ -6,7 +6,7 @@ Exit code 0: all are proved; 1: one is refused; 2: the file is not about this sp
 import sys
 from pathlib import Path
 
-from wavesweep.checker.file import Claim, check
+from wavesweep.checker.file import LONGEST_SPEC, Claim, check
 from wavesweep.checker.reader.loops import Unreadable
 
 USAGE = "usage: python -m wavesweep.checker SPEC.toml FILE.proof"
@@ -47,6 +47,8 @@ def in_words(claim: Claim) -> str:
             f"all {len(claim.states)} modes are" if len(claim.states) > 1 else "the only mode is"
         )
         words += f"{modes} inside the unit circle, stable"
+    if claim.in_touch and claim.claim != "modes":
+        words += " (walls are always in touch, although [for_all] has contact)"
     if claim.drifts:
         words += f" ({len(claim.drifts)} {'drift' if len(claim.drifts) == 1 else 'drifts'} set aside, which nothing opposes)"
     return words
@@ -56,24 +58,25 @@ def main(arguments: list[str]) -> int:
     if len(arguments) != 2:
         print(USAGE, file=sys.stderr)
         return 2
-    spec, file = map(Path, arguments)
-    refused = 0
-    count = 0
+    verdicts = []
     try:
-        with file.open("rb") as opened:
-            for claim, why in check(spec.read_bytes(), opened):
-                count += 1
-                refused += bool(why)
-                print(
-                    f"{'REFUSED' if why else 'proved'}: {in_words(claim)}"
-                    + (f": {why}" if why else ""),
-                    flush=True,
+        with Path(arguments[0]).open("rb") as spec, Path(arguments[1]).open("rb") as file:
+            for claim, why in check(spec.read(LONGEST_SPEC + 1), file):
+                verdicts.append(not why)
+                words = (
+                    f"REFUSED: {in_words(claim)}: {why}" if why else f"proved: {in_words(claim)}"
                 )
+                print(_one_line(words), flush=True)
     except (Unreadable, OSError) as error:
-        print(f"not checked: {error}", file=sys.stderr)
+        print(_one_line(f"not checked: {error}"), file=sys.stderr)
         return 2
-    print(f"{count - refused} of {count} claims proved")
-    return 1 if refused else 0
+    print(f"{sum(verdicts)} of {len(verdicts)} claims proved")
+    return 0 if all(verdicts) else 1
+
+
+def _one_line(text: str) -> str:
+    """Names of a spec may have any characters, and a line of words has to be one."""
+    return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def run():

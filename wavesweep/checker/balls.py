@@ -26,7 +26,7 @@ ORDERS = {
     3: 3,
 }  # of polynomials in so many sides, else 2: errors of products of many ticks
 LONGEST = 60  # characters of a number
-EXPONENT = 400
+EXPONENT = 100  # of a number: a key has sizes from 1e-60 to 1e60
 LARGEST = 8192  # bits of exact numbers; those beyond are enclosed
 POWER = 64
 DECIMAL = re.compile(r"[+-]?\d[\d_]*(\.[\d_]*)?([eE]([+-]?\d+))?|[+-]?\.\d+([eE]([+-]?\d+))?")

@@ -53,7 +53,7 @@ from wavesweep.checker.reader.loops import Unreadable
 FORMAT = "wavesweep proof 1"
 LONGEST_SPEC = 1 << 20  # bytes
 LONGEST_LINE = 1 << 22
-CELLS = 1 << 20
+CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
 NODES = 64
 KINDS = ("modes", "for all", "refuted", "mean square")
@@ -71,7 +71,8 @@ class Claim:
     drifts: list[dict[str, Fraction]] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
     word: list[str] = field(default_factory=list)
-    shares: dict[str, Fraction] = field(default_factory=dict)  # of a map, from its cells
+    shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
+    in_touch: bool = False  # whether [for_all] asks for walls that let go, which is not claimed
 
 
 @dataclass
@@ -105,7 +106,33 @@ def spec_of(text: bytes) -> dict:
 
 def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     """The frames that a claim is about, from the spec; member: values of the listed numbers of [for_all]."""
-    values = {**claim.numbers, **(member or {}), **{name: balls.side(name) for name in claim.sides}}
+    try:
+        schedules, moves, start = _schedules(tables, claim, member or {})
+    except (
+        AttributeError,
+        IndexError,
+        KeyError,
+        TypeError,
+        ValueError,
+        ZeroDivisionError,
+    ) as error:
+        # a value of a spec that is not of the kind that its key has: a text for a table, say
+        raise Unreadable(f"the spec cannot be read: {error!r}") from None
+    for v in claim.drifts:
+        for schedule in schedules.values():
+            if not is_drift(schedule, v):
+                raise Refused(f"not every equation keeps the drift of {next(iter(v), 'nothing')}")
+    words = steps_of(schedules)
+    if claim.claim == "refuted" and "" not in words:
+        words = {"": [step for kind in _repeated(moves, claim.word) for step in words[kind]]}
+    frames = Frames(words)
+    drifts = coordinates(frames.live, claim.drifts)
+    return Family(frames, drifts, states_of(frames, drifts), moves, start)
+
+
+def _schedules(tables: dict, claim: Claim, member: dict):
+    """Schedules of all kinds of frames, what may follow what, and the state in which a run begins."""
+    values = {**claim.numbers, **member, **{name: balls.side(name) for name in claim.sides}}
 
     def loop_with(more: dict):
         return loop_of(with_numbers(tables, values | more), balls)
@@ -124,25 +151,12 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
         )
     random = claim.claim == "mean square"
     if claim.claim != "modes" and messages:
-        schedules, moves, start = (for_all.messages_at_random if random else for_all.messages_of)(
-            loop
-        )
-    elif claim.claim != "modes" and vary:
-        schedules, moves, start = for_all.frames_of(allowed, loop_with, random)
-    elif random:
+        return for_all.messages_at_random(loop) if random else for_all.messages_of(loop)
+    if claim.claim != "modes" and vary:
+        return for_all.frames_of(allowed, loop_with, random)
+    if random:
         raise Unreadable("the spec has no chances")
-    else:
-        schedules, moves, start = own, {None: {"": ("", None, None)}}, None
-    for v in claim.drifts:
-        for schedule in schedules.values():
-            if not is_drift(schedule, v):
-                raise Refused(f"not every equation keeps the drift of {next(iter(v), 'nothing')}")
-    words = steps_of(schedules)
-    if claim.claim == "refuted" and "" not in words:
-        words = {"": [step for kind in _repeated(moves, claim.word) for step in words[kind]]}
-    frames = Frames(words)
-    drifts = coordinates(frames.live, claim.drifts)
-    return Family(frames, drifts, states_of(frames, drifts), moves, start)
+    return own, {None: {"": ("", None, None)}}, None
 
 
 def _repeated(moves, word: list[str]) -> list[str]:
@@ -196,6 +210,8 @@ def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
         except RecursionError:
             raise Unreadable("expressions of the spec that are too long") from None
         line = rest.following()
+        if count > CELLS:
+            raise Unreadable(f"more than {CELLS} claims")
         yield claim, why
     if count != header["claims"]:
         raise Unreadable(f"{count} claims in place of {header['claims']}: the file is not whole")
@@ -221,8 +237,9 @@ class _until_claim:
 
     def following(self):
         """The line of the next claim, None at the end."""
-        for _ in self:
-            pass
+        for count, _ in enumerate(self):
+            if count > CELLS:
+                raise Unreadable(f"a claim of more than {CELLS} lines")
         return None if self.next["claim"] is None else self.next
 
 
@@ -253,8 +270,9 @@ def _no_number(text):
     raise Unreadable(f"{text} stands there as a number and not as a decimal string")
 
 
-def _expect(given, kind, what):
-    if not isinstance(given, kind) or isinstance(given, bool):
+def _expect(given, kind, what, length=None):
+    wrong = not isinstance(given, kind) or isinstance(given, bool)
+    if wrong or (length is not None and len(given) != length):
         raise Unreadable(f"{what} is not what it has to be")
     return given
 
@@ -276,7 +294,7 @@ def _claim(line) -> Claim:
         raise Unreadable(f"no claim {kind!r} is known")
     sides = {}
     for name, ends in _expect(line.get("sides", {}), dict, "sides").items():
-        low, high = map(_fraction, _expect(ends, list, "a side")[:2])
+        low, high = map(_fraction, _expect(ends, list, "a side", 2))
         if low > high:
             raise Unreadable(f"the side {name} ends before it begins")
         sides[name] = low, high
@@ -286,11 +304,6 @@ def _claim(line) -> Claim:
     }
     if len(sides) > SIDES or sides.keys() & numbers.keys():
         raise Unreadable(f"more than {SIDES} sides, or a side that is a number too")
-    drifts = []
-    for given in _expect(line.get("drifts", []), list, "drifts"):
-        drifts.append(
-            {name: _fraction(value) for name, value in _expect(given, dict, "a drift").items()}
-        )
     wanted = kind in ("modes", "refuted") and not line.get("open")
     if wanted:
         _expect(line.get("outside"), int, "outside")
@@ -300,11 +313,13 @@ def _claim(line) -> Claim:
         or (not wanted and "outside" in line)
     ):
         raise Unreadable("a claim says how many modes are outside, or of a map that it is open")
-    states = _expect(line.get("states"), list, "states")
-    word = _expect(line.get("word", []), list, "word")
-    if not all(isinstance(each, str) for each in (*states, *word)) or (word and kind != "refuted"):
-        raise Unreadable("states, and the word of what is refuted, are names")
-    return Claim(kind, numbers, sides, line.get("outside"), drifts, states, word)
+    word = [
+        _expect(letter, str, "a letter") for letter in _expect(line.get("word", []), list, "word")
+    ]
+    if word and kind != "refuted":
+        raise Unreadable("what is refuted alone has a word")
+    claim = Claim(kind, numbers, sides, line.get("outside"), word=word)
+    return claim if "states" not in line else _with_coordinates(claim, line)
 
 
 def _holds(tables, claim: Claim, lines: Iterator[dict]):
@@ -312,7 +327,11 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
     if claim.claim == "refuted" and not claim.outside:
         raise Refused("no mode is said to be outside, so nothing is refuted")
     members: list[dict] = [{}]
-    allowed = for_all.read(tables, balls.exact)
+    try:
+        allowed = for_all.read(tables, balls.exact)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise Unreadable(f"[for_all] cannot be read: {error!r}") from None
+    claim.in_touch = bool(tables.get("for_all", {}).get("contact"))
     names = {
         SYMBOLS.get(name, name) if "controller" in tables else name: name
         for name in (*claim.sides, *claim.numbers)
@@ -419,15 +438,15 @@ def _graph(family: Family, cell: Cell, line: dict, box):
     nodes = len(forms)
     edges = {}
     for edge in _expect(line.get("edges"), list, "edges"):
-        source, letter, target = (
-            _expect(edge, list, "an edge") if len(edge) == 3 else (None, "", None)
-        )
-        if source not in range(nodes) or target not in range(nodes) or not isinstance(letter, str):
-            raise Unreadable("an edge has a node, a letter and a node")
+        source, letter, target = _expect(edge, list, "an edge", 3)
+        for node in (source, target):
+            if _expect(node, int, "a node") not in range(nodes):
+                raise Unreadable(f"an edge has the node {node} of {nodes}")
+        _expect(letter, str, "a letter")
         edges[source, letter] = target
     matrices: dict[str, form.Matrix] = {}
     done = set()
-    start = line.get("start", 0)
+    start = _expect(line.get("start", 0), int, "a start")
     if start not in range(nodes):
         raise Unreadable("a graph starts at one of its nodes")
     reached = {(family.start, start)}
@@ -491,11 +510,11 @@ def _chain(family: Family, cell: Cell, line: dict, box):
 
 
 def _with_coordinates(claim: Claim, line: dict) -> Claim:
-    drifts = [
-        {name: _fraction(value) for name, value in _expect(given, dict, "a drift").items()}
-        for given in _expect(line.get("drifts", []), list, "drifts")
-    ]
-    states = _expect(line.get("states"), list, "states")
+    drifts = []
+    for given in _expect(line.get("drifts", []), list, "drifts"):
+        v = _expect(given, dict, "a drift")
+        drifts.append({name: _fraction(value) for name, value in v.items()})
+    states = [_expect(name, str, "a state") for name in _expect(line.get("states"), list, "states")]
     return replace(claim, drifts=drifts, states=states)
 
 
@@ -533,7 +552,7 @@ def form_from(line, cell: Cell, signs) -> form.Matrix:
     """The form that a line of the file gives."""
     slopes = []
     for given in _expect(line.get("Q", []), list, "Q"):
-        exponents, rows = _expect(given, list, "a slope")
+        exponents, rows = _expect(given, list, "a slope", 2)
         m = tuple(
             _expect(power, int, "an exponent") for power in _expect(exponents, list, "exponents")
         )
@@ -545,9 +564,10 @@ def form_from(line, cell: Cell, signs) -> form.Matrix:
 
 def _rows(given, size: int) -> form.Rows:
     """In units of 2^-BITS, rounded to half of these digits."""
-    rows = _expect(given, list, "a matrix")
-    if len(rows) != size or any(len(_expect(row, list, "a row")) != size for row in rows):
-        raise Unreadable(f"a matrix that has not {size} rows and columns")
+    rows = [
+        _expect(row, list, f"a row of {size}", size)
+        for row in _expect(given, list, f"a matrix of {size} rows", size)
+    ]
     shift = balls.BITS - form.HALF
     return [[int(_decimal(x) * (1 << form.HALF)) << shift for x in row] for row in rows]
 

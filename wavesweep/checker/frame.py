@@ -20,7 +20,7 @@ from wavesweep.checker.balls import (
 )
 from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
 
-LARGEST = 400  # memory of a loop
+LARGEST = 200  # memory of a loop
 INSTANTS = 20_000  # of a frame
 TERMS = 60  # of the series of an exponential
 

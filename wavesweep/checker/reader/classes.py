@@ -4,22 +4,21 @@ import ast
 
 from wavesweep.checker.reader.loops import Unreadable
 
-MOST = 2000  # blocks: a class that has itself as a block would never end
+MOST = 1000  # blocks of classes: one that has itself as a block would never end
 
 
 def written_out(tables: dict) -> dict:
     """The same spec without classes: blocks `left.motor`, numbers `left_kp`, signals `left.angle`."""
     classes = tables.get("type", {})
     whole = dict(tables)
-    while True:
+    for _ in range(MOST):
         blocks = whole.get("block", {})
         left = [name for name, block in blocks.items() if block.get("type") in classes]
         if not left:
             whole.pop("type", None)
             return whole
-        if len(blocks) > MOST:
-            raise Unreadable(f"more than {MOST} blocks")
         whole = _one(whole, left[0], classes[blocks[left[0]]["type"]])
+    raise Unreadable(f"more than {MOST} blocks of classes, or a class in itself")
 
 
 def _one(tables: dict, name: str, drawing: dict) -> dict:

@@ -4,7 +4,15 @@ import math
 from fractions import Fraction
 
 from wavesweep.checker.reader import filters
-from wavesweep.checker.reader.loops import Instant, Keys, Schedule, Unreadable, form, scaled
+from wavesweep.checker.reader.loops import (
+    Instant,
+    Keys,
+    Schedule,
+    Unreadable,
+    bounded,
+    form,
+    scaled,
+)
 
 PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m), where they are known
     "paper": ("0.1", "1.5"),
@@ -41,7 +49,6 @@ KEYS = {  # all that a loop may have, read or not by its kind
     "local_model": ("K_LM", "B_LM", "integration", "delay"),
     **{f"filters.{name}": ("order", "cutoff_hz", *EDGES) for name in FILTERS},
 }
-MOST_TICKS = 20_000  # of a period
 
 
 class Controller:
@@ -103,7 +110,7 @@ class Controller:
         self.velocity = self.choice("device.velocity", "exact", "exact", "difference")
         exact = self.arithmetic.exact
         dead = exact(key("device.dead_time", 0)) + exact(key("device.delay", 0)) * self.T
-        self.late_ticks = math.floor(dead / self.T)
+        self.late_ticks = bounded(math.floor(dead / self.T), "a delay in ticks")
         self.late_rest = dead - self.late_ticks * self.T
 
     # When things happen
@@ -115,10 +122,8 @@ class Controller:
         what the last tick before it had. Its result is in place from the first tick on that is not
         before j T_s + D T, or for "frame" not before (j + 1) T_s.
         """
-        ticks = self.ratio.numerator
+        ticks = bounded(self.ratio.numerator, "a period in ticks")
         frames = self.ratio.denominator
-        if ticks > MOST_TICKS:
-            raise Unreadable(f"a period of {ticks} ticks; at most {MOST_TICKS}")
         aligned = {}
         between = []
         arrives: dict[int, list[int]] = {}

@@ -8,13 +8,14 @@ from fractions import Fraction
 
 from wavesweep.checker.reader import devices, filters
 from wavesweep.checker.reader.classes import written_out
-from wavesweep.checker.reader.controllers import MOST_TICKS, add_model, add_sections
+from wavesweep.checker.reader.controllers import add_model, add_sections
 from wavesweep.checker.reader.expressions import linear, multiplied_out, number, parsed, terms_of
 from wavesweep.checker.reader.loops import (
     Instant,
     Keys,
     Schedule,
     Unreadable,
+    bounded,
     diagonal,
     form,
     identity,
@@ -92,7 +93,8 @@ class Drawing:
         return self.number(given, self.period(block))
 
     def whole(self, block: str, key: str, default=None) -> int:
-        return self.arithmetic.whole(self.number(self.word(block, key, default)))
+        given = self.number(self.word(block, key, default))
+        return bounded(self.arithmetic.whole(given), f"block.{block}.{key}")
 
     def word(self, block: str, key: str, default=None):
         self.key.asked.add(f"block.{self.blocks[block]['type']}.{key}")
@@ -116,7 +118,10 @@ class Drawing:
         return values
 
     def every(self, block: str) -> int:
-        return self.whole(block, "every", 1)
+        ticks = self.whole(block, "every", 1)
+        if not ticks:
+            raise Unreadable(f"block.{block}.every = 0")
+        return ticks
 
     def phase(self, block: str) -> int:
         return self.whole(block, "phase", 0)
@@ -394,7 +399,7 @@ class Drawing:
         ):
             given = self.numbers[given]  # a decimal number, and not the double nearest to it
         seconds = self.arithmetic.exact(self.number(given) if isinstance(given, str) else given)
-        whole = math.floor(seconds / self.T)
+        whole = bounded(math.floor(seconds / self.T), f"block.{name}.seconds in ticks")
         return whole, seconds - whole * self.T
 
     def late_rows(self, name, equations, writes):
@@ -484,7 +489,10 @@ class Drawing:
             outputs = [(f"{name}.y", self.whole(name, "steps", 1))]
         else:
             outputs = [
-                (f"{name}.y{at + 1}", self.arithmetic.whole(self.number(tap)))
+                (
+                    f"{name}.y{at + 1}",
+                    bounded(self.arithmetic.whole(self.number(tap)), f"a tap of {name}"),
+                )
                 for at, tap in enumerate(taps)
             ]
         fifo(equations, writes, name, f"{name} now", outputs)
@@ -693,7 +701,8 @@ class Drawing:
 
     def frame_ticks(self) -> int:
         """After so many ticks all blocks are in step again."""
-        return math.lcm(1, *(self.every(name) for name in self.blocks if name not in self.plants))
+        ticks = math.lcm(1, *(self.every(name) for name in self.blocks if name not in self.plants))
+        return bounded(ticks, "a period in ticks")
 
     def schedule(self, held: list[dict] | None = None) -> Schedule:
         """All instants of one period; held: of each tick the message that each channel gets."""
@@ -701,8 +710,6 @@ class Drawing:
             name for name in self.blocks if name not in self.plants and name not in self.late
         ]
         period = self.frame_ticks()
-        if period > MOST_TICKS:
-            raise Unreadable(f"a period of {period} ticks; at most {MOST_TICKS}")
         kinds: dict[object, Instant] = {}
         rank: list[tuple[Fraction, int, object]] = []
         extra: list[tuple[Fraction, str, Instant]] = []

@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import product
 from typing import Any
 
-from wavesweep.checker.reader.controllers import MOST_TICKS, SYMBOLS, Controller
+from wavesweep.checker.reader.controllers import SYMBOLS, Controller
 from wavesweep.checker.reader.drawings import Drawing
 from wavesweep.checker.reader.expressions import names_in, parsed
 from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
@@ -240,8 +240,6 @@ def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
         if keys["type"] == "channel"
     }
     period = loop.frame_ticks()
-    if period > MOST_TICKS:
-        raise Unreadable(f"a period of {period} ticks; at most {MOST_TICKS}")
     cuts = [
         tick
         for tick in range(period)

@@ -11,9 +11,18 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Protocol
 
+MOST_TICKS = 20_000  # of a period, and of a delay
+
 
 class Unreadable(Exception):
-    """What a spec says is not known here, or has no meaning."""
+    """What a spec says is not known here, or has no meaning, or would take too long."""
+
+
+def bounded(count, what: str) -> int:
+    """A number of ticks or of runs."""
+    if not 0 <= count <= MOST_TICKS:
+        raise Unreadable(f"{what} of {float(count):g}; at most {MOST_TICKS}")
+    return int(count)
 
 
 class Arithmetic(Protocol):
