@@ -8,6 +8,7 @@ import wavesweep
 from tests.for_all.test_messages import integrator
 from wavesweep.engine._switched import patterns
 from wavesweep.engine.errors import UsageError
+from wavesweep.for_all import message_rings
 from wavesweep.for_all.channel_families import channels_of
 from wavesweep.for_all.message_patterns import messages_of, nearest_pattern, realised
 from wavesweep.for_all.message_rings import ring_of_messages
@@ -234,3 +235,19 @@ def test_a_channel_that_sends_in_every_tick_is_proved_beside_a_range():
     }
     found = wavesweep.verdict(tables)["for_all"]
     assert (found["verdict"], found["known"]) == ("proved", "by a small gain")
+
+
+def test_what_a_ring_takes_is_bounded_by_the_entries_of_its_matrices(monkeypatch):
+    """200 messages under way give 201 matrices of 200 states: of what is held only the newest and the oldest stay."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 30.0},
+        "block": {"m": {"type": "mass", "mass": 1, "damping": 1}, "net": {"type": "channel", "late": 200}},
+        "wire": {"net.u": "-K*m.x - 0.2*m.v", "m.f": "net.y"},
+    }
+    assert [each.back for each in ring(tables).symbols] == [(0,), (200,)]
+    tables["block"]["net"]["late"] = 20
+    assert len(ring(tables).symbols) == 21
+    monkeypatch.setattr(message_rings, "MOST_ENTRIES", 500.0)
+    with pytest.raises(UsageError, match=r"channels net: 2\d states, most of them messages .*at most 15"):
+        ring(tables).symbols  # noqa: B018 - which are made when they are asked for
