@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+import wavesweep
 from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import _Rests, edges_of
 from wavesweep.contact.on_check import facts
@@ -400,3 +401,23 @@ def test_a_row_goes_down_in_pieces_as_small_as_its_proofs_are():
     (row,) = rows_of(tables)
     assert 138 < row["high"] < 141.05 < row["fails_from"] < 145
     assert row["low"] <= 1e-3 * row["high"]
+
+
+@pytest.mark.slow
+def test_a_row_whose_forms_only_just_serve_at_its_end_is_no_sliver():
+    """Waves with a stiff hand, two lengths of frames: single walls are proved from 2.6 N/m to the end of the range."""
+    tables = {
+        "rates": {"ratio": 16},
+        "device": {"mass": 0.23, "damping": 3.06, "velocity": "difference"},
+        "environment": {"B_VE": 0.0, "integration": "trapezoidal", "delay": 1},
+        "controller": {"kind": "pmw", "b": 10.0, "Kp": 8.07},
+        "operator": {"mass": 0.234, "damping": 2.25, "stiffness": 170.0},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 3.0}},
+        "for_all": {"contact": True, "rates.ratio": {"values": [12, 16], "varying": True}},
+        "sweep": {"K_VE": {"start": 0, "stop": 26000}},
+    }
+    rows = wavesweep.zwidth(tables)
+    (row,) = rows[rows["guarantee"] == "contact"].itertuples()
+    assert row.settled
+    assert row.low < 30
+    assert row.high == 26000

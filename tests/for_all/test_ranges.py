@@ -10,6 +10,7 @@ from scipy.signal import butter
 from support.frames import plan_of_controller
 from support.specs import values_of
 
+import wavesweep
 from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine._sets.taylor_models import Polynomials, monomials
 from wavesweep.engine._switched.graph import Graph
@@ -277,3 +278,34 @@ def test_a_mass_that_is_not_known_beside_two_channels_is_settled(tmp_path, caplo
 
     assert radius(1.0001 * row["fails_from"]) > 1
     assert radius(row["high"]) < 1
+
+
+@pytest.mark.slow
+def test_members_that_doubles_leave_in_doubt_are_settled_in_balls():
+    """Deadbeat current control over a range of speeds: two axes that a speed turns into each other."""
+    motor = {"type": "ss", "A": [["-R/L", "w"], ["-w", "-R/L"]], "B": [["1/L", 0], [0, "1/L"]], "C": [[1, 0], [0, 1]]}
+    ends = {"inputs": ["ud", "uq"], "outputs": ["id", "iq"]}
+    tables = {
+        "rates": {"tick_hz": 10000},
+        "numbers": {"L0": 8.5e-4, "L": 8.5e-4, "R": 0.2, "w": 0.0, "T": 1e-4},
+        "block": {"motor": motor | ends, "ud": {"type": "delay", "steps": 1}, "uq": {"type": "delay", "steps": 1}},
+        "signals": {
+            "pd": "motor.id + T/L0*(ud.y - R*motor.id + w*L0*motor.iq)",
+            "pq": "motor.iq + T/L0*(uq.y - R*motor.iq - w*L0*motor.id)",
+        },
+        "wire": {
+            "ud.u": "L0/T*(0 - pd) + R*pd - w*L0*pq",
+            "uq.u": "L0/T*(0 - pq) + R*pq + w*L0*pd",
+            "motor.ud": "ud.y",
+            "motor.uq": "uq.y",
+        },
+        "sweep": {"along": "L0", "L0": {"start": 1e-5, "stop": 4e-3}},
+        "for_all": {"w": {"start": 0, "stop": 3000}},
+    }
+    rows = wavesweep.stability_region(tables)
+    (row,) = rows[rows["guarantee"] == "for_all"].itertuples()
+    assert (row.intervals, row.certified, row.settled) == (1, True, True)
+    assert 1.59e-3 < row.high < row.fails_from < 1.6e-3
+    for L0, stable in ((row.low, True), (row.high, True), (row.fails_from * 1.001, False)):
+        radii = wavesweep.compile(tables | {"for_all": {}}).spectral_radius(L0=L0, w=[0.0, 1500.0, 3000.0])
+        assert (radii.max() < 1) == stable

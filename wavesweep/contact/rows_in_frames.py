@@ -20,10 +20,11 @@ from wavesweep.engine.drawing import path_of
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
+BACK = (0.01, 0.03, 0.1, 0.3)  # of a wall, how far below it a proof is begun once more
 BEFORE_END = 0.01  # of the way to a first motion that goes on, how far before it a proof is tried
-# Shares of a wall that a proof goes down in a piece: the first and largest one, and the least that is
-# tried.
-MOST_SHARE, LEAST_SHARE = 0.9, 0.003
+# Shares of a wall that a proof goes down in a piece: the first and largest one, the first from where
+# forms are looked for once more, and the least that is tried.
+MOST_SHARE, FIRST_SHARE, LEAST_SHARE = 0.9, 0.1, 0.001
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
 MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
 # Frames that a node knows, and directions in which rests differ that are no errors: proofs begin with
@@ -245,7 +246,20 @@ class Along:
                 top = middle
             else:
                 above = middle
-        return self.down(found, top, low), top
+        return self._longest(found, top, low)
+
+    def _longest(self, found: Stored, top: float, low: float) -> tuple[float, float]:
+        """The longest interval that is proved down from `top` or from a little below it: forms at a
+        wall that is only just proved may serve at no other."""
+        best = self.down(found, top, low), top
+        for back in BACK:
+            if best[0] < (1 - back) * best[1]:
+                break
+            begun = self.proved_at((1 - back) * top)
+            if begun:
+                reached = self.down(begun, (1 - back) * top, low), (1 - back) * top
+                best = max(best, reached, key=lambda ends: ends[1] - ends[0])
+        return best
 
     def proved_at(self, value: float) -> Stored | None:
         """Forms that are proved for a value; None if none are found."""
@@ -256,10 +270,11 @@ class Along:
         goal = _goal(low, top)
         reached = top
         share = MOST_SHARE
+        begun = top  # where the forms are those of a single wall
         # Conditions that all pieces of a proof may have together.
         affordable = 30000 // self.loop.conditions.R.value.size
         for _ in range(min(MOST_PIECES, max(LEAST_PIECES, affordable))):
-            if reached <= goal or share < LEAST_SHARE:
+            if reached <= goal or not found:
                 break
             below = max(goal, reached - share * max(abs(reached), goal))
             following = self.loop.found(self.wall(reached), self.wall(below), known=(found,))
@@ -267,8 +282,14 @@ class Along:
                 reached = below
                 found = following
                 share = min(MOST_SHARE, share * LONGER)
-            else:
+            elif share > LEAST_SHARE:
                 share *= SHORTER
+            elif begun != reached:
+                begun = reached
+                found = self.proved_at(reached)
+                share = FIRST_SHARE
+            else:
+                break
         return reached
 
     def motion(self, end: float, limit: float) -> tuple[float, str]:

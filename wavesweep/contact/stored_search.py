@@ -12,7 +12,7 @@ from wavesweep.engine.switched import Inequality, minimised, symmetric_basis
 
 LEAST_WEIGHT = 1e-5  # of the rest, g, where g + h is 1 at most
 LEAST_ROOM = 1e-7  # of F, where forces are of size 1
-SMALL = 1e-6  # of the traces of all P_i beside t: keeps those bounded that F does not bound
+SMALL = 1e-9  # of the traces of all P_i beside t: keeps those bounded that F does not bound
 
 
 def find_stored(

@@ -30,6 +30,7 @@ from wavesweep.engine.switched import (
 )
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.sides import INWARD, LeftOpen, left_open
+from wavesweep.program.analyses.interval_jobs import ball_prover
 from wavesweep.program.reading.axes import Axis
 
 # what a proof has reached, which a command shows
@@ -274,6 +275,7 @@ class Case:
                 ((np.arange(members.size), loops),),
                 lines=False,
                 checked=True,
+                prover=ball_prover,
             ).records()
             self.certified &= bool(records["certified"].all())
             for record in records[records["intervals"] > 0]:
