@@ -4,6 +4,9 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.for_all.rows import ForAllGuarantee
+from wavesweep.for_all.varying import Rules
+from wavesweep.program.analyses.claims import asked_scope, own_scope
 from wavesweep.program.spec import load
 
 WALL = {
@@ -124,3 +127,17 @@ def test_a_range_whose_ends_are_the_same_is_its_value(more):
     ).for_all
     assert [axis.values for axis in asked.axes] == [(16,), (0.1,)]
     assert asked.changing == ()
+
+
+@pytest.mark.parametrize("chances", [{"late": "n"}, {"lost": "n"}, {"loss": "n/20"}])
+def test_messages_that_follow_from_a_number_of_the_table_are_those_of_each_of_its_values(chances):
+    """Not those of the first value, or of the spec's own one, which others exceed."""
+    link = {"type": "channel", "every": 5, **chances}
+    drawn = DRAWN | {"block": DRAWN["block"] | {"h": link}, "numbers": {"n": 2, "k": 1.0}}
+    spec = load(drawn | {"for_all": {"n": {"values": [3, 1]}}})
+    asked = asked_scope(spec, at_random="loss" in chances)
+    proved = ForAllGuarantee(Rules.of(spec)).scope(spec)
+    assert next(iter(chances.values())) in str(proved.messages)
+    assert proved.messages == asked.messages
+    assert proved.covers(asked, spec.values)
+    assert not own_scope(spec).covers(asked, spec.values)

@@ -17,6 +17,7 @@ from wavesweep.program.analyses.claims import (
     Scope,
     own_scope,
     ranges_of,
+    with_texts,
 )
 
 if TYPE_CHECKING:
@@ -29,7 +30,10 @@ def scope_of(spec: Spec, rules: Rules, cases: Sequence[Case]) -> Scope:
     frames = own_scope(spec).frames
     messages: tuple[Messages, ...] = ()
     if rules.messages:
-        messages = _messages(rules, cases[0])
+        of_case = _messages(rules, cases[0])
+        messages = with_texts(
+            of_case, [rules.drawing], {axis.path for axis in rules.for_all.unknown}
+        )
     if rules.vary and (not rules.messages or rules.for_all.changing):
         frames = _common([_frames(rules, case) for case in cases])
     boxes = [

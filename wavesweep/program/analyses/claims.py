@@ -202,7 +202,7 @@ def ranges_of(
 class Messages(NamedTuple):
     """What the messages of a channel may do: come late by so many ticks at most, be lost so many
     in a row; or at random with the probabilities of SHARES. A text is an expression of numbers
-    that are swept.
+    that are swept, or that [for_all] has.
     """
 
     channel: str
@@ -217,8 +217,8 @@ class Messages(NamedTuple):
 
     def covers(self, asked: Messages) -> bool:
         """Whether these messages may do all that others may."""
-        late = isinstance(self.late, str) or self.late >= asked.late
-        lost = isinstance(self.lost, str) or self.lost >= asked.lost
+        late = _at_least(self.late, asked.late)
+        lost = _at_least(self.lost, asked.lost)
         if len(self.chances) != len(asked.chances):
             return False
         chances = all(
@@ -226,6 +226,13 @@ class Messages(NamedTuple):
             for (key, chance), other in zip(self.chances, asked.chances, strict=True)
         )
         return late and lost and chances
+
+
+def _at_least(own: int | str, asked: int | str) -> bool:
+    """Whether so much covers what is asked; a text is an expression that has any value."""
+    if isinstance(own, str) or isinstance(asked, str):
+        return isinstance(own, str)
+    return own >= asked
 
 
 class Tick(NamedTuple):
@@ -362,22 +369,8 @@ class Claim:
         specs: those of the table; swept: the paths of its axes.
         """
         drawings = [spec.drawing for spec in specs if spec.drawing]
-        channels = {block.name: block for drawing in drawings for block in drawing.channels}
-        messages = []
-        for each in self.scope.messages:
-            keys = dict(channels[each.channel].keys)
-            of_swept = {
-                name: keys[name].text
-                for name in ("late", "lost", *SHARES)
-                if any(path_of(number) in swept for number in keys[name].names)
-            }
-            if each.chances:
-                chances = tuple((key, of_swept.get(key, chance)) for key, chance in each.chances)
-                messages.append(each._replace(chances=chances))
-            else:
-                texts = {name: of_swept[name] for name in ("late", "lost") if name in of_swept}
-                messages.append(each if each.in_time else each._replace(**texts))
-        return replace(self, scope=replace(self.scope, messages=tuple(messages)))
+        messages = with_texts(self.scope.messages, drawings, swept)
+        return replace(self, scope=replace(self.scope, messages=messages))
 
     @staticmethod
     def read(fact: Mapping[str, Any]) -> Claim:
@@ -458,8 +451,34 @@ def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
     frames = _frames(spec, order, varied)
     frames = replace(frames, lost=table.lost, loss=table.loss, chances=chances)
     numbers = tuple(Range.of(axis) for axis in table.unknown)
-    messages = messages_of(spec.drawing, spec.values) if spec.drawing else ()
+    messages: tuple[Messages, ...] = ()
+    if spec.drawing:
+        own = messages_of(spec.drawing, spec.values)
+        messages = with_texts(own, [spec.drawing], {axis.path for axis in table.unknown})
     return Scope(numbers, frames, messages)
+
+
+def with_texts(
+    messages: Iterable[Messages], drawings: Sequence[Drawing], paths: Collection[str]
+) -> tuple[Messages, ...]:
+    """Messages of channels of some drawings, with the expression of what they may do where it reads
+    one of some numbers."""
+    channels = {block.name: block for drawing in drawings for block in drawing.channels}
+    found = []
+    for each in messages:
+        keys = dict(channels[each.channel].keys)
+        texts = {
+            name: keys[name].text
+            for name in ("late", "lost", *SHARES)
+            if any(path_of(number) in paths for number in keys[name].names)
+        }
+        if each.chances:
+            chances = tuple((key, texts.get(key, chance)) for key, chance in each.chances)
+            found.append(each._replace(chances=chances))
+        else:
+            own = {name: texts[name] for name in ("late", "lost") if name in texts}
+            found.append(each if each.in_time else each._replace(**own))
+    return tuple(found)
 
 
 def messages_of(drawing: Drawing, values: Mapping[str, Any]) -> tuple[Messages, ...]:
