@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from support.forms import form_of, matrix_of
 from support.proofs import checked
 
 from wavesweep.checker import balls, file
@@ -21,8 +22,8 @@ net = {{ type = "channel", {messages} }}
 """
 
 
-def family_of(spec: str, k: str) -> file.Family:
-    return file.family_of(file.spec_of(spec.encode()), file.Claim("for all", {"k": Fraction(k)}))
+def family_of(spec: str, value: str, number: str = "k") -> file.Family:
+    return file.family_of(file.spec_of(spec.encode()), file.Claim("for all", {number: Fraction(value)}))
 
 
 def simulated(every: int, phase: int, late: int, lost: int, ticks: int) -> set[tuple[int, ...]]:
@@ -92,9 +93,9 @@ def test_a_receiver_may_have_what_some_delays_and_losses_give(every, phase, late
     assert sequences == simulated(every, phase, late, lost, ticks)
 
 
-def proof_of(spec: str, k: str) -> list[dict]:
-    """A claim at a value of k with the forms that are found of its automaton, nothing if none are."""
-    family = family_of(spec, k)
+def proof_of(spec: str, value: str, number: str = "k") -> list[dict]:
+    """A claim at a value with the forms that are found of its automaton, nothing if none are."""
+    family = family_of(spec, value, number)
     point = balls.Cell({})
     letters = sorted(family.frames.words)
     follows = np.zeros((len(letters), len(letters)), dtype=bool)
@@ -114,7 +115,7 @@ def proof_of(spec: str, k: str) -> list[dict]:
     first = family.moves[family.start].keys()
     start = next(node for node in range(len(nodes)) if first <= {letter for source, letter, _ in edges if source == node})
     cell = {"nodes": nodes, "edges": edges, "start": start}
-    return [{"claim": "for all", "numbers": {"k": k}, "states": family.states}, cell]
+    return [{"claim": "for all", "numbers": {number: value}, "states": family.states}, cell]
 
 
 @pytest.mark.parametrize("lost", [1, 2, 3])
@@ -138,3 +139,38 @@ def test_a_tick_of_lateness_has_another_proof(tmp_path):
     assert checked(tmp_path, spec, lines)[0] == 0
     for other in ("late = 2", "late = 1, lost = 1"):
         assert checked(tmp_path, TANK.format(messages=other), lines)[0] != 0
+
+
+BEHIND = """
+rates.tick_hz = 100
+numbers.s = 15.0
+[block]
+x = { type = "mass", mass = 2, damping = 1.68 }
+ca = { type = "channel", every = 7, lost = 1 }
+z = { type = "delay", seconds = 0.05 }
+[wire]
+"ca.u" = "-s*x.x"
+"z.u" = "ca.y"
+"x.f" = "z.y"
+"""
+WORD = ["0: ca gets 0", "0: ca has 1"]
+
+
+@pytest.mark.parametrize(("s", "code"), [("14.2969", 0), ("14.296", 1)])
+def test_a_dead_time_behind_losses_acts_as_late_as_it_says(s, code, tmp_path):
+    """Every second message lost is unstable from 14.2968 on, as a march of the same pattern says."""
+    claim = file.Claim("refuted", {"s": Fraction(s)}, outside=1, word=WORD)
+    family = file.family_of(file.spec_of(BEHIND.encode()), claim)
+    cell, outside = form_of(matrix_of(family))
+    line = {"claim": "refuted", "numbers": {"s": s}, "outside": max(outside, 1), "word": WORD, "states": family.states}
+    assert checked(tmp_path, BEHIND, [line, cell])[0] == code
+
+
+def test_a_dead_time_behind_losses_is_not_left_out(tmp_path):
+    """A proof of the loop without the dead time, or with half of it, is none of the loop with it."""
+    for seconds in ("0.02", "0"):
+        spec = BEHIND.replace("0.05", seconds)
+        lines = proof_of(spec, "14.4", "s")
+        assert checked(tmp_path, spec, lines)[0] == 0
+        states = {"states": family_of(BEHIND, "14.4", "s").states}
+        assert checked(tmp_path, BEHIND, [lines[0] | states, lines[1]])[0] != 0

@@ -18,7 +18,13 @@ def at_value(spec: str, number: str, value: str, drifts=()) -> list[dict]:
     kept = [{name: Fraction(share) for name, share in drift.items()} for drift in drifts]
     claim = file.Claim("modes", {number: balls.decimal(value)}, {}, 0, kept)
     family = file.family_of(file.spec_of(spec.encode()), claim)
-    A = matrix_of(family)
+    cell, outside = form_of(matrix_of(family))
+    first = {"claim": "modes", "numbers": {number: value}, "outside": outside, "drifts": list(drifts), "states": family.states}
+    return [first, cell]
+
+
+def form_of(A: np.ndarray) -> tuple[dict, int]:
+    """A cell with a form of a matrix, and how many of its modes are outside."""
     left = np.eye(len(A) ** 2) - np.kron(A.T, A.T)
     units = abs(np.diag(np.linalg.solve(left, np.eye(len(A)).ravel()).reshape(A.shape)))
     P = np.linalg.solve(left, np.diag(units).ravel()).reshape(A.shape)
@@ -27,6 +33,4 @@ def at_value(spec: str, number: str, value: str, drifts=()) -> list[dict]:
     L = (np.sqrt(abs(values)) * vectors).T / scale
     L /= abs(L).max()
     cell = {"L": [[f"{x:.17g}" for x in row] for row in L], "signs": "".join("+" if x > 0 else "-" for x in values)}
-    outside = int((values < 0).sum())
-    first = {"claim": "modes", "numbers": {number: value}, "outside": outside, "drifts": list(drifts), "states": family.states}
-    return [first, cell]
+    return cell, int((values < 0).sum())
