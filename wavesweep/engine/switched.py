@@ -67,6 +67,7 @@ if TYPE_CHECKING:
         sloped,
         units_of_places,
     )
+    from wavesweep.engine._switched.pattern_slopes import largest_modes, slopes_of
     from wavesweep.engine._switched.patterns import (
         Word,
         crossing,
@@ -173,6 +174,10 @@ else:
                 "recentred",
                 "sloped",
                 "units_of_places",
+            ),
+            "_switched.pattern_slopes": (
+                "largest_modes",
+                "slopes_of",
             ),
             "_switched.patterns": (
                 "Word",

@@ -1,12 +1,8 @@
 """Patterns of late and lost messages that make a loop unstable if they are repeated for ever.
 
-The growth of a pattern changes with what is held at each place as the eigenvalue does: with the
-product `Q A P` of a pattern, its largest eigenvalue z and the vectors x and y of that,
-
-    dz = y' Q dA P x.
-
-What gains most by this at each place is taken, made a pattern that messages can have, if the pattern
-then grows more.
+The growth of a pattern changes with what is held at each place as `slopes_of` has it. What gains
+most by this at each place is taken, made a pattern that messages can have, if the pattern then grows
+more.
 """
 
 from __future__ import annotations
@@ -21,9 +17,11 @@ from wavesweep.engine.switched import (
     Word,
     crossing,
     is_refuted,
+    largest_modes,
     places_between,
     product_of,
     refuted_beyond,
+    slopes_of,
 )
 from wavesweep.for_all.channel_families import LOST
 from wavesweep.for_all.message_rings import RingFrames
@@ -314,19 +312,7 @@ def _rate(A, word):
 def _gains(A, ring, word):
     """What each step of a pattern does to its largest eigenvalue with each matrix of its place,
     relative to that."""
-    z, vectors = np.linalg.eig(product_of(A, word))
-    at = int(_sizes(z).argmax())
-    try:
-        y = np.linalg.inv(vectors)[at]
-    except np.linalg.LinAlgError:
-        y = np.linalg.pinv(vectors)[at]
-    before = [vectors[:, at]]
-    for symbol in word[:-1]:
-        before.append(A[symbol] @ before[-1])
-    gains = [np.zeros(0)] * len(word)
-    for step in range(len(word) - 1, -1, -1):
-        place = step % ring.places
-        own = A[ring.first[place] : ring.first[place + 1]]
-        gains[step] = np.real((own @ before[step]) @ y / z[at])
-        y = y @ A[word[step]]
-    return gains
+    places = np.arange(len(word)) % ring.places
+    choices = [A[ring.first[place] : ring.first[place + 1]] for place in places]
+    modes = largest_modes(product_of(A, word)[None], lambda z: _sizes(z[0])[None])
+    return [own[0] for own in slopes_of(choices, A[list(word), None], modes)]

@@ -1,12 +1,7 @@
 """Patterns of short and long ticks that make a loop unstable if they are repeated for ever.
 
 The loop is linear, and a tick nearly linear in its length. So the growth of a pattern changes with
-each of its ticks as the eigenvalue does: with the product `Q A P` of a pattern, its largest
-eigenvalue z and the vectors x and y of that,
-
-    dz = y' Q dA P x.
-
-All ticks of a pattern are set to the lengths that this wants, again and again, until none changes.
+each of its ticks as `slopes_of` has it. All ticks of a pattern are set to the lengths that this wants, again and again, until none changes.
 It begins with walks: of each slow mode of the ticks' mean, with the left eigenvector l of that, a
 walk takes in each tick the length with which `|l' x|` becomes largest, and soon repeats itself.
 What it repeats is a pattern, however long a turn of the mode is (parametric resonance).
@@ -18,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wavesweep.engine.switched import is_refuted, refuted_beyond
+from wavesweep.engine.switched import crossing, is_refuted, largest_modes, refuted_beyond, slopes_of
 from wavesweep.late_ticks.tick_curves import LateTicks
 from wavesweep.program.number_words import in_all_digits
 from wavesweep.program.tables.refuters import repeated
@@ -71,7 +66,7 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float
     # Of the way from the start, how much nearer a better pattern is looked for in turn.
     shares = [3e-3, 2e-2]
     for _ in range(20):  # patterns, each of which grows nearer to the start than the one before
-        unstable = _threshold(ticks, word_of(ticks, pattern), stable, unstable)
+        unstable = crossing(ticks.family, word_of(ticks, pattern), stable, unstable)
         for nearer in (unstable + share * (start - unstable) for share in shares):
             rate, found = growing(ticks, nearer, [pattern])
             if rate >= 1:
@@ -93,18 +88,6 @@ def proved_to_grow(
     if at is None and is_refuted(ticks.family, word, unstable):
         at = unstable
     return (np.nan, ()) if at is None else (float(at), pattern)
-
-
-def _threshold(ticks, word, stable, unstable):
-    """The number from which on a pattern grows, of those between one where it does not and one
-    where it does."""
-    for _ in range(30):  # bisections
-        middle = (stable + unstable) / 2
-        if _growth(ticks, middle, word) >= 1:
-            unstable = middle
-        else:
-            stable = middle
-    return unstable
 
 
 def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:
@@ -131,17 +114,6 @@ def _shortest(pattern, places):
         if not left and pattern == pattern[:length] * times:
             return pattern[:length]
     return pattern
-
-
-def _growth(ticks, x, word):
-    """The spectral radius of a pattern."""
-    A = ticks.family.at(x)
-    product = A[word[0]]
-    for symbol in word[1:]:
-        product = A[symbol] @ product
-    if not np.isfinite(product).all():
-        return np.inf
-    return float(np.abs(np.linalg.eigvals(product)).max())
 
 
 def _repeated_by_walks(A):
@@ -198,26 +170,24 @@ def _climbed(A, patterns):
 
     A: `(places, lengths, n, n)`.
     """
-    places, _lengths, n, _ = A.shape
-    _count, length = patterns.shape
+    places = len(A)
+    length = patterns.shape[1]
     at_place = A[np.arange(length) % places]
     best: tuple[float, Pattern] = (0.0, ())
     for step in range(30):
         chosen = at_place[np.arange(length)[:, None], patterns.T]
-        before = np.empty((length + 1, len(patterns), n, n))
-        before[0] = np.eye(n)
-        for k in range(length):
-            before[k + 1] = chosen[k] @ before[k]
-        if not np.isfinite(before[-1]).all():
-            grown = int(np.flatnonzero(~np.isfinite(before[-1]).all((-1, -2)))[0])
-            return np.inf, tuple(patterns[grown].tolist())
-        z, vectors = np.linalg.eig(before[-1])
-        largest = np.abs(z).argmax(-1)
-        rates = np.abs(z).max(-1) ** (places / length)
+        products = chosen[0]
+        for tick in chosen[1:]:
+            products = tick @ products
+        finite = np.isfinite(products).all((-1, -2))
+        if not finite.all():
+            return np.inf, tuple(patterns[int(finite.argmin())].tolist())
+        modes = largest_modes(products)
+        rates = np.abs(modes[0]) ** (places / length)
         fastest = int(rates.argmax())
         if rates[fastest] > best[0] * (1 + SAME_EIGENVALUE):
             best = float(rates[fastest]), tuple(patterns[fastest].tolist())
-        gains = _gains(at_place, chosen, before, vectors, z, largest)
+        gains = np.nan_to_num(np.stack(slopes_of(at_place, chosen, modes), axis=1))
         wanted = gains.argmax(-1)
         now = np.take_along_axis(gains, patterns[..., None], 2)[..., 0]
         better = gains.max(-1) - now
@@ -231,25 +201,3 @@ def _climbed(A, patterns):
             break
         patterns = np.array(sorted(set(map(tuple, changed[moved].tolist()))))
     return best
-
-
-def _gains(at_place, chosen, before, vectors, z, largest):
-    """What each tick of each pattern does to its largest eigenvalue with each length, relative
-    to that, `(patterns, ticks, lengths)`."""
-    length = len(at_place)
-    own = np.arange(len(z))
-    x = vectors[own, :, largest]
-    at = z[own, largest]
-    with np.errstate(all="ignore"):
-        try:
-            inverse = np.linalg.inv(vectors)
-        except np.linalg.LinAlgError:
-            inverse = np.linalg.pinv(vectors)
-        states = before[:-1] @ x[..., None]
-        left = np.empty((length, *x.shape), complex)
-        left[-1] = inverse[own, largest]
-        for k in range(length - 1, 0, -1):
-            left[k - 1] = (left[k][:, None] @ chosen[k])[:, 0]
-        moved = at_place @ states[..., 0].mT[:, None]
-        gains = np.real((left.mT[:, None] * moved).sum(2) / at).transpose(2, 0, 1)
-    return np.nan_to_num(gains)
