@@ -14,6 +14,7 @@ from meaning.walls import judge_refuting_wall, judge_walls
 
 INSIDE = 0.999  # of a proved end, where members are looked for that grow
 GROWS = 1e-7  # of a radius: what grows by less may be rounding
+REPLAYED = 1e-9  # by which a radius of 1 or more is less in doubles
 MEMBERS = 4  # members whose patterns are searched
 WORDS = 250  # patterns of a member that are tried before the best are changed
 CHANGES = 60  # changes of a best pattern
@@ -83,7 +84,9 @@ def judge_row(tables: dict, row: dict, random) -> list[Found]:
             best = max(growth_at_random(member, asked) for _, member in members(at({along: value}), asked, random, said))
         else:
             best = replayed(at({along: value}), asked, drift, said)
-        found.append(Found(f"refuted {end}{' in mean square' * (kind == 'mean_square')}", best > 1 - 1e-9, best, (value, said)))
+        found.append(
+            Found(f"refuted {end}{' in mean square' * (kind == 'mean_square')}", best > 1 - REPLAYED, best, (value, said))
+        )
     return found
 
 

@@ -380,8 +380,8 @@ def read_refuter(text: str) -> tuple[dict, object]:
     if frames := re.search(r"\bframes (.*)$", text):
         word = []
         for ticks, said in re.findall(r"(\d+)(?: \(([^)]*)\))?", frames[1]):
-            delay = LOST if said == "lost" else int(said.removeprefix("delay ")) if said else "own"
-            word.append(Frame(int(ticks), delay))
+            delay = said.removeprefix("delay ") or "own"
+            word.append(Frame(int(ticks), LOST if said == "lost" else int(delay) if delay.isdigit() else delay))
         return numbers, tuple(word)
     if messages := re.search(r"\bmessages (.*)$", text):
         word = {}

@@ -31,7 +31,6 @@ def growth_at_random(tables: dict, asked) -> float:
             LinearOperator((whole, whole), matvec=moved, dtype=float),
             k=1,
             v0=np.tile(np.eye(size), (count, 1, 1)).ravel(),
-            tol=1e-10,
         )[0]
         return float(abs(values[0]))
     except ArpackNoConvergence:
