@@ -10,7 +10,12 @@ from wavesweep.engine._switched import patterns
 from wavesweep.engine.errors import UsageError
 from wavesweep.for_all import message_rings
 from wavesweep.for_all.channel_families import channels_of
-from wavesweep.for_all.message_patterns import messages_of, nearest_pattern, realised
+from wavesweep.for_all.message_patterns import (
+    growing_pattern,
+    messages_of,
+    nearest_pattern,
+    realised,
+)
 from wavesweep.for_all.message_rings import ring_of_messages
 from wavesweep.for_all.ring_search import bracket_ring, decide_ring
 from wavesweep.program.spec import load
@@ -251,3 +256,44 @@ def test_what_a_ring_takes_is_bounded_by_the_entries_of_its_matrices(monkeypatch
     monkeypatch.setattr(message_rings, "MOST_ENTRIES", 500.0)
     with pytest.raises(UsageError, match=r"channels net: 2\d states, most of them messages .*at most 15"):
         ring(tables).symbols  # noqa: B018 - which are made when they are asked for
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tick_hz", [4000, 8000])
+def test_a_fast_loop_behind_slow_messages_is_proved_in_units_of_its_own(tick_hz):
+    """A joint at several kHz whose set point comes each 40 ticks: a form of it has eigenvalues from 1e-15 to 16
+    in the units of the spec. It is held against all messages that a climb finds."""
+    tables = {
+        "rates": {"tick_hz": tick_hz},
+        "numbers": {"K": 40.0},
+        "block": {
+            "motor": {"type": "inertia", "inertia": 0.25, "damping": 2.0},
+            "arm": {"type": "inertia", "inertia": 0.275, "damping": 0.2},
+            "sea": {"type": "spring", "k": 350.0, "d": 0.3},
+            "drive": {"type": "tf", "num": [1], "den": [0.0004, 1]},
+            "tloop": {"type": "pid", "kp": 2.0, "ki": 20.0, "kd": 0.06, "tau": 0.001},
+            "cmd": {"type": "hold"},
+            "speed": {"type": "difference", "every": 4},
+            "imp": {"type": "hold", "every": 4},
+            "plan": {"type": "integrator", "every": 40},
+            "net": {"type": "channel", "every": 40, "late": 60, "lost": 1},
+        },
+        "wire": {
+            "sea.x1": "motor.x",
+            "sea.v1": "motor.v",
+            "sea.x2": "arm.x",
+            "sea.v2": "arm.v",
+            "tloop.u": "imp.y - sea.f2",
+            "cmd.u": "imp.y + tloop.y",
+            "drive.u": "cmd.y",
+            "motor.f": "drive.y + sea.f1",
+            "arm.f": "sea.f2",
+            "speed.u": "arm.x",
+            "imp.u": "K*(net.y - arm.x) - 2*speed.y",
+            "plan.u": "0 - arm.x",
+            "net.u": "plan.y",
+        },
+    }
+    assert wavesweep.verdict(tables)["for_all"]["verdict"] == "proved"
+    rate, _ = growing_pattern(ring(tables), 40.0, periods=(1, 2, 3))
+    assert 0 < rate < 1

@@ -23,6 +23,8 @@ from functools import reduce
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS
+from wavesweep.engine.frames import Bounded
 from wavesweep.engine.norms import START, TickMaps, then, tick
 from wavesweep.engine.sets import Polynomials, Side
 from wavesweep.engine.switched import (
@@ -105,8 +107,10 @@ class SmallGain:
         """Forms for the ticks in a cell, and their slopes, which are 0; None if none are found."""
         one = np.eye(A.terms.shape[-1])
         middle, *slopes = A.terms[: 1 + A.numbers]
-        for norms in self._forms(middle, slopes):
-            centre = Centre(norms.P, norms.graph, one, one)
+        for norms, units in self._forms(middle, slopes):
+            of_nodes = np.concatenate([units, np.roll(units, -1, 0)])
+            P = of_nodes.mT @ norms.P @ of_nodes
+            centre = Centre((P + P.mT) / 2, norms.graph, one, one)
             if centre.shrinks(middle):
                 return centre, np.zeros((A.numbers, *norms.P.shape))
         return None
@@ -130,11 +134,15 @@ class SmallGain:
             return False
         half = (self.whole.at(high) - self.whole.at(low)) / 2
         found = self._forms(self.whole.at((low + high) / 2), [half])
-        return any(shrink_along([each], *points, self.whole.follows) for each in found)
+        follows = self.whole.follows
+        return any(shrink_along([norms], *_in_units(points, to), follows) for norms, to in found)
 
-    def _forms(self, M: np.ndarray, halves: Sequence[np.ndarray]) -> Iterator[Norms]:
+    def _forms(
+        self, M: np.ndarray, halves: Sequence[np.ndarray]
+    ) -> Iterator[tuple[Norms, np.ndarray]]:
         """Yield norms in which ticks M may shrink, `(ticks, n, n)`, and all that differ from them by up
-        to the halves of changes."""
+        to the halves of changes; with the units of the states, `z = to x` before each tick, that the
+        norms are in."""
         slots = self.slots
         n = M.shape[-1]
         ticks = np.arange(len(M))
@@ -171,11 +179,22 @@ class SmallGain:
         for share in SHARES:
             X = _stored(A, B / taken, given * C, given * D / taken, share)
             P = np.zeros((2, *M.shape))
-            P[:, :, *np.ix_(rest, rest)] = to.mT @ X @ to
+            P[:, :, *np.ix_(rest, rest)] = X
             P[1] = np.roll(P[1], -1, 0)
             P[0][:, slots, slots] = weight[: slots.size]
             P[1][:, slots, slots] = (weight * gains)[: slots.size]
-            yield Norms(np.concatenate((P + P.mT) / 2), graph)
+            yield Norms(np.concatenate((P + P.mT) / 2), graph), units
+
+
+def _in_units(points, to) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks less the identity, with bounds on their errors, in units `z = to x` of the states before
+    each: in those of the spec a form may have eigenvalues that no double tells from 0."""
+    E, dE = points
+    one = np.eye(E.shape[-1])
+    back = Bounded.exact(np.linalg.inv(to))
+    later = back.inverse().each(lambda units: np.roll(units, -1, 0))
+    ticks = later @ (Bounded(E, dE) + Bounded.exact(one)) @ back
+    return ticks.value - one, ticks.error + EPS * np.abs(ticks.value)
 
 
 def _parts(M, rest, free):
