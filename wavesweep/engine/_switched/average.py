@@ -6,6 +6,7 @@ and their slopes along each number follow from its derivative. `norm_check` prov
 here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +77,7 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
     return forms_of_cells, work
 
 
-def _powers(M):
+def _powers(M: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """The matrices that decay, as indices, and their powers by 1, 2, 4 and so on until nothing
     is left."""
     powers = []
@@ -91,7 +92,7 @@ def _powers(M):
     return decaying, [power[decaying] for power in powers]
 
 
-def _summed(powers, Q):
+def _summed(powers: Sequence[np.ndarray], Q: np.ndarray) -> np.ndarray:
     """`sum_k M'^k Q M^k`, which solves `P - M' P M = Q`. powers: of M, see `_powers`."""
     total = Q
     for power in powers:
@@ -99,7 +100,7 @@ def _summed(powers, Q):
     return (total + total.mT) / 2
 
 
-def _diagonal(X):
+def _diagonal(X: np.ndarray) -> np.ndarray:
     return np.diagonal(X, axis1=-2, axis2=-1)
 
 
@@ -121,12 +122,12 @@ def forms_on_average(
     work = len(operator) ** 3 + CALLS
     size = np.ones(n)
 
-    def solved(right, *, forms):
+    def solved(right: np.ndarray, *, forms: bool) -> np.ndarray:
         return unpacked(
             lu_solve(lu, packed(right).ravel(), trans=int(forms)).reshape(graph.nodes, -1), n
         )
 
-    def alike(diagonal):
+    def alike(diagonal: np.ndarray) -> np.ndarray:
         return np.broadcast_to(np.diag(diagonal), (graph.nodes, n, n))
 
     P = solved(alike(size), forms=True)

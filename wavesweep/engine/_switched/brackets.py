@@ -159,7 +159,7 @@ class _Way:
     `near` on. tolerance: see `bracket`. report: is called with the number that is reached, and the
     percentage of the way to the goal."""
 
-    family: Family
+    family: Remembered
     start: float
     limit: float
     tolerance: float
@@ -327,7 +327,9 @@ def _refined(way: _Way, side: _Side) -> _Side:
     return side
 
 
-def _back(family, centre, factor, aim, reached, work):
+def _back(
+    family: Remembered, centre: Centre, factor: float, aim: float, reached: float, work: float
+) -> tuple[tuple[ProvedStretch, ...], float]:
     """The stretches from a number back to what is proved, () if a gap remains, and the work.
 
     centre, factor: the result of the search for norms at that number. Where a stretch cannot be
@@ -411,7 +413,9 @@ def _first_refuted(way: _Way, known: Sequence[Word]) -> tuple[float, Word]:
     return np.nan, ()
 
 
-def _first(family, words, stable, unstable, limit):
+def _first(
+    family: Family, words: Sequence[Word], stable: float, unstable: float, limit: float
+) -> tuple[float, Word]:
     """The refuted number closest to `stable` of words that grow at `unstable`, and its word; NaN
     and () if none is proved."""
     best = np.nan, ()

@@ -107,12 +107,12 @@ def contradicted(growth: Growth, box: np.ndarray) -> bool:
     return bool((growth.of(points) > 1 + BEYOND).any())
 
 
-def _ranked(points, growth):
+def _ranked(points: np.ndarray, growth: np.ndarray) -> Climbed:
     order = np.argsort(-growth, kind="stable")
     return Climbed(points[order], growth[order])
 
 
-def _scattered(box, count, rng):
+def _scattered(box: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Points that are spread evenly, and such on the edges."""
     numbers = box.shape[1]
     roots = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0])[:numbers]
@@ -140,13 +140,13 @@ def on_edges_of(box: np.ndarray, count: int) -> np.ndarray:
     return _numbers(box, np.concatenate(points))
 
 
-def _by_factors(box):
+def _by_factors(box: np.ndarray) -> np.ndarray:
     """Which numbers are moved by factors."""
     # Steps in ranges of more than a decade are factors.
     return (box[0] > 0) & (box[1] > 10.0 * box[0])
 
 
-def _numbers(box, units):
+def _numbers(box: np.ndarray, units: np.ndarray) -> np.ndarray:
     """The numbers at places from -1 to 1 of their ranges."""
     by_factors = _by_factors(box)
     middle = box.mean(0)
@@ -156,7 +156,7 @@ def _numbers(box, units):
     return np.clip(np.where(by_factors, factors, middle + half * units), *box)
 
 
-def _units(box, numbers):
+def _units(box: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     """The places from -1 to 1 of numbers in ranges that are wide."""
     by_factors = _by_factors(box)
     middle = box.mean(0)
@@ -176,7 +176,7 @@ def constant_growth(loop: Loops, paths: list[str]) -> Growth:
     states = sum(len(scheduled.block.states) for scheduled in drawn.placed)
     operations = OF_A_MEMBER + (EIGENVALUES + drawn.ticks) * states**3
 
-    def of(points):
+    def of(points: np.ndarray) -> np.ndarray:
         radii = np.empty(len(points))
         for alike in distinct([points[:, i] == 0 for i in range(len(paths))], len(points)):
             columns = {path: points[alike, i].copy() for i, path in enumerate(paths)}
@@ -196,7 +196,7 @@ def growth_in_words(
     """
     words = short_words(follows)[:WORDS]
 
-    def of(points):
+    def of(points: np.ndarray) -> np.ndarray:
         A = frames_at(points)
         growth = np.zeros(len(points))
         for word in words:
@@ -215,7 +215,7 @@ def growth_on_average(
     """Return the growth of second moments per frame; see `growth_in_words`. weight: of the
     edges."""
 
-    def of(points):
+    def of(points: np.ndarray) -> np.ndarray:
         A = frames_at(points)
         return _radii(np.stack([operator_of(A[:, i], graph, weight) for i in range(len(points))]))
 
@@ -223,7 +223,7 @@ def growth_on_average(
     return Growth(of, OF_A_MEMBER + EIGENVALUES * size**3)
 
 
-def _radii(matrices):
+def _radii(matrices: np.ndarray) -> np.ndarray:
     known = np.isfinite(matrices).all((-1, -2))
     safe = np.where(known[:, None, None], matrices, 0.0)
     return np.where(known, np.abs(np.linalg.eigvals(safe)).max(-1, initial=0.0), np.inf)

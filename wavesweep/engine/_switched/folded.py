@@ -5,7 +5,7 @@ the others R, `E_R V = -E_S` in all ticks together, and the states counted from 
 x_S`, follow `E_RR - V E_SR` whatever x_S is.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -92,7 +92,7 @@ def shift_of(E: np.ndarray, dE: np.ndarray, drift: MarginalModes) -> tuple[np.nd
     return V, np.where((share < 0.5) & np.isfinite(off), off, np.inf)
 
 
-def _rows(kinds):
+def _rows(kinds: Sequence[np.ndarray]) -> np.ndarray:
     """The rows of all kinds of ticks below each other, `(..., rows, n)`."""
     batch = np.broadcast_shapes(*(np.shape(changes)[:-2] for changes in kinds))
     alike = [np.broadcast_to(changes, (*batch, *changes.shape[-2:])) for changes in kinds]

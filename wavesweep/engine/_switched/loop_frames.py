@@ -309,7 +309,7 @@ def _enclosure(tick, middle, half):
     return Polynomials(terms, rest * np.abs(through), 1, 2)
 
 
-def _after(first, later):
+def _after(first: np.ndarray, later: np.ndarray) -> np.ndarray:
     return (later[0] @ first[0],)
 
 

@@ -13,6 +13,7 @@ in `norm_check`, are a proof; an eigenvalue of the operator outside the unit cir
 within the errors is a refutation.
 """
 
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -133,7 +134,7 @@ class Chances:
         )
         return proved
 
-    def _hull(self, low, high):
+    def _hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Control points of the matrices from low to high, and bounds on their errors; or None."""
         if self.in_matrices:
             return self.family.hull(low, high)
@@ -189,7 +190,9 @@ class Chances:
             return bool((u > 0).all() and (size @ u < (1 - rounding) * u).all())
         return False
 
-    def _enclosed(self, low, high):
+    def _enclosed(
+        self, low: float, high: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """The operator from low to high as `L + s D` and bounds on the rest, s from -1 to 1;
         None if it is not known."""
         points = self._hull(low, high)
@@ -238,7 +241,7 @@ class Chances:
                 size = (np.diagonal(moments.sum(0)) / np.diagonal(forms.sum(0))) ** 0.25
         return size
 
-    def _solved(self, operator, diagonal):
+    def _solved(self, operator: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
         """The matrices at the nodes that the operator changes by this diagonal matrix."""
         nodes = self.graph.nodes
         n = diagonal.size
@@ -260,7 +263,7 @@ def operator_of(A: np.ndarray, graph: Graph, weight: np.ndarray) -> np.ndarray:
     return _summed(weight[:, None, None] * _acting(A)[graph.symbol], graph)
 
 
-def _summed(parts, graph):
+def _summed(parts: np.ndarray, graph: Graph) -> np.ndarray:
     size = parts.shape[-1]
     nodes = graph.nodes
     total = np.zeros((nodes, size, nodes, size))
@@ -268,7 +271,7 @@ def _summed(parts, graph):
     return total.reshape(nodes * size, nodes * size)
 
 
-def _grow(operator, off) -> bool:
+def _grow(operator: np.ndarray, off: np.ndarray) -> bool:
     """Whether an operator within these errors has an eigenvalue outside the unit circle."""
     identity = np.eye(len(operator))
     count, clear = count_outside(
@@ -277,7 +280,7 @@ def _grow(operator, off) -> bool:
     return bool(count[0] > 0 and clear[0])
 
 
-def _line(points):
+def _line(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What is on a Bezier curve: `middle + s slope`, s from -1 to 1, and bounds on the rest;
     points: control points."""
     n = len(points) - 1
@@ -289,7 +292,7 @@ def _line(points):
     return middle, slope, np.abs(points - line).max(0)
 
 
-def _acting(A):
+def _acting(A: np.ndarray) -> np.ndarray:
     """The maps `X -> A X A'` of symmetric matrices, as matrices for vectors of `packed`."""
     return acting(A[:, :, :, None, None] * A[:, None, None], A.shape[-1])
 
@@ -331,7 +334,7 @@ def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float
     Mat. Nauk 3, 1948), and passes 1 only where `I - operator` is singular.
     """
 
-    def distance(x):
+    def distance(x: float) -> tuple[float, float]:
         operator = loop.operator(x)
         return np.linalg.slogdet(np.eye(len(operator)) - operator)
 
@@ -406,7 +409,9 @@ def nearest_growing(
     return fails, () if np.isnan(fails) else (0,)
 
 
-def _polished(loop, part, end, outside):
+def _polished(
+    loop: Chances, part: tuple[float, float], end: float, outside: Sequence[float]
+) -> float:
     """An end of a part by bisection, between its middle and the next one outside."""
     inside = sum(part) / 2
     beyond = min(
@@ -423,7 +428,9 @@ def _polished(loop, part, end, outside):
     return inside
 
 
-def _zeros(function, low, high):
+def _zeros(
+    function: Callable[[float], tuple[float, float]], low: float, high: float
+) -> list[float]:
     """The zeros of an analytic function within an interval, given as sign and logarithm of its
     size.
 
@@ -457,7 +464,7 @@ def _zeros(function, low, high):
     return found
 
 
-def _bracket(loop, part, limits):
+def _bracket(loop: Chances, part: tuple[float, float], limits: tuple[float, float]) -> Bracket:
     """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
     sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
     (low, below, down), (high, above, up) = sides
@@ -466,7 +473,9 @@ def _bracket(loop, part, limits):
     return Bracket(low, high, below, above, words, stretches)
 
 
-def _side(loop, start, end, limit):
+def _side(
+    loop: Chances, start: float, end: float, limit: float
+) -> tuple[float, float, list[ProvedStretch]]:
     """The number that the proof reaches towards an end, the refuted one beyond it, NaN without,
     and the stretches."""
     fails = np.nan

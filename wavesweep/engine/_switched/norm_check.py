@@ -86,7 +86,7 @@ def shrink_along(
     return definite(*in_its_units(F, np.broadcast_to(R, F.shape)))
 
 
-def _bezier(P, A, graph):
+def _bezier(P: np.ndarray, A: np.ndarray, graph: Graph) -> np.ndarray:
     """The control points of `P_i(s) - A(s)' P_j(s) A(s)`, `(degree + 1, edges, n, n)`."""
     of_P = len(P) - 1
     of_A = len(A) - 1
@@ -262,7 +262,7 @@ def _slack_over(forms, graph, A, weight) -> Slack:
         rest = root * moved.rest + 2 * UNIT_ROUNDING * root * np.abs(moved.terms).sum(0)
         moved = Polynomials(root * moved.terms, rest, A.numbers, A.order)
 
-    def summed(of_edges):
+    def summed(of_edges: np.ndarray) -> np.ndarray:
         """On average: the sum over the edges from each node."""
         if weight is None:
             return of_edges
@@ -349,7 +349,7 @@ def _less_errors(F, R, off):
     return known, F - less[..., None, None] * np.eye(n)
 
 
-def _root(weight):
+def _root(weight: np.ndarray) -> np.ndarray:
     """The roots of probabilities, or more, as factors of matrices."""
     return np.sqrt(weight * (1 + WEIGHED) + 16 * UNIT_ROUNDING)[:, None, None]
 
@@ -360,11 +360,11 @@ def are_chances(weight: np.ndarray, graph: Graph) -> bool:
     return bool((weight >= 0).all() and (np.abs(whole - 1) <= WEIGHED).all())
 
 
-def _symmetric(P):
+def _symmetric(P: np.ndarray) -> bool:
     return bool(np.isfinite(P).all() and (P.mT == P).all())
 
 
-def _norm(X):
+def _norm(X: np.ndarray) -> np.ndarray:
     """An upper bound on the largest singular value."""
     size = np.abs(X)
     return np.sqrt(size.sum(-1).max(-1) * size.sum(-2).max(-1))

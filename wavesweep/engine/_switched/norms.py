@@ -13,7 +13,7 @@ Graphs in which a node stands for the last 0, 1 or 2 frames, with a general solv
 tried in place of this. They need 324 nodes where eighteen lengths of frames need 8 here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -157,7 +157,9 @@ def find_norms(
     return centre, factor
 
 
-def _grown(A, follows, centre, factor, work, enough):
+def _grown(
+    A: np.ndarray, follows: np.ndarray, centre: Centre, factor: float, work: float, enough: float
+) -> tuple[Centre, float, bool]:
     """The forms and the factor that a search ends with, and whether it ended at a step that is
     singular to rounding."""
     # Newton's steps from the forms that a search begins with.
@@ -187,7 +189,7 @@ def _grown(A, follows, centre, factor, work, enough):
     return centre, factor, False
 
 
-def _started(A, follows, start):
+def _started(A: np.ndarray, follows: np.ndarray, start: Centre | None) -> tuple[Centre, float]:
     """The forms that a search begins with, and its factor: `start`, unless there is none or it
     is too far from the matrices."""
     if start is None:
@@ -230,7 +232,9 @@ def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
     return replace(centre, P=P, work=work)
 
 
-def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
+def advanced(
+    centre: Centre, matrices: Callable[[float], np.ndarray], x: float, target: float
+) -> tuple[Centre, float]:
     """Return forms for a number closer to the target, and that number: a step along the tangent of
     the centres, then Newton steps.
 
@@ -244,7 +248,7 @@ def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
     tangent = newton.solved(-(next_gradient - newton.gradient) / small)
     P = _nearer(centre, newton, A)
 
-    def holds(step):
+    def holds(step: float) -> bool:
         return _shrinks(P + step * tangent, centre.in_basis(matrices(x + step)), graph)
 
     step = target - x
@@ -288,7 +292,7 @@ def sloped(centre: Centre, terms: np.ndarray) -> tuple[Centre, np.ndarray]:
     return replace(centre, P=P, work=work), np.array(slopes).reshape(len(changes), *P.shape)
 
 
-def _nearer(centre, newton, A):
+def _nearer(centre: Centre, newton: "_Newton", A: np.ndarray) -> np.ndarray:
     """The forms after a Newton step, if the matrices A of z shrink in them; or else those
     before."""
     P = centre.P + newton.solved(-newton.gradient)
@@ -297,7 +301,7 @@ def _nearer(centre, newton, A):
     return centre.P
 
 
-def finer(centre, A, follows):
+def finer(centre: Centre, A: np.ndarray, follows: np.ndarray) -> Centre | None:
     """Return forms on a graph with some nodes split in two; None if no node can be split.
 
     centre: forms in which the matrices A of x shrink. The inverse slacks of the edges weight the
@@ -336,7 +340,7 @@ def finer(centre, A, follows):
     return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)
 
 
-def _shrinks(P, A, graph):
+def _shrinks(P: np.ndarray, A: np.ndarray, graph: Graph) -> bool:
     try:
         np.linalg.cholesky(_slack(P, A[graph.symbol], graph))
     except np.linalg.LinAlgError:
@@ -344,7 +348,7 @@ def _shrinks(P, A, graph):
     return True
 
 
-def _slack(P, A, graph):
+def _slack(P: np.ndarray, A: np.ndarray, graph: Graph) -> np.ndarray:
     return P[graph.source] - A.mT @ P[graph.target] @ A
 
 
@@ -356,7 +360,7 @@ class _EdgeTerms(NamedTuple):
     arriving: np.ndarray
 
 
-def _gradient(P, A, graph):
+def _gradient(P: np.ndarray, A: np.ndarray, graph: Graph) -> tuple[np.ndarray, _EdgeTerms]:
     """The gradient of the barrier, and the terms of each edge that it consists of."""
     A = A[graph.symbol]
     inverse = np.linalg.inv(_slack(P, A, graph))
@@ -385,7 +389,7 @@ class _Newton:
     shape: tuple[int, int]
 
     @staticmethod
-    def of(P, A, graph) -> "_Newton":
+    def of(P: np.ndarray, A: np.ndarray, graph: Graph) -> "_Newton":
         from scipy.linalg import cho_factor, cholesky_banded
 
         nodes, n, _ = P.shape
@@ -418,7 +422,7 @@ class _Newton:
         """Rough number of operations."""
         return self.gradient.size * min(self.band + 1, self.gradient.size) ** 2 / 3 + CALLS
 
-    def solved(self, right) -> np.ndarray:
+    def solved(self, right: np.ndarray) -> np.ndarray:
         """The changes of the forms that solve the equations for a right side."""
         from scipy.linalg import cho_solve, cho_solve_banded
 
@@ -431,7 +435,9 @@ class _Newton:
         return unpacked(step.reshape(nodes, -1), n)
 
 
-def _hessian_parts(inverse, moved, arriving, graph, nodes):
+def _hessian_parts(
+    inverse: np.ndarray, moved: np.ndarray, arriving: np.ndarray, graph: Graph, nodes: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield the parts of the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A
     F^-1 and A F^-1 A' on each edge: nodes of the rows and of the columns, and blocks `(parts, m,
     m)`; those at the same place add up."""
@@ -446,7 +452,7 @@ def _hessian_parts(inverse, moved, arriving, graph, nodes):
 
 
 @lru_cache(maxsize=64)
-def _places(n):
+def _places(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     row, column = np.triu_indices(n)
     return row, column, np.where(row == column, 1.0, np.sqrt(2))
 
@@ -465,7 +471,7 @@ def unpacked(vectors: np.ndarray, n: int) -> np.ndarray:
     return X
 
 
-def _products(X, order, bounds):
+def _products(X: np.ndarray, order: np.ndarray, bounds: list[int]) -> np.ndarray:
     """The sums of `vec(X) vec(X)'` over groups of matrices, `(groups, n, n, n, n)`; see
     `Graph.grouped`."""
     n = X.shape[-1]
@@ -491,7 +497,7 @@ def acting(products: np.ndarray, n: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _crossed(n):
+def _crossed(n: int) -> tuple[np.ndarray, np.ndarray]:
     """The places of X_ac X_bd and X_ad X_bc, for all pairs a <= b and c <= d."""
     row, column, _ = _places(n)
     a, b, c, d = row[:, None], column[:, None], row, column

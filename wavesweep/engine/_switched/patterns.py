@@ -59,7 +59,7 @@ def growth(A: np.ndarray, word: Word) -> float:
     return float(np.abs(np.linalg.eigvals(product)).max())
 
 
-def _rate(A, word):
+def _rate(A: np.ndarray, word: Word) -> float:
     """The growth of a word per matrix."""
     return growth(A, word) ** (1 / len(word))
 
@@ -113,7 +113,7 @@ def growing(
     return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
 
 
-def _of_two_runs(A, follows):
+def _of_two_runs(A: np.ndarray, follows: np.ndarray) -> dict[Word, float]:
     """The growth per matrix of the best words of a run of one matrix and a run of another.
 
     Frames are in the order of their lengths: one of both is the first or the last, the other one of
@@ -143,7 +143,7 @@ def _of_two_runs(A, follows):
     return rates
 
 
-def _of_walks(A, follows, norms):
+def _of_walks(A: np.ndarray, follows: np.ndarray, norms: Norms) -> dict[Word, float]:
     """The growth per matrix of the ends of walks, on which each matrix is that which leaves the
     state largest in norms.
 
@@ -188,7 +188,7 @@ def _of_walks(A, follows, norms):
     return rates
 
 
-def _fastest(products, lengths, most):
+def _fastest(products: np.ndarray, lengths: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the places of the words that grow fastest per matrix, the fastest first, and their
     growth, by their products and lengths. most: of them.
 
@@ -207,7 +207,7 @@ def _fastest(products, lengths, most):
     return order[best], rates[best]
 
 
-def _bounds(products, lengths):
+def _bounds(products: np.ndarray, lengths: np.ndarray | int) -> np.ndarray:
     """Bounds on the growth per matrix of words, `(...)`, by their products and lengths: with powers,
     `|P^k|^(1/k)` is one on the spectral radius of P."""
     power = products
@@ -244,7 +244,7 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
     return _least(word)
 
 
-def _neighbours(A, word):
+def _neighbours(A: np.ndarray, word: Word) -> tuple[list[Word], np.ndarray]:
     """The words with one matrix changed, added or removed, and their products."""
     n = A.shape[-1]
     length = len(word)
@@ -269,12 +269,12 @@ def _neighbours(A, word):
     return words, np.concatenate(products)
 
 
-def _allowed(follows, word):
+def _allowed(follows: np.ndarray, word: Word) -> bool:
     after = (*word[1:], word[0])
     return all(follows[one, other] for one, other in zip(word, after, strict=True))
 
 
-def _least(word):
+def _least(word: Word) -> Word:
     """The representative of all words with the same cycle: rotations and repetitions of a word
     have the same one."""
     for length in range(1, len(word) + 1):
