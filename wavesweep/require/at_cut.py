@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], 
     return loops, (INPUT, OUTPUT + SEEN), GainBound(INPUT, SEEN, bound.at_most * sqrt(steps[0]))
 
 
-def refuse_cut(drawing, cut: str) -> None:
+def refuse_cut(drawing: Any, cut: str) -> None:
     """Raise UsageError for a signal at which loops cannot be cut."""
     fault = fault_of_cut(drawing, cut)
     if fault:

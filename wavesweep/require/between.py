@@ -2,7 +2,7 @@
 that something is asked of."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,7 +21,14 @@ from wavesweep.require.maps import of_ticks, over_frame
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where loops are looked at first
 
 
-def loops_between(loops, along, drift, route, number, p):
+def loops_between(
+    loops: Loops,
+    along: str,
+    drift: MarginalModes,
+    route: tuple[str, str],
+    number: np.ndarray,
+    p: np.ndarray,
+) -> tuple[Port, np.ndarray]:
     """The loops `number` at values p as they are seen between an input and a signal, and their
     pivots."""
     at = loops.some(number).changed({along: p})
@@ -34,7 +41,9 @@ def loops_between(loops, along, drift, route, number, p):
     return port, np.concatenate([pivot, guards], -1)
 
 
-def typical_between(loops: Loops, along: str, span, size: int, route, key: str):
+def typical_between(
+    loops: Loops, along: str, span: tuple[float, float], size: int, route: tuple[str, str], key: str
+) -> tuple[MarginalModes, Port, np.ndarray, np.ndarray] | None:
     """The drift of loops that are seen between an input and a signal, their port at TYPICAL values
     of each of `size` slices, and the slices and values.
 
@@ -59,7 +68,7 @@ def typical_between(loops: Loops, along: str, span, size: int, route, key: str):
     return drift, port, number, p
 
 
-def needed(maps) -> np.ndarray:
+def needed(maps: tuple[Any, Any]) -> np.ndarray:
     """The states that the input reaches and the signal depends on."""
     states = np.flatnonzero(connected(maps))
     return states if states.size else np.arange(1)
@@ -164,7 +173,7 @@ def of_panels(pairs, at):
     return [pair.part(at) for pair in pairs]
 
 
-def poles_inside(pivots):
+def poles_inside(pivots: np.ndarray) -> np.ndarray:
     """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper
     half, `(n, points, k)`."""
     moving = (pivots[:, 1:] != pivots[:, :1]).any((1, 2))
@@ -173,7 +182,7 @@ def poles_inside(pivots):
     return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & moving
 
 
-def determinants(A):
+def determinants(A: np.ndarray) -> np.ndarray:
     """The determinants of matrices `(n, points, r, r)`, of a disc over the size of that in its
     middle."""
     sign, log = np.linalg.slogdet(A)

@@ -100,7 +100,7 @@ class _LoopsInDiscs:
         """Whether the number moves the worst eigenvalue smoothly across its bound."""
         return self.place.smooth
 
-    def at(self, column, p):
+    def at(self, column: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The frames less identity, `(n, r, r)`, and bounds on the errors of their entries."""
         E, dE = self.errors(self.columns[column], p)
         order = self.order
@@ -110,7 +110,9 @@ class _LoopsInDiscs:
         rows = self.block[:, None]
         return E[:, rows, self.block], np.abs(dE[:, rows, self.block])
 
-    def about(self, column, middle, radius):
+    def about(
+        self, column: np.ndarray, middle: np.ndarray, radius: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """`at` the middles of discs, and the frames on their rims, `(n, points, r, r)`, NaN if
         there may be a pole inside."""
         middle = middle[:, None]
@@ -129,7 +131,13 @@ class _LoopsInDiscs:
         rims = np.where(poles[:, None, None, None], np.nan, E[:, 1:])
         return E[:, 0].real, dE[:, 0], rims
 
-    def label(self, column, low, high, bounds):
+    def label(
+        self,
+        column: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
+        bounds: tuple[np.ndarray, np.ndarray],
+    ) -> np.ndarray:
         """GOOD, BAD or OPEN of panels."""
         middle = (low + high) / 2
         radius = high - low  # twice that of the panel

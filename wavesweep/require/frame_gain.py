@@ -203,7 +203,7 @@ def then(first: Joined, second: Joined) -> Joined:
     return Joined(E, _symmetric(G), _symmetric(Q), first.points, pivots, below)
 
 
-def _negative(G, Q):
+def _negative(G: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """How many negative eigenvalues `[-G -1; -1 Q]` has beside one for each state; NaN if
     rounding does not tell."""
     n = G.shape[-1]
@@ -385,19 +385,21 @@ def _angles(d, arc):
     return np.concatenate([angles, low + (high - low) * START / np.pi], -1)
 
 
-def _units(G, Q):
+def _units(G: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Units of the states in which G and Q are alike on their diagonals."""
     of_G, of_Q = (np.abs(np.diagonal(each, axis1=-2, axis2=-1)) for each in (G, Q))
     both = np.isfinite(of_G) & np.isfinite(of_Q) & (of_G > 0) & (of_Q > 0)
     return np.where(both, np.where(both, of_G, 1.0) / np.where(both, of_Q, 1.0), 1.0) ** 0.25
 
 
-def _symmetric(matrix):
+def _symmetric(matrix: Bounded) -> Bounded:
     """The symmetric part of a matrix, of one that is symmetric but for rounding."""
     return (matrix + matrix.mT) * 0.5
 
 
-def _exceeds(maps, level, theta):
+def _exceeds(
+    maps: tuple[Bounded, Bounded, Bounded, Bounded], level: float, theta: np.ndarray
+) -> np.ndarray:
     """Whether the gain is beyond the level, or infinite, at an angle of each panel for all numbers
     of it.
 

@@ -26,7 +26,12 @@ AT_REST_ANGLE = 1e-9  # of the level, how near the gain at rest is to it if it i
 
 
 def along_gain(
-    loops: Loops, along: str, domain: Domain, route, wanted: GainBound, stable: Intervals
+    loops: Loops,
+    along: str,
+    domain: Domain,
+    route: tuple[str, str],
+    wanted: GainBound,
+    stable: Intervals,
 ) -> Intervals:
     """All intervals of a number in which the gain of loops stays below a level, within those in
     which they may be stable.

@@ -247,7 +247,7 @@ def build(request: Request) -> Require | None:
     return None
 
 
-def _at_cut(request, leaves):
+def _at_cut(request: Request, leaves: dict[str, Any]) -> dict[str, float | str]:
     """The margins at a cut, and their mistakes: those of none, of a cut at which the loop cannot
     be cut, and of a cut alone."""
     mistakes = request.mistakes
@@ -268,7 +268,7 @@ def _at_cut(request, leaves):
     return values
 
 
-def _refuse_missing(mistakes, leaves):
+def _refuse_missing(mistakes: Any, leaves: dict[str, Any]) -> None:
     """Add the mistakes of what lies between an input and a signal without its ends or its level."""
     for table in BETWEEN:
         given = [leaf for name, leaf in leaves.items() if name.startswith(f"{table}.")]
@@ -279,7 +279,7 @@ def _refuse_missing(mistakes, leaves):
                 mistakes.refuse(given[0], f"{PATH}.{table}", expected, f"none of {key}")
 
 
-def _refuse_unknown_ports(request, leaves):
+def _refuse_unknown_ports(request: Request, leaves: dict[str, Any]) -> None:
     if not request.drawing:
         return
     hand = (request.drawing.hand or ())[:1]

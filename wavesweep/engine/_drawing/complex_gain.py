@@ -54,7 +54,7 @@ def _inside(wires: Sequence[tuple[str, Terms]], names: set[str]) -> dict[str, Te
 def _twins(wires: Mapping[str, Terms]) -> dict[str, Terms]:
     """The wires of the imaginary part."""
 
-    def twin(signal):
+    def twin(signal: str) -> str:
         block, _, port = signal.rpartition(".")
         return f"{block}{TWIN}.{port}"
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache, partial
+from typing import Any
 
 from wavesweep.engine._drawing.block_types import LONGEST_DELAY, TICK_HZ, TYPES
 from wavesweep.engine._drawing.drawing import Drawing, scalars
@@ -31,7 +32,13 @@ class Condition:
     expected, or a function of the values that gives it.
     """
 
-    def __init__(self, holds, expected, subject, *others):
+    def __init__(
+        self,
+        holds: Callable[..., Any],
+        expected: Callable[..., Any] | str,
+        subject: tuple[str, Tree],
+        *others,
+    ) -> None:
         self.path = subject[0]
         self.reads = (subject, *others)
         self.holds = holds

@@ -80,7 +80,7 @@ class _Clock(NamedTuple):
         return _Clock(every, phases[0] % every) if len(phases) == 1 else None
 
 
-def _in_slower_ticks(drawing, known):
+def _in_slower_ticks(drawing: Drawing, known: dict[str, float]) -> Drawing:
     """The drawing with delays at the ticks that count of them, see the heading."""
     blocks = {block.name: block for block in drawing.blocks}
     sources = defaultdict(set)
@@ -113,7 +113,7 @@ def _in_slower_ticks(drawing, known):
     return replace(drawing, blocks=tuple(blocks.values()))
 
 
-def _whole_frames(steps, in_a_frame):
+def _whole_frames(steps: int, in_a_frame: int) -> int:
     """How many whole frames may be taken from a delay, which keeps at least one step."""
     return max(0, steps - 1) // in_a_frame
 
@@ -125,7 +125,7 @@ def with_delays_of_one_step(drawing: Drawing, values: Mapping[str, object]) -> D
     return _with_keys(drawing, dict.fromkeys(longer, ("steps", ONE)))
 
 
-def _steps(drawing, known):
+def _steps(drawing: Drawing, known: dict[str, float]) -> dict[str, int]:
     """The steps of delays that are given in steps, by name; known: numbers by name."""
     steps = {}
     for block in drawing.blocks:
@@ -135,7 +135,7 @@ def _steps(drawing, known):
     return steps
 
 
-def _with_keys(drawing, keys):
+def _with_keys(drawing: Drawing, keys: dict[str, tuple[str, Tree]]) -> Drawing:
     """The drawing with another key in place of the only one of some delays, by name."""
     if not keys:
         return drawing
@@ -194,7 +194,7 @@ class _Ways:
         leads_on = delay in self.end or bool(behind & self.end)
         return leads_there and leads_on and not before & self.end and delay not in behind
 
-    def _reached(self, begin, without):
+    def _reached(self, begin: set[str], without: set[str]) -> set[str]:
         """The blocks that ways from some blocks reach, these included, but for ways by others."""
         reached = set()
         open_ = set(begin) - without
@@ -205,5 +205,5 @@ class _Ways:
         return reached
 
 
-def _block_of(name):
+def _block_of(name: str) -> str:
     return name.rpartition(".")[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
+from typing import Any
 
 from wavesweep.engine._drawing import scalar_place
 from wavesweep.engine._drawing.block_types import TICK_HZ
@@ -71,7 +72,7 @@ class Drawing:
     named: tuple[tuple[str, Terms], ...] = ()
     hashed: int = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Hash the trees once, since a drawing is looked up again and again."""
         object.__setattr__(self, "hashed", hash(self._parts()))
 
@@ -81,7 +82,7 @@ class Drawing:
     def __reduce__(self):
         return type(self), self._parts()  # another process has other hashes
 
-    def _parts(self):
+    def _parts(self) -> tuple[Any, ...]:
         return tuple(getattr(self, item.name) for item in fields(self) if item.init)
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
@@ -164,7 +165,9 @@ class Drawing:
     def _plant(self, names: set[str], arriving: tuple, sensed: tuple) -> Plant:
         """The plant of the blocks with these names; arriving, sensed: see `_between_ticks`."""
 
-        def own(pairs):
+        def own(
+            pairs: tuple[tuple[str, tuple[Any, ...]], ...],
+        ) -> tuple[tuple[str, tuple[Any, ...]], ...]:
             return tuple(pair for pair in pairs if _block_of(pair[0]) in names)
 
         members = tuple(block for block in self.blocks if block.name in names)
@@ -334,7 +337,7 @@ def _paths_in(trees: Iterable[Tree]) -> frozenset[str]:
     return frozenset(map(path_of, _names_in(trees)))
 
 
-def _between_ticks(drawing):
+def _between_ticks(drawing: Drawing) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Ports of plants with the dead times that arrive there, and outputs of plants with the dead
     times that read them."""
     plants = {block.name for block in drawing.blocks if block.plant}
@@ -352,7 +355,7 @@ def _between_ticks(drawing):
     return tuple(dict.fromkeys(arriving)), tuple(dict.fromkeys(sensed))
 
 
-def _block_of(name):
+def _block_of(name: str) -> str:
     return name.rpartition(".")[0]
 
 

@@ -251,12 +251,12 @@ def stepwise(
     )
 
 
-def _in_full(texts, meanings):
+def _in_full(texts: tuple[str, ...], meanings: dict[str, Tree]) -> tuple[Tree, ...]:
     """The trees of formulas with what their names stand for."""
     return tuple(parse(text).with_trees(meanings) for text in texts)
 
 
-def _meanings(keys, period):
+def _meanings(keys: tuple[tuple[str, Tree | str], ...], period: Tree) -> dict[str, Tree]:
     """What names in a formula stand for."""
     meanings = {name: tree for name, tree in keys if isinstance(tree, Tree)} | {"T": period}
     meanings["ahead"] = Tree.number(AHEAD.get(dict(keys).get("method"), 0.0))

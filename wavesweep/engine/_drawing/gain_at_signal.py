@@ -23,7 +23,9 @@ def with_late_signal(drawing: Drawing, runs: int) -> Drawing:
     return _with_block(drawing, f"{BLOCK}.y", LATE, "delay", ("steps", Tree.number(runs)))
 
 
-def _with_block(drawing, signal, name, kind, key):
+def _with_block(
+    drawing: Drawing, signal: str, name: str, kind: str, key: tuple[str, Tree]
+) -> Drawing:
     """The drawing with a block behind a signal, which runs when that of the signal does."""
     source = next(block for block in drawing.blocks if block.name == signal.rpartition(".")[0])
     added = DrawnBlock(name, kind, (key,), source.every, source.phase, source.phases)

@@ -3,8 +3,13 @@
 These are the functions behind the methods of `Drawing`, whose drawings they take.
 """
 
+from __future__ import annotations
+
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavesweep.engine._drawing.expressions import Tree
 
 # keys of blocks that decide how a loop is built
 STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")
@@ -36,7 +41,7 @@ def scalar_place(drawing: Any, number: str) -> str:
     return path if is_factor and all(tree.degree(number) <= 1 for tree in trees) else ""
 
 
-def _reads(tree, number):
+def _reads(tree: Tree, number: str) -> bool:
     """Whether a tree reads a number."""
     return tree.reads(number)
 

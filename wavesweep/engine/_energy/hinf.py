@@ -3,6 +3,7 @@ met at no frequency."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -85,7 +86,13 @@ def with_middles(theta: np.ndarray) -> np.ndarray:
     return np.concatenate([edges, (edges[..., 1:] + edges[..., :-1]) / 2], axis=-1)
 
 
-def _raise(value, theta, value_at, owners, candidates):
+def _raise(
+    value: np.ndarray,
+    theta: np.ndarray,
+    value_at: Callable[..., Any],
+    owners: np.ndarray,
+    candidates: np.ndarray,
+) -> None:
     """Replace the value of each owner by that of its best candidate, if that is larger."""
     row, column = np.nonzero(np.isfinite(candidates))
     if not row.size:
@@ -185,5 +192,5 @@ def angles(frame: Element) -> np.ndarray:
     return result
 
 
-def _symmetric(matrix):
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
     return (matrix + matrix.mT) / 2

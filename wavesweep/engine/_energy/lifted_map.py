@@ -1,9 +1,10 @@
 """Maps of a frame of ticks from one signal to another: their Hermitian parts at each frequency,
 and the pencils of levels."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class TickMaps:
         """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see
         `hinf`."""
 
-        def costs(C, D):
+        def costs(C: np.ndarray, D: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
             return 0.0, C.mT, D + D.mT - 2 * level[:, None, None] * np.eye(D.shape[-1])
 
         return self._frame(owner, costs)
@@ -82,13 +83,13 @@ class TickMaps:
         """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see
         `hinf`."""
 
-        def costs(C, D):
+        def costs(C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             of_inputs = square[:, None, None] * np.eye(D.shape[-1]) - D.mT @ D
             return -C.mT @ C, -C.mT @ D, of_inputs
 
         return self._frame(owner, costs)
 
-    def _frame(self, owner, costs):
+    def _frame(self, owner: np.ndarray | list[int], costs: Callable[..., Any]) -> Element:
         with np.errstate(all="ignore"):
             elements = []
             for E, B, C, D in self.at(owner).maps:
@@ -134,7 +135,7 @@ class TickMaps:
         return LiftedMap(self.frame(measured=measured), T, O, drive)
 
 
-def _flat(matrix, batch):
+def _flat(matrix: np.ndarray, batch: tuple[int, ...]) -> np.ndarray:
     tail = matrix.shape[-2:]
     return np.broadcast_to(matrix, (*batch, *tail)).reshape(prod(batch), *tail)
 
@@ -161,7 +162,7 @@ def closure(changes: Sequence[np.ndarray], states: np.ndarray) -> np.ndarray:
     return states
 
 
-def _nonzero(matrix):
+def _nonzero(matrix: np.ndarray) -> np.ndarray:
     """Entries that are not zero in some loop."""
     return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))
 
@@ -196,7 +197,7 @@ class LiftedMap:
         rounding of the largest entry.
         """
 
-        def eigenvalue(H):
+        def eigenvalue(H: np.ndarray) -> np.ndarray:
             eigenvalues = np.linalg.eigvalsh((H + H.conj().mT) / 2)
             if not noise:
                 return eigenvalues[:, 0]
@@ -207,7 +208,7 @@ class LiftedMap:
     def largest_square(self, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return the square of the largest singular value, in the same way."""
 
-        def square(H):
+        def square(H: np.ndarray) -> np.ndarray:
             H = H if H.shape[-2] <= H.shape[-1] else H.conj().mT
             if H.shape[-2] <= 1:
                 return (np.abs(H) ** 2).sum((-1, -2))
@@ -222,7 +223,9 @@ class LiftedMap:
             # Of two complex arrays, since numpy takes 15 times as long for a real one beside it.
             return self.T[owner] + (self.O[owner] + 0j) @ solve(A, self.G[owner] + 0j)
 
-    def _measured(self, owner, theta, measure):
+    def _measured(
+        self, owner: np.ndarray, theta: np.ndarray, measure: Callable[..., Any]
+    ) -> np.ndarray:
         owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
         measures = np.full(owner.size, np.nan)
         step = max(1, NUMBERS_AT_ONCE // max(1, self.T[0].size))
@@ -242,14 +245,14 @@ def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: 
     `(loops,)` each.
     """
 
-    def needed(owner, theta, _):
+    def needed(owner: np.ndarray, theta: np.ndarray, _: np.ndarray) -> np.ndarray:
         smallest = lifted.smallest(owner, np.maximum(theta, least[owner]))
         return np.nan_to_num(-period[owner] * smallest, nan=-np.inf)
 
-    def angles_at(owner, level):
+    def angles_at(owner: np.ndarray, level: np.ndarray) -> np.ndarray:
         return angles(ticks.pencil(owner, -level / period[owner]))
 
-    def slack(_, level):
+    def slack(_: np.ndarray, level: np.ndarray) -> np.ndarray:
         return DAMPING_SLACK * (1 + np.abs(level))
 
     return hinf_norm(needed, angles_at, ticks.loops, slack, SOFT)

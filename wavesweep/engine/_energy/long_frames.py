@@ -12,6 +12,8 @@ output of a stable loop has no more than g^2 times the energy of its input (the 
 for periodic loops S. Bittanti, P. Colaneri, Periodic Systems, 2009). No frequency is looked at.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +72,7 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
     return Norm(square, theta, certified)
 
 
-def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
+def largest_gains(lifted: LiftedMap, theta: np.ndarray) -> np.ndarray:
     """Return the largest singular value of the map of one loop at each angle, `(points,)`, or a
     little less."""
     T = lifted.T[0]
@@ -85,7 +87,7 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
     inner = solve(w, np.broadcast_to(G, (theta.size, *G.shape)) + 0j)  # (points, n, inputs)
     inner_conj = inner.conj()
 
-    def apply(v, back):
+    def apply(v: np.ndarray, back: bool) -> np.ndarray:
         if back:
             return _times(v, T) + (_times(v, O)[:, None] @ inner_conj)[:, 0]
         return _times(v, T.T) + _times((inner @ v[..., None])[..., 0], O.T)
@@ -94,7 +96,7 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
         return by_lanczos(apply, theta.size, len(T))
 
 
-def _times(vectors, matrix):
+def _times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return complex vectors `(points, k)` times a real matrix, without a complex copy of it."""
     product = np.concatenate([vectors.real, vectors.imag]) @ matrix
     return product[: len(vectors)] + 1j * product[len(vectors) :]
@@ -152,7 +154,12 @@ class Energies(NamedTuple):
     low: np.ndarray
 
 
-def _energies(maps, kinds, square, asked):
+def _energies(
+    maps: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
+    kinds: list[int],
+    square: float,
+    asked: list[np.ndarray],
+) -> Energies:
     """The energies of Riccati's equation; asked: in each kind of tick, of each state squared."""
     balances = []
     elements = []
@@ -180,7 +187,7 @@ def _energies(maps, kinds, square, asked):
     return stored
 
 
-def _unreturned(stored):
+def _unreturned(stored: Energies) -> float:
     """By how much the energy after the last tick misses the first, of the largest of each state."""
     size = np.sqrt(_largest(stored))
     return float(
@@ -188,13 +195,15 @@ def _unreturned(stored):
     )
 
 
-def _largest(stored):
+def _largest(stored: Energies) -> np.ndarray:
     """Return the largest energy of each state by itself, `(n,)`."""
     largest = np.abs(np.diagonal(stored.high, axis1=-2, axis2=-1)).max(0)
     return np.maximum(largest, LEAST_ENERGY * largest.max(initial=LEAST_NORMAL))
 
 
-def _over_frame(balances, kinds, high, low):
+def _over_frame(
+    balances: list[tuple[np.ndarray, ...]], kinds: list[int], high: np.ndarray, low: np.ndarray
+) -> tuple[Energies, np.ndarray]:
     """The energies back from those after the last tick, and the frame with the inputs they choose.
 
     balances: of each kind of tick E and B, and the costs of its states, of both and of its inputs.
@@ -214,7 +223,7 @@ def _over_frame(balances, kinds, high, low):
     return Energies(*(np.array(part[::-1]) for part in zip(*stored, strict=True))), closed
 
 
-def _of_all_frames(once, frame):
+def _of_all_frames(once: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """Return `sum over k of (frame')^k once frame^k`, twice as many terms in each step."""
     total = once
     for _ in range(DOUBLINGS):
@@ -226,14 +235,19 @@ def _of_all_frames(once, frame):
     return (total + total.T) / 2
 
 
-def _sum_and_rest(a, b):
+def _sum_and_rest(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the rounded sum of two arrays, and what rounding left of it (D. Knuth's exact sum)."""
     total = a + b
     of_b = total - a
     return total, (a - (total - of_b)) + (b - of_b)
 
 
-def _of_lemma(tick_map, square, stored, ticks):
+def _of_lemma(
+    tick_map: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    square: float,
+    stored: Energies,
+    ticks: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """The matrices of the lemma in ticks of one kind, and bounds on their errors.
 
     A product of n terms is known to n half roundings of its sizes, and two products and their sum
@@ -247,7 +261,14 @@ def _of_lemma(tick_map, square, stored, ticks):
     high = after - stored.high[ticks]
     low = stored.low[ticks + 1] - stored.low[ticks]
 
-    def terms(E, B, after, gained, given, shown):
+    def terms(
+        E: np.ndarray,
+        B: np.ndarray,
+        after: np.ndarray,
+        gained: np.ndarray,
+        given: np.ndarray,
+        shown: np.ndarray,
+    ) -> np.ndarray:
         """Their terms, of which the sizes are those of the sizes of all."""
         of_E = after @ E
         of_B = after @ B
@@ -265,13 +286,13 @@ def _of_lemma(tick_map, square, stored, ticks):
     return -terms(E, B, after, high + low, -given, shown), error
 
 
-def _row_sums(matrix, units):
+def _row_sums(matrix: np.ndarray, units: np.ndarray) -> np.ndarray:
     """Sums of rows in these units, which are on the diagonal of a diagonal matrix that bounds a
     symmetric one."""
     return (matrix / units).sum(-1) * units
 
 
-def _lost(matrix, error, units):
+def _lost(matrix: np.ndarray, error: np.ndarray, units: np.ndarray) -> np.ndarray:
     """What is taken off the diagonals of symmetric matrices before they are decomposed, `(ticks,
     N)`.
 
@@ -285,7 +306,7 @@ def _lost(matrix, error, units):
 
 
 @np.errstate(all="ignore")
-def _all_positive(matrix, error, units) -> bool:
+def _all_positive(matrix: np.ndarray, error: np.ndarray, units: np.ndarray) -> bool:
     """Whether symmetric matrices are positive definite for all errors of their entries."""
     at = np.arange(matrix.shape[-1])
     lost = _lost(matrix, error, units)

@@ -37,7 +37,7 @@ def squared_norm(ticks: TickMaps) -> Peak:
     return peak
 
 
-def _by_responses(ticks):
+def _by_responses(ticks: TickMaps) -> Peak:
     """The same by the responses at all angles at which a level may be met."""
     lifted = ticks.lifted(measured=False)
     return hinf_norm(

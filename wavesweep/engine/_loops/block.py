@@ -1,6 +1,7 @@
 """The discrete block in delta form, of which all loops consist, and its arrays over a batch."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +11,13 @@ SPARSE_ROWS = 100
 SPARSE_SHARE = 0.05
 
 
-def numbers(array) -> np.ndarray:
+def numbers(array: Any) -> np.ndarray:
     """Return `array` as floats, or as complex numbers if a parameter is complex."""
     array = np.asarray(array)
     return array if array.dtype.kind == "c" else array.astype(float, copy=False)
 
 
-def frozen(array) -> np.ndarray:
+def frozen(array: np.ndarray | list[list[float]]) -> np.ndarray:
     """Return `array` as a read-only view of `numbers`; the caller's own array stays writable."""
     if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
         return array
@@ -25,7 +26,7 @@ def frozen(array) -> np.ndarray:
     return view
 
 
-def matrix(rows) -> np.ndarray:
+def matrix(rows: list[list[np.ndarray | float]]) -> np.ndarray:
     """Stack rows of scalars and arrays to `(..., len(rows), len(rows[0]))`, entries broadcast
     together."""
     kinds = set().union(*(map(type, row) for row in rows))
@@ -41,7 +42,7 @@ def matrix(rows) -> np.ndarray:
     return stacked
 
 
-def block_diagonal(parts) -> np.ndarray:
+def block_diagonal(parts: list[np.ndarray] | tuple[np.ndarray, ...]) -> np.ndarray:
     """Return matrices along a diagonal, `(..., rows, columns)`."""
     batch = np.broadcast_shapes(*(block.shape[:-2] for block in parts))
     height = sum(block.shape[-2] for block in parts)
@@ -58,7 +59,7 @@ def block_diagonal(parts) -> np.ndarray:
     return diagonal
 
 
-def concatenated(parts, axis: int) -> np.ndarray:
+def concatenated(parts: list[np.ndarray] | tuple[np.ndarray, ...], axis: int) -> np.ndarray:
     """Return matrices side by side (axis -1) or below each other (-2), broadcast over their
     batches."""
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in parts))
@@ -104,7 +105,7 @@ class Block:
     labels: tuple[str, ...] = ()
     ring: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the shapes once and make the arrays read-only."""
         n = len(self.states)
         m = len(self.inputs)
@@ -124,7 +125,7 @@ class Block:
     def of_loop(self, at: int) -> "Block":
         """Return the block of one loop of a batch; what all loops have alike has no axis for them."""
 
-        def own(array, axes):
+        def own(array: np.ndarray | float, axes: int) -> np.ndarray | float:
             return np.asarray(array)[at] if np.ndim(array) > axes else array
 
         return replace(

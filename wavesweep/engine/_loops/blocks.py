@@ -6,8 +6,10 @@ continuous, with the sizes of terms that cancel. Numbers are scalars or arrays o
 complex. Matrices of `ss` are lists of rows of these.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +23,9 @@ from wavesweep.engine._loops.device import LOST_PHASE, impulse_and_step, motion
 from wavesweep.engine._loops.filters import butterworth as sections
 from wavesweep.engine.doubles import EPS, LARGEST_DOUBLE
 
+if TYPE_CHECKING:
+    from wavesweep.engine._state_space import StateSpace
+
 SERIES_SIZE = 0.5  # row sum up to which the series is taken, without unit
 WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
@@ -31,7 +36,9 @@ LABELS = {  # of the states of a block, for messages
 }
 
 
-def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
+def mass(
+    name: str, period: float, mass: float, damping: float = 0.0, stiffness: np.ndarray | float = 0.0
+) -> Block:
     """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v`
     (m/s)."""
     m = numbers(mass)
@@ -49,7 +56,13 @@ def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     return replace(block, terms=sizes, labels=(f"{name} velocity", f"{name} position"))
 
 
-def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
+def inertia(
+    name: str,
+    period: float,
+    inertia: np.ndarray | float,
+    damping: float = 0.0,
+    stiffness: float = 0.0,
+) -> Block:
     """A `mass` that turns: `f` (N*m) -> `x` (rad), `v` (rad/s)."""
     return mass(name, period, inertia, damping, stiffness)
 
@@ -70,13 +83,15 @@ def mass_matrix(name, period, **keys) -> Block:
     return replace(block, at_rest=at_rest, labels=labels)
 
 
-def pivot_of(kind, keys):
+def pivot_of(kind: str, keys: dict[str, Any]) -> float:
     """What the entries of a continuous block are divided by, which makes poles of them where it
     is zero."""
     return numbers(determinant(at_axes(keys, "mass"))) if kind == "mass_matrix" else 1.0
 
 
-def sizes_of(kind, keys, A, B):
+def sizes_of(
+    kind: str, keys: dict[str, Any], A: np.ndarray, B: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The sizes of the terms of the sums that the entries of A and B of a continuous block are."""
     if kind != "mass_matrix":
         return np.abs(A), np.abs(B)
@@ -110,7 +125,18 @@ def spring(name, period, k, d=0.0) -> Block:
     return _block(name, *TYPES["spring"].ports, definitions.continuous("spring", keys))
 
 
-def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
+def ss(
+    name: str,
+    period: float,
+    A: list[list[np.ndarray | float]],
+    B: list[list[float]],
+    C: list[list[float]],
+    D: list[list[np.ndarray | float]],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    discrete: bool = False,
+    rests: list[list[float]] | None = None,
+) -> Block:
     """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs
     held: exact.
 
@@ -134,7 +160,14 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) ->
     return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D)))
 
 
-def tf(name, period, num, den, discrete=False, rests=None) -> Block:
+def tf(
+    name: str,
+    period: float,
+    num: list[float],
+    den: list[float],
+    discrete: bool = False,
+    rests: tuple[list[float], list[float]] | None = None,
+) -> Block:
     """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
 
     A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and
@@ -162,7 +195,7 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
 
 
-def _trailing_zeros(coefficients):
+def _trailing_zeros(coefficients: list[float]) -> int:
     """The number of coefficients at the end that are zero and no arrays; 0 if all are."""
     for at, coefficient in enumerate(reversed(coefficients)):
         if type(coefficient) not in (int, float) or coefficient:
@@ -170,7 +203,9 @@ def _trailing_zeros(coefficients):
     return 0
 
 
-def _discrete_tf(name, num, den, of_num, of_den):
+def _discrete_tf(
+    name: str, num: list[float], den: list[float], of_num: list[float], of_den: list[float]
+) -> Block:
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last
     k coefficients read.
 
@@ -185,7 +220,7 @@ def _discrete_tf(name, num, den, of_num, of_den):
     denominator = [numbers(coefficient) for coefficient in den[: n + 1]]
     later = [numbers(coefficient) / den[0] for coefficient in num[n + 1 :]]
 
-    def about(centre):
+    def about(centre: int) -> tuple[list[float], list[float]]:
         above = recentred(centre, numerator, of_num[: n + 1])
         return above, recentred(centre, denominator, of_den[: n + 1])
 
@@ -206,14 +241,14 @@ def _discrete_tf(name, num, den, of_num, of_den):
     return _block(name, ("u",), ("y",), equations, rest)
 
 
-def realisation(den) -> tuple[int, int]:
+def realisation(den: list[float]) -> tuple[int, int]:
     """Return how many delays a transfer function in z has at its end, and the centre, 1 or -1,
     of the powers of the rest."""
     delays = _trailing_zeros(den)
     return delays, -1 if _near_minus_one(den[: len(den) - delays]) else 1
 
 
-def _near_minus_one(den):
+def _near_minus_one(den: list[float]) -> bool:
     """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is
     1.
 
@@ -226,13 +261,15 @@ def _near_minus_one(den):
     return _bound_on_roots(minus) < _bound_on_roots(ones) and ones[-1] > 0
 
 
-def _bound_on_roots(sizes):
+def _bound_on_roots(sizes: np.ndarray) -> float:
     """A bound on the sizes of roots, but for a factor, from those of coefficients of descending
     powers (Fujiwara 1916)."""
     return np.max((sizes[1:] / sizes[0]) ** (1 / np.arange(1, len(sizes))), initial=0.0)
 
 
-def recentred(at, coefficients, rests=None):
+def recentred(
+    at: int, coefficients: list[np.ndarray | float], rests: list[float] | None = None
+) -> list[float]:
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it
     again and again.
 
@@ -258,12 +295,18 @@ def recentred(at, coefficients, rests=None):
     return [total + rest for total, rest in zip(sums, lost, strict=True)]
 
 
-def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
+def butterworth(
+    name: str,
+    period: np.ndarray | float,
+    order: int,
+    cutoff_hz: np.ndarray | float,
+    passes: str = "low",
+) -> Block:
     """Butterworth filter by the bilinear transform with prewarping, in normal form; `u` -> `y`."""
     return sections(name, order, cutoff_hz, period, highpass=passes == "high")
 
 
-def defined(kind, name, period, **keys) -> Block:
+def defined(kind: str, name: str, period: float, **keys) -> Block:
     """A block of a type that `definitions.running` defines, with its keys; see its description
     in `TYPES`."""
     period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
@@ -274,7 +317,7 @@ def defined(kind, name, period, **keys) -> Block:
     return replace(_block(name, *TYPES[kind].ports_of(keys), equations, rest), labels=labels)
 
 
-def _with_numbers(kind, keys):
+def _with_numbers(kind: str, keys: dict[str, Any]) -> dict[str, Any]:
     """The keys of a block of this type, those that are numbers as arrays."""
     types = {name: key.type for name, key in TYPES[kind].keys.items()}
     return {
@@ -282,7 +325,7 @@ def _with_numbers(kind, keys):
     }
 
 
-def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
+def continuous(kind: str, keys: dict[str, Any]) -> tuple[tuple[str, ...], tuple]:
     """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
     keys = _with_numbers(kind, keys)
     for name in ("num", "den") if kind == "tf" else ():
@@ -301,7 +344,9 @@ class HeldMatrices(NamedTuple):
     of_G: np.ndarray
 
 
-def held(A, B, period, sizes=None):
+def held(
+    A: np.ndarray, B: np.ndarray, period: float, sizes: tuple[np.ndarray, np.ndarray] | None = None
+) -> HeldMatrices | tuple[np.ndarray, np.ndarray]:
     """`E = exp(A T) - 1` and `G = int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k
     doublings in delta form,
 
@@ -363,13 +408,13 @@ class Rates(NamedTuple):
     of_B: np.ndarray
     period: object
 
-    def over(self, share=1, columns=slice(None)) -> HeldMatrices:
+    def over(self, share: float = 1, columns: list[int] | slice = slice(None)) -> HeldMatrices:
         """E and G of `held` over a share of the period; columns: some of those of B."""
         sizes = self.of_A, self.of_B[..., columns]
         return held(self.A, self.B[..., columns], share * self.period, sizes)
 
 
-def _series(A, B):
+def _series(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`exp(A) - 1` and `int_0^1 exp(A s) ds B` for small A."""
     E = 0.0
     G = 0.0
@@ -386,7 +431,7 @@ def _series(A, B):
     return E, G
 
 
-def _by_entries(A):
+def _by_entries(A: np.ndarray) -> np.ndarray:
     """A matrix, as the entries that are not zero if it has many rows with few of these."""
     if A.ndim > 2 or len(A) < SPARSE_ROWS or np.count_nonzero(A) > SPARSE_SHARE * A.size:
         return A
@@ -395,11 +440,11 @@ def _by_entries(A):
     return csc_array(A)
 
 
-def _matrix(rows, shape):
+def _matrix(rows: list[list[np.ndarray | float]], shape: tuple[int, int]) -> np.ndarray:
     return matrix(rows) if all(shape) else np.zeros(shape)
 
 
-def _arrays(parts, n, m, p):
+def _arrays(parts: Any, n: int, m: int, p: int) -> tuple[np.ndarray, ...]:
     """E, B, C and D as arrays; D alone if that is all that is given."""
     shapes = ((n, n), (n, m), (p, n), (p, m))[-len(parts) :]
     arrays = []
@@ -408,7 +453,13 @@ def _arrays(parts, n, m, p):
     return tuple(arrays)
 
 
-def _block(name, inputs, outputs, equations, rest=None):
+def _block(
+    name: str,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    equations: Equations,
+    rest: StateSpace | tuple[list[list[Any]], ...] | None = None,
+) -> Block:
     """A block of equations, and of those at rest."""
     sizes = len(equations.states), len(inputs), len(outputs)
     at_rest = rest and _arrays(rest, *sizes)

@@ -7,13 +7,19 @@ ticks, and dead times have a twentieth of the states. This is for analyses of th
 forces from outside, responses and simulations have the spec's own tick.
 """
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 from math import gcd
+from typing import TYPE_CHECKING
 
 from wavesweep.engine._drawing.drawing import Drawing, scalars
 from wavesweep.engine._loops.dead_time import in_longer_ticks
+
+if TYPE_CHECKING:
+    from wavesweep.engine._drawing.drawn_block import DrawnBlock
 
 # blocks that only pass on what they read in a tick, or so many ticks ago
 RELAYS = ("gain", "hold", "delay")
@@ -53,7 +59,7 @@ def _ticks(drawing, known):
     return ticks, tuple(relays)
 
 
-def _acts_between(drawing, relays):
+def _acts_between(drawing: Drawing, relays: tuple[str, ...]) -> bool:
     """Whether something that changes between the ticks at which blocks run acts on plants or dead
     times there.
 
@@ -77,11 +83,11 @@ def _acts_between(drawing, relays):
     return acts_on_plants or acts_on_late
 
 
-def _block_of(name):
+def _block_of(name: str) -> str:
     return name.rpartition(".")[0]
 
 
-def _in_longer(block, ticks, relays):
+def _in_longer(block: DrawnBlock, ticks: int, relays: tuple[str, ...]) -> DrawnBlock:
     """The block with its times counted in longer ticks; plants, dead times and relays are of
     every tick."""
     if block.name in relays and block.type == "delay":

@@ -13,7 +13,7 @@ the tick k is that of `s T` after the tick k - m began. If another dead time arr
 loop is built, and s is a number of it like others.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -213,7 +213,7 @@ def breaks(
         return [*span]
     row, count, cell = np.array(sorted(crossings), int).T
 
-    def beyond(p):
+    def beyond(p: np.ndarray) -> np.ndarray:
         return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
 
     apart = WHOLE_TICK * (span[1] - span[0])  # values that are nearer are meant to be the same
@@ -240,7 +240,7 @@ def pieces_of(
         yield piece, {key: int(number) for key, number in ticks.items()}
 
 
-def _whole_at(beyond, low, high):
+def _whole_at(beyond: Callable[..., Any], low: np.ndarray, high: np.ndarray) -> list[float]:
     """The values in cells from `low` to `high`, arrays, at which functions are 0, which they pass
     there or meet at an end.
 
@@ -259,7 +259,9 @@ def _whole_at(beyond, low, high):
     return np.where(passed, within, at_an_end).tolist()
 
 
-def _nearer(low, high, at_low, at_high):
+def _nearer(
+    low: np.ndarray, high: np.ndarray, at_low: np.ndarray, at_high: np.ndarray
+) -> np.ndarray:
     """The end of each cell at which its function is nearer to 0."""
     return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
 
@@ -268,7 +270,9 @@ CELL_HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
 MOST_SPREAD = 0.25  # ticks by which a dead time may change between neighbours
 
 
-def _places(drawing, values, path, span):
+def _places(
+    drawing: Drawing, values: dict[str, float], path: str, span: tuple[float, float]
+) -> np.ndarray:
     """Points of a span: even ones, and as many more as it takes until no dead time changes by more
     than MOST_SPREAD between two.
 
@@ -313,7 +317,7 @@ def _spread(tree, numbers, name, low, high):
     return 2 * float(value.rad()) if value.is_finite() else np.inf
 
 
-def _ticks(drawing, values, path, p):
+def _ticks(drawing: Drawing, values: dict[str, float], path: str, p: np.ndarray) -> np.ndarray:
     """Dead times in ticks, and sums of two of which the order matters, at values of a number:
     `(sums, points)`."""
     numbers = scalars({**values, path: p})
@@ -355,7 +359,9 @@ def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: boo
     return Block(name, inputs, ("y", NEXT)[shown], states, E, B, C[shown], D[shown])
 
 
-def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: str) -> dict:
+def joined(
+    sums: dict, plants: tuple[Plant, ...], inside: Mapping[str, str], product: str, factor: str
+) -> dict:
     """Return junctions with those at the ports by which dead times act on plants and read them.
 
     What a dead time reads of a plant goes from its port "u" to SENSED, where it is the plant's

@@ -247,7 +247,7 @@ def _static(D):
     return Equations((), [], [], [[] for _ in D], D)
 
 
-def _unit(size):
+def _unit(size: int) -> list[list[int]]:
     """The rows of a unit matrix."""
     return [[int(i == j) for j in range(size)] for i in range(size)]
 

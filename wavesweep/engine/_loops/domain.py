@@ -1,9 +1,12 @@
 """Where a loop that a spec draws is an analytic function of one of its numbers, and which
 numbers make no loop."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +16,9 @@ from wavesweep.engine._drawing.expressions import SharedParts, Tree
 from wavesweep.engine._keys.checking import computable
 from wavesweep.engine._loops.values import numbers_of
 from wavesweep.engine.errors import UsageError
+
+if TYPE_CHECKING:
+    from wavesweep.engine._drawing.conditions import Condition
 
 
 def domain(
@@ -36,7 +42,7 @@ def domain(
 
 def domains(
     drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int
-):
+) -> tuple[np.ndarray, np.ndarray]:
     """The values of a number, about a span, between which each loop is an analytic function of it:
     two arrays, `(size,)`.
 
@@ -85,7 +91,7 @@ def _limits(key, guard, root, known, name, span):
     away = DISTANCES * (high - low)
     within = np.linspace(low, high, POINTS_WITHIN)
 
-    def values_at(tree, points):
+    def values_at(tree: Tree, points: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):
             return np.asarray(tree.values({**known, name: points})).reshape(-1, points.size)
 
@@ -151,7 +157,7 @@ def guards_at(
     return np.stack(guard_values, axis=-1) if guard_values else np.ones((*shape, 0))
 
 
-def _keep_sign(value):
+def _keep_sign(value: np.ndarray) -> np.ndarray:
     """Whether each value has the sign of the first one of its row, and is not 0, `(loops,
     points)`."""
     with np.errstate(all="ignore"):
@@ -163,7 +169,7 @@ POINTS_WITHIN = 401  # of a span, at which signs are looked at
 DISTANCES = np.geomspace(1e-6, 1e3, 400)  # from the ends of a span, in widths of it
 
 
-def _touches_zero(guard, known, name, points):
+def _touches_zero(guard: Tree, known: dict[str, float], name: str, points: np.ndarray) -> bool:
     """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
     with np.errstate(all="ignore"):
         size = np.abs(guard.values({**known, name: points})).reshape(-1, points.size)
@@ -193,7 +199,9 @@ def _touches_zero(guard, known, name, points):
 LOOPS_AT_ONCE = 1000  # loops that are examined at a time
 
 
-def _different(known, most=None):
+def _different(
+    known: dict[str, float], most: int | None = None
+) -> tuple[dict[str, float], np.ndarray]:
     """The different rows of the arrays among these values, as columns, and the row of each loop.
 
     most: so many rows at most, spread over all.
@@ -207,12 +215,12 @@ def _different(known, most=None):
     return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(-1)
 
 
-def _rows_of(known, some):
+def _rows_of(known: dict[str, float], some: slice) -> dict[str, float]:
     return {name: value[some] if np.ndim(value) else value for name, value in known.items()}
 
 
 @lru_cache(maxsize=256)
-def _guards_of(drawing, number):
+def _guards_of(drawing: Drawing, number: str) -> tuple[tuple[Any, ...], ...]:
     """The guards that read a number, as path of a key, tree, names of all numbers that it or its
     root reads, and that root."""
     guards = {
@@ -289,7 +297,9 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _unsuitable_alone(drawing, items, others):
+def _unsuitable_alone(
+    drawing: Drawing, items: tuple[tuple[str, float], ...], others: frozenset[str]
+) -> bool:
     """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
     from wavesweep.engine._drawing.conditions import conditions
 
@@ -303,7 +313,9 @@ def _unsuitable_alone(drawing, items, others):
     return False
 
 
-def _broken(condition, known, shared):
+def _broken(
+    condition: Condition, known: dict[str, np.ndarray], shared: SharedParts
+) -> np.ndarray | bool:
     """Whether numbers break a condition, of each loop."""
     values = [tree.values(known, shared) for _, tree in condition.reads]
     return np.logical_not(computable(values[0]) & condition.holds(*values))

@@ -18,14 +18,20 @@ from wavesweep.engine.doubles import LEAST_NORMAL
 FEW_ROUNDINGS = 64.0
 
 
-def _hypotenuse(a, b):
+def _hypotenuse(a: float, b: float) -> float:
     return np.hypot(np.abs(a), np.abs(b))
 
 
 DOUBLES = SimpleNamespace(pi=np.pi, sqrt=np.sqrt, sin=np.sin, cos=np.cos, hypot=_hypotenuse)
 
 
-def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:
+def butterworth(
+    name: str,
+    order: int,
+    cutoff_hz: np.ndarray | float,
+    period: np.ndarray | float,
+    highpass: bool = False,
+) -> Block:
     """Butterworth filter by the bilinear transform with prewarping, as a cascade of normal-form
     sections.
 
@@ -43,7 +49,9 @@ def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False
     return (_known if plain else _filter)(name, order, cutoff_hz, period, highpass)
 
 
-def _filter(name, order, cutoff_hz, period, highpass) -> Block:
+def _filter(
+    name: str, order: int, cutoff_hz: np.ndarray | float, period: np.ndarray | float, highpass: bool
+) -> Block:
     """The filter, see `butterworth`."""
     if order == 0:
         return _assemble(name, [])
@@ -122,7 +130,9 @@ def sections_of_angle(
     return found
 
 
-def _single(warped, highpass, library):
+def _single(
+    warped: np.ndarray | float, highpass: bool, library: SimpleNamespace
+) -> tuple[list[list[Any]], list[list[Any]], list[list[Any]], list[list[Any]]]:
     """First-order section of pole -warped: (E, B, C, D) after the bilinear transform."""
     gain = 1 / (1 + warped)
     root = library.sqrt(2 * warped) * gain
@@ -132,7 +142,9 @@ def _single(warped, highpass, library):
     return E, [[root]], [[root]], [[warped * gain]]
 
 
-def _pair(warped, angle, highpass, library):
+def _pair(
+    warped: np.ndarray | float, angle: float, highpass: bool, library: SimpleNamespace
+) -> tuple[list[list[Any]], list[list[Any]], list[list[Any]], list[list[Any]]]:
     """Second-order section of poles warped*exp(+-j angle): (E, B, C, D) after the bilinear
     transform.
 
@@ -170,7 +182,7 @@ def _pair(warped, angle, highpass, library):
     return E, B, C, [[through + (c1 * q + c2 * p) * b]]
 
 
-def _assemble(name, sections) -> Block:
+def _assemble(name: str, sections: list[StateSpace]) -> Block:
     """Series connection of sections, the first nearest to the input.
 
     With x, y of those before it, a section `z+ - z = e z + b y`, `out = c z + d y` adds the row

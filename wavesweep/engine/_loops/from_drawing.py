@@ -1,9 +1,12 @@
 """From a drawn loop to its blocks: numbers put in, twins of it with other numbers, and the names
 of its port's signals."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 import numpy as np
@@ -21,6 +24,11 @@ from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine._loops.plant import plant_of
 from wavesweep.engine._loops.values import keys_with, numbers_of
 from wavesweep.engine._state_space import StateSpace
+
+if TYPE_CHECKING:
+    from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant
+    from wavesweep.engine._drawing.expressions import Tree
+    from wavesweep.engine._loops.block import Block
 
 # the junctions at the hand's port
 POSITION = "ports.hand.displacement"
@@ -65,7 +73,9 @@ def assembled(
     return MultirateLoop(tick, placed, sums, inputs, rate=rate)
 
 
-def _named_inside(sums, inside):
+def _named_inside(
+    sums: dict[str, dict[str, np.ndarray | float]], inside: dict[str, str]
+) -> dict[str, dict[str, np.ndarray | float]]:
     """Junctions with the names that the ports of blocks have in plants of several."""
     renamed = {}
     for port, terms in sums.items():
@@ -75,7 +85,12 @@ def _named_inside(sums, inside):
     return renamed
 
 
-def _blocks(drawing, known, rate, tick):
+def _blocks(
+    drawing: Drawing,
+    known: dict[str, np.ndarray | int],
+    rate: np.ndarray | float,
+    tick: np.ndarray | float,
+) -> tuple[ScheduledBlock, ...]:
     """The blocks, dead times and plants of a drawing, with their numbers."""
     placed = [_placed(block, known, tick) for block in drawing.alone if not block.dead_time]
     placed += [_dead_time(drawing, name, known) for name in drawing.dead_times]
@@ -84,14 +99,16 @@ def _blocks(drawing, known, rate, tick):
     return tuple(placed)
 
 
-def _plant(plant, known, tick, shares):
+def _plant(
+    plant: Plant, known: dict[str, np.ndarray | int], tick: float, shares: dict[str, np.ndarray]
+) -> ScheduledBlock:
     """A plant of several blocks, or one that dead times act on, with its numbers."""
     gains = {port: _gains(terms, known) for port, terms in plant.couplings}
     keys = {block.name: _keys(block, known) for block in plant.members}
     return ScheduledBlock(plant_of(plant, keys, gains, tick, known, shares))
 
 
-def _dead_time(drawing, name, known):
+def _dead_time(drawing: Drawing, name: str, known: dict[str, np.ndarray | int]) -> ScheduledBlock:
     """The block of a dead time."""
     sensed = set()
     arriving = False
@@ -105,18 +122,22 @@ def _dead_time(drawing, name, known):
     return ScheduledBlock(block)
 
 
-def rate_of(drawing: Drawing, values: Mapping[str, object]):
+def rate_of(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     """Return the rate of the tick (Hz); values: as for `assembled`."""
     with np.errstate(all="ignore"):
         return drawing.tick_hz.values(numbers_of(values))
 
 
-def _gains(terms, known):
+def _gains(
+    terms: tuple[tuple[str, Tree], ...], known: dict[str, np.ndarray | int]
+) -> dict[str, np.ndarray | float]:
     """The gains of terms; known: numbers by name."""
     return {signal: gain.values(known) for signal, gain in terms}
 
 
-def _placed(block, known, tick):
+def _placed(
+    block: DrawnBlock, known: dict[str, np.ndarray | int], tick: np.ndarray | float
+) -> ScheduledBlock:
     """The block with its numbers; one that they do not vary in a batch is remembered."""
     read = {name: known[name] for name in _read_by(block)}
     if np.ndim(tick) or any(np.ndim(value) or np.iscomplexobj(value) for value in read.values()):
@@ -126,17 +147,21 @@ def _placed(block, known, tick):
 
 
 @lru_cache(maxsize=4096)
-def _read_by(block):
+def _read_by(block: DrawnBlock) -> tuple[str, ...]:
     return tuple(sorted({name for _, tree in block.trees() for name in tree.names}))
 
 
 @lru_cache(maxsize=2048, typed=True)
-def _placed_alone(block, read, tick):
+def _placed_alone(
+    block: DrawnBlock, read: tuple[tuple[str, float], ...], tick: float
+) -> ScheduledBlock:
     known = {name: v if isinstance(v, int) else numbers(v) for name, v in read}
     return _with_numbers(block, known, tick)
 
 
-def _with_numbers(block, known, tick):
+def _with_numbers(
+    block: DrawnBlock, known: dict[str, np.ndarray | int], tick: float
+) -> ScheduledBlock:
     """The block with its numbers; its period is that between its runs."""
     every = int(block.every.values(known))
     phase = int(block.phase.values(known))
@@ -158,7 +183,9 @@ def _with_numbers(block, known, tick):
     return ScheduledBlock(make(core.name, period, **keys), every, block.phases or phase)
 
 
-def _coefficients(block, keys, period):
+def _coefficients(
+    block: DrawnBlock, keys: dict[str, Any], period: float
+) -> dict[str, list[float] | str]:
     """The keys of the transfer function that a block with a formula is, from its own keys.
 
     The sums of its coefficients do not cancel, if those of its keys do not.
@@ -171,7 +198,7 @@ def _coefficients(block, keys, period):
     return coefficients
 
 
-def _keys(block, known):
+def _keys(block: DrawnBlock, known: dict[str, np.ndarray | int]) -> dict[str, Any]:
     """The keys of a block with their values, by the names that functions of `blocks` have for
     them."""
     shared = SharedParts()
@@ -183,12 +210,20 @@ def _keys(block, known):
     return keys
 
 
-def _rests(trees, values, known):
+def _rests(
+    trees: tuple[Tree, ...], values: list[np.ndarray | float], known: dict[str, np.ndarray | int]
+) -> list[float]:
     """What rounding has taken from the values of trees."""
     return [tree.rest(value, known) for tree, value in zip(trees, values, strict=True)]
 
 
-def _take_out(drawing, placed, sums, known, out):
+def _take_out(
+    drawing: Drawing,
+    placed: tuple[ScheduledBlock, ...],
+    sums: dict[str, dict[str, np.ndarray | float]],
+    known: dict[str, np.ndarray | int],
+    out: str,
+) -> tuple[ScheduledBlock, ...]:
     """Make the product of a number the input PRODUCT: `sums` is changed, and the blocks are
     returned, of which one has another input if the number is the factor of a gain.
 
@@ -223,7 +258,7 @@ def _take_out(drawing, placed, sums, known, out):
     return tuple(remaining)
 
 
-def _opened(constant, slope):
+def _opened(constant: Block, slope: Block) -> Block:
     """A transfer function with the product as an input too, and what the number multiplies as
     the output `factor`.
 
@@ -239,7 +274,9 @@ def _opened(constant, slope):
     return replace(constant, **ports, **matrices._asdict(), terms=terms, at_rest=None)
 
 
-def _with_product(E, B, C, D, c, d):
+def _with_product(
+    E: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, c: np.ndarray, d: np.ndarray
+) -> StateSpace:
     """The matrices of `_opened`, or the sizes of their terms."""
     row = np.concatenate(np.broadcast_arrays(D, np.ones_like(D)), -1)
     row_of_factor = np.concatenate(np.broadcast_arrays(d, np.zeros_like(D)), -1)
@@ -248,13 +285,17 @@ def _with_product(E, B, C, D, c, d):
     return StateSpace(E, np.concatenate([B, np.zeros_like(B)], -1), both_C, both_D)
 
 
-def _factor(terms, known, out):
+def _factor(
+    terms: tuple[tuple[str, Tree], ...], known: dict[str, np.ndarray | int], out: str
+) -> dict[str, float]:
     """The signals that a number of a wire multiplies, with their factors."""
     slopes = {signal: _parts(gain, known, out)[1] for signal, gain in terms}
     return {signal: slope for signal, slope in slopes.items() if np.any(slope)}
 
 
-def _parts(gain, known, out):
+def _parts(
+    gain: Tree, known: dict[str, np.ndarray | int], out: str
+) -> tuple[np.ndarray | float, float]:
     """The constant part g(0) of a gain that is linear in a number, and the factor of the number,
     g(1) - g(0)."""
     constant = gain.with_number(out, 0.0)
@@ -278,7 +319,7 @@ def twins(
     return _twins(drawing, one, other, out, beside)
 
 
-def _between(path, value, salt):
+def _between(path: str, value: np.ndarray | float, salt: str) -> float:
     """A value in the middle half of those of a number; see `scattered`."""
     if not isinstance(value, np.ndarray):
         return value
@@ -297,13 +338,19 @@ def scattered(path: str, salt: str) -> float:
 
 
 @lru_cache(maxsize=256)
-def _twins(drawing, one, other, out, beside):
+def _twins(
+    drawing: Drawing,
+    one: tuple[tuple[str, float], ...],
+    other: tuple[tuple[str, float], ...],
+    out: str,
+    beside: str,
+) -> tuple[MultirateLoop, MultirateLoop]:
     varied = set()
     for (path, value), (_, twin) in zip(one, other, strict=True):
         if value != twin:
             varied.add(name_of(path))
 
-    def built(items):
+    def built(items: tuple[tuple[str, float], ...]) -> MultirateLoop:
         values = dict(items)
         exact = partial(equations_of, drawing, values, frozenset(varied), out)
         return replace(assembled(drawing, values, out, beside), exact=exact)
@@ -328,13 +375,13 @@ class Ports:
     others: tuple[tuple[str, str], ...] = ()
 
     @staticmethod
-    def of_hand(drawing: Drawing) -> "Ports":
+    def of_hand(drawing: Drawing) -> Ports:
         """The port of a hand that the drawing has."""
         reaction = REACTION if drawing.hand[2] is not None else ""
         return Ports(drawing.hand[0], POSITION, reaction)
 
     @staticmethod
-    def of_axes(drawing: Drawing) -> "Ports":
+    def of_axes(drawing: Drawing) -> Ports:
         """The port of a hand with all its axes, without reactions."""
         further = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
         return Ports(drawing.hand[0], POSITION, others=further)

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
 from math import isqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,10 @@ from wavesweep.engine._loops.definitions import at_rest, tf_at_rest
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._loops.values import keys_with
 from wavesweep.engine.doubles import UNIT_ROUNDING
+
+if TYPE_CHECKING:
+    from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant
+    from wavesweep.engine._state_space import StateSpace
 
 # Types of firmware with sums that may count for ever if no other block reads them: an impulse reads
 # changes of its sum alone, and the integral of a `pi` or `pid`, which are a `tf`, may have no gain.
@@ -119,7 +123,14 @@ class RestEquations:
         self.outputs: dict[str, Sum] = {}
         self.states: dict[str, Sum] = {}
 
-    def add(self, start: str, states, ports, parts) -> None:
+    def add(
+        self,
+        start: str,
+        states: list[str] | tuple[str, ...],
+        ports: tuple[tuple[str, ...], tuple[str, ...]],
+        parts: StateSpace
+        | tuple[list[list[Any]], list[list[Any]], list[list[Any]], list[list[Any]]],
+    ) -> None:
         """Add a block. start: what the names of its states and ports begin with. parts: E, B, C
         and D as rows of fractions."""
         inputs, outputs = ports
@@ -137,7 +148,7 @@ class RestEquations:
         self.changes |= dict(zip(own, changes, strict=True))
         self.outputs |= {start + port: row for port, row in zip(outputs, shown, strict=False)}
 
-    def follow(self, block: Block, D) -> None:
+    def follow(self, block: Block, D: list[list[Fraction | int]]) -> None:
         """Add a block whose outputs follow its inputs by D whatever its states are, which settle
         where its own entries say, `x = -E^-1 B u`."""
         inputs = [f"{block.name}.{port}" for port in block.inputs]
@@ -174,7 +185,7 @@ class RestEquations:
             if not any(state in row for row in (*self.changes.values(), *self.rows)):
                 self.changes.pop(state, None)
 
-    def _show(self, register, state):
+    def _show(self, register: str, state: str) -> None:
         """Let a register show a state, of which it is a copy, in place of its input."""
         self.wires.pop(f"{register}.u", None)
         for shown in (self.states, self.outputs):
@@ -334,12 +345,12 @@ def _without(shifted: Sum, shift: Sum, lead: str) -> Sum:
     return {name: value for name, value in (shifted | less).items() if value}
 
 
-def _first(matrix):
+def _first(matrix: np.ndarray) -> np.ndarray:
     """The first of a batch of matrices, real."""
     return matrix[(0,) * (matrix.ndim - 2)].real
 
 
-def _add_by_entries(rest, block):
+def _add_by_entries(rest: RestEquations, block: Block) -> None:
     """Add a block that is known by its entries alone."""
     matrices = []
     for matrix in block.at_rest or (block.E, block.B, block.C, block.D):
@@ -347,7 +358,9 @@ def _add_by_entries(rest, block):
     _add_matrices(rest, block, matrices)
 
 
-def _add_matrices(rest, block, matrices):
+def _add_matrices(
+    rest: RestEquations, block: Block, matrices: StateSpace | tuple[list[list[Any]], ...]
+) -> None:
     """Add a block with E, B, C and D as rows of fractions, or D alone that its outputs follow."""
     if len(matrices) == 1:
         rest.follow(block, *matrices)
@@ -355,7 +368,7 @@ def _add_matrices(rest, block, matrices):
         rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), matrices)
 
 
-def _add_drawn(rest, kind, keys, block):
+def _add_drawn(rest: RestEquations, kind: str, keys: dict[str, Any], block: Block) -> None:
     """Add a drawn block with the values of its keys; a type that has no equations at rest by the
     entries of a run."""
     if kind == "butterworth":
@@ -374,7 +387,7 @@ def _add_drawn(rest, kind, keys, block):
         _add_matrices(rest, block, matrices)
 
 
-def _add_plant(rest, plant, value, block):
+def _add_plant(rest: RestEquations, plant: Plant, value: Callable[..., Any], block: Block) -> None:
     """Add the members of a plant. value: of a tree, in fractions."""
     for member in plant.members:
         start = plant.own(f"{member.name}.")
@@ -386,7 +399,9 @@ def _add_plant(rest, plant, value, block):
         rest.add(plant.start(member.name), states, member.ports, matrices)
 
 
-def _discrete_tf(num, den, delta, states):
+def _discrete_tf(
+    num: list[Fraction], den: list[Fraction], delta: bool, states: tuple[str, ...]
+) -> tuple[list[list[Any]], ...]:
     """A transfer function in z or z - 1 at rest; the last of its states may be delays (see
     `blocks.tf`)."""
     n = sum(name.startswith("x") for name in states)
@@ -402,14 +417,14 @@ def _discrete_tf(num, den, delta, states):
     return tf_at_rest(above, below, [coefficient / den[0] for coefficient in later])
 
 
-def _of_entries(drawn, blocks) -> RestEquations:
+def _of_entries(drawn: MultirateLoop, blocks: list[Block]) -> RestEquations:
     """The equations of blocks that are known by their entries alone, as those of loops that are
     made in Python."""
     rest = RestEquations()
     for block in blocks:
         _add_by_entries(rest, block)
 
-    def traced(signal, factor):
+    def traced(signal: str, factor: Fraction) -> dict[str, Fraction]:
         terms = {signal: factor} if signal in rest.outputs or signal in drawn.inputs else {}
         for source, gain in drawn.sums.get(signal, {}).items():
             for name, value in traced(source, factor * Fraction(np.ravel(gain)[0].real)).items():
@@ -443,7 +458,7 @@ def equations_of(
     if out:
         numbers[out] = decimal(0.0)
 
-    def value(tree):
+    def value(tree: Tree) -> Fraction:
         return value_in_fractions(tree, numbers, varied)
 
     rest = RestEquations()
@@ -469,12 +484,14 @@ def equations_of(
     return rest
 
 
-def _clock(block):
+def _clock(block: DrawnBlock) -> tuple[str, str, tuple[Any, ...]]:
     """When a drawn block runs: texts of its period and phase."""
     return block.every.text, block.phase.text, block.phases
 
 
-def _wires_at_rest(drawing, outputs, value, blocks) -> tuple[dict[str, Sum], dict[str, Sum]]:
+def _wires_at_rest(
+    drawing: Drawing, outputs: Any, value: Callable[..., Any], blocks: list[Block]
+) -> tuple[dict[str, Sum], dict[str, Sum]]:
     """Input port of each of the blocks -> outputs that it reads, with their gains, and -> what
     else it reads. value: of a tree, in fractions."""
     sensed = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}

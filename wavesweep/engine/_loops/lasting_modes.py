@@ -24,14 +24,18 @@ number: a rank that is not the largest one there is the root of a polynomial tha
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from fractions import Fraction
 from random import Random
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine._loops.dead_time import SENSED
 from wavesweep.engine._loops.from_drawing import POSITION, REACTION
 from wavesweep.engine._loops.integrator_modes import RestEquations, rest_of_blocks
 from wavesweep.engine._loops.multirate import MultirateLoop
+
+if TYPE_CHECKING:
+    from wavesweep.engine._loops.block import Block
 
 PRIME = 2**61 - 1  # of the field in which ranks are found
 Row = dict[str, int]  # unknown -> factor modulo PRIME
@@ -58,7 +62,7 @@ def lasting_modes(
         return 0
 
 
-def _moves(shift, plants):
+def _moves(shift: dict[str, float], plants: set[str]) -> bool:
     return any(state.rpartition(".")[0] in plants for state in shift)
 
 
@@ -75,7 +79,9 @@ class _AnyLoop:
     alone are read, the register with which these are made; neither has states here.
     """
 
-    def __init__(self, drawn, names, rest: RestEquations, random: Random) -> None:
+    def __init__(
+        self, drawn: MultirateLoop, names: set[str], rest: RestEquations, random: Random
+    ) -> None:
         self.drawn = drawn
         self.random = random
         self.plants = rest.plants or set()
@@ -104,14 +110,14 @@ class _AnyLoop:
     def _number(self) -> int:
         return self.random.randrange(1, PRIME)
 
-    def _mixed(self, rows) -> Row:
+    def _mixed(self, rows: Iterator[Any] | list[dict[str, int]]) -> Row:
         """The sum of rows with random factors."""
         total: Row = {}
         for row in rows:
             _add(total, row, self._number())
         return total
 
-    def _add(self, block, rest):
+    def _add(self, block: Block, rest: RestEquations) -> None:
         if block.name in self.registers:
             return
         own = [f"{block.name}.{state}" for state in block.states]
@@ -143,7 +149,7 @@ class _AnyLoop:
                 self.outputs[signal] = {f"{signal} held": -share % PRIME}
                 _add(self.outputs[signal], output, 1 + share)
 
-    def _wire(self, name, port, rest) -> Row:
+    def _wire(self, name: str, port: str, rest: RestEquations) -> Row:
         """The outputs that a port reads. What dead times add to it is 0 at rest."""
         wire = _modulo(rest.wires[port])
         sensed = port == f"{name}.{SENSED}"
@@ -197,7 +203,7 @@ class _AnyLoop:
         rank = nmod_mat(n, n + sums, entries, PRIME).rank()
         return len(self.registers) + sums + n - rank
 
-    def _tick(self, running):
+    def _tick(self, running: set[str]) -> tuple[Any, Any]:
         """The states after a tick in which these blocks run, and what the hand's port reads:
         each a matrix over the states before it."""
         ports: dict[str, int] = {}
@@ -222,7 +228,7 @@ class _AnyLoop:
         read, reads = self._matrices(rows, ports)
         of_ports = (-reads).solve(read) if ports else None
 
-        def over_states(rows):
+        def over_states(rows: list[dict[str, int]]) -> Any:
             of_states, through = self._matrices(rows, ports)
             return of_states if of_ports is None else of_states + through * of_ports
 
@@ -244,7 +250,7 @@ class _AnyLoop:
             outside.append(row)
         return over_states(after), over_states(outside)
 
-    def _matrices(self, rows, ports):
+    def _matrices(self, rows: list[dict[str, int]], ports: dict[str, int]) -> tuple[Any, Any]:
         """Rows as two matrices: their factors of states, and those of ports."""
         from flint import nmod_mat
 
@@ -259,7 +265,7 @@ class _AnyLoop:
         return of_states, of_ports
 
 
-def _registers(drawn, names, rest) -> dict[str, set[str]]:
+def _registers(drawn: MultirateLoop, names: set[str], rest: RestEquations) -> dict[str, set[str]]:
     """The registers of each impulse of which pulses alone are read: its sum, less a register of
     it."""
     in_every_tick = {placed.block.name for placed in drawn.placed if placed.every == 1}

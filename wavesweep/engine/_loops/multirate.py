@@ -28,7 +28,7 @@ class ScheduledBlock:
     every: int = 1
     phase: int | tuple[int, ...] = 0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Refuse a block that would never run, or between two ticks. Errors: UsageError."""
         phases = self.phase if isinstance(self.phase, tuple) else (self.phase,)
         whole = all(isinstance(number, Integral) for number in (self.every, *phases))
@@ -44,7 +44,7 @@ class ScheduledBlock:
 
 
 @lru_cache(maxsize=256)
-def _runs(every, phase, ticks):
+def _runs(every: int, phase: int | tuple[int, int, int], ticks: int) -> np.ndarray:
     runs = np.isin(np.arange(ticks) % every, phase)
     runs.flags.writeable = False
     return runs
@@ -71,7 +71,7 @@ class MultirateLoop:
     rate: object = None
     ticks: int = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         ticks = lcm(*(scheduled.every for scheduled in self.placed))
         if ticks > LONGEST_FRAME:
             raise UsageError(
@@ -184,7 +184,7 @@ class MultirateLoop:
                 inside = {owners[at] for at in ring}
                 yield [block.name for block in blocks if block.name in inside]
 
-    def _direct_reads(self, blocks) -> dict[str, list[str]]:
+    def _direct_reads(self, blocks: list[Block]) -> dict[str, list[str]]:
         """Signal -> the signals that it depends on within a tick in which these blocks run."""
         reads = {}
         for name, terms in self.sums.items():
@@ -247,7 +247,9 @@ class MultirateLoop:
 
 
 @lru_cache(maxsize=64)
-def _schedule(rhythms, ticks):
+def _schedule(
+    rhythms: tuple[tuple[int, int | tuple[Any, ...]], ...], ticks: int
+) -> tuple[tuple[tuple[Any, ...], ...], np.ndarray]:
     masks = np.stack([_runs(*rhythm, ticks) for rhythm in rhythms], axis=1)
     sets, set_numbers = np.unique(masks, axis=0, return_inverse=True)
     set_numbers = set_numbers.reshape(-1)
@@ -255,7 +257,7 @@ def _schedule(rhythms, ticks):
     return tuple(tuple(np.flatnonzero(row).tolist()) for row in sets), set_numbers
 
 
-def _port_names(blocks, side):
+def _port_names(blocks: list[Block], side: str) -> set[str]:
     """The ports of blocks on one side, their inputs or outputs."""
     return {f"{block.name}.{port}" for block in blocks for port in getattr(block, side)}
 

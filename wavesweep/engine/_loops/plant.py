@@ -18,9 +18,9 @@ def plant_of(
     plant: Plant,
     keys: Mapping[str, Mapping],
     gains: Mapping[str, Mapping],
-    period,
-    known,
-    shares,
+    period: float,
+    known: dict[str, np.ndarray | int],
+    shares: dict[str, np.ndarray],
 ) -> Block:
     """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e
     are held over the period.
@@ -93,7 +93,7 @@ def plant_of(
 LABELS = {"v": "velocity", "x": "position"}  # of states of masses, for messages
 
 
-def _gains(gains, inputs, outputs):
+def _gains(gains: dict[str, dict[str, float]], inputs: list[str], outputs: list[str]) -> np.ndarray:
     """The matrix of the gains, `(..., inputs, outputs)`."""
     entries = {}
     for port, terms in gains.items():
@@ -106,7 +106,9 @@ def _gains(gains, inputs, outputs):
     return K
 
 
-def _closed(L, sizes, outputs, name):
+def _closed(
+    L: np.ndarray, sizes: np.ndarray, outputs: list[str], name: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """The inverse of `1 - L`, the sizes of what rounding does to it, its condition, and the
     determinant."""
     reached = np.eye(len(outputs), dtype=bool) | np.any(L != 0, axis=tuple(range(L.ndim - 2)))

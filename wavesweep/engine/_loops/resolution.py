@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import chain, product
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from wavesweep.engine._drawing.expressions import (
 )
 from wavesweep.engine._drawing.mass_matrix import MASS, at_axes, determinant
 from wavesweep.engine._loops.domain import divisors
+
+if TYPE_CHECKING:
+    from wavesweep.engine._drawing.expressions import Tree
 
 # sum of the semi-axes of the largest ellipse on which functions of the numbers are sampled, in half
 # widths
@@ -222,7 +225,7 @@ def expressions(
     return (*bent_expressions, *_masses(drawing, names_asked))
 
 
-def _masses(drawing, names_asked) -> Iterator[Expression]:
+def _masses(drawing: Drawing, names_asked: set[str]) -> Iterator[Expression]:
     """Yield 1 over the determinant of each mass matrix at its axes."""
     for block in drawing.blocks:
         if block.type != "mass_matrix":
@@ -260,7 +263,13 @@ class _NotAnalyticError(Exception):
 class _BoxedExpression:
     """An expression of a loop on boxes of some sides."""
 
-    def __init__(self, expression: Expression, names, sides, known) -> None:
+    def __init__(
+        self,
+        expression: Expression,
+        names: tuple[str, ...],
+        sides: list[Side],
+        known: dict[str, float],
+    ) -> None:
         self.expression = expression
         self.names = names
         self.sides = sides
@@ -272,7 +281,7 @@ class _BoxedExpression:
         for name in expression.reads - {names[at] for at in self.own}:
             self.known[name] = float(known[name])
 
-    def unresolved(self, box):
+    def unresolved(self, box: np.ndarray) -> np.ndarray:
         """See `Resolution`: all sides along which the expression is bent, since it may be too
         large for any of them."""
         along = np.zeros(len(self.sides), bool)
@@ -290,7 +299,7 @@ class _BoxedExpression:
             along[wide] = True
         return along
 
-    def points_in_parts(self, box, wide):
+    def points_in_parts(self, box: np.ndarray, wide: list[int]) -> np.ndarray:
         """Points of a box in the parts of it that are resolved, and in those of which they are
         halves, `(points, sides)`."""
         of_each_side = np.linspace(0, 1, 9 if len(wide) < 3 else 5)
@@ -307,7 +316,7 @@ class _BoxedExpression:
             points.append(places)
         return np.concatenate(points)
 
-    def _resolved(self, box, wide):
+    def _resolved(self, box: np.ndarray, wide: list[int]) -> bool:
         """Whether the rest of the series is small along all of these sides."""
         middle = box.mean(0)
         half = (box[1] - box[0]) / 2
@@ -316,7 +325,7 @@ class _BoxedExpression:
             return False
         return all(self._is_small(at, middle, half, centre, change) for at in wide)
 
-    def values(self, points):
+    def values(self, points: np.ndarray) -> np.ndarray:
         """The values at points, real or complex, `(points,)`."""
         numbers = dict(self.known)
         with np.errstate(all="ignore"):
@@ -329,7 +338,7 @@ class _BoxedExpression:
             value = self.expression.value(numbers, np)
         return np.broadcast_to(np.asarray(value), (len(points),))
 
-    def climbed(self, at, box, wide, sign):
+    def climbed(self, at: np.ndarray, box: np.ndarray, wide: list[int], sign: int) -> np.ndarray:
         """A point near another one at which the value, times the sign, is larger, as far as
         steps along the sides lead."""
         step = np.ptp(box, 0)[wide] / 16
@@ -343,7 +352,9 @@ class _BoxedExpression:
                 step = step / 2
         return at
 
-    def _samples(self, middle, half, wide):
+    def _samples(
+        self, middle: np.ndarray, half: np.ndarray, wide: list[int]
+    ) -> tuple[complex, float]:
         """The value in the middle, and the largest difference from it at places about each side,
         with others at three each; in their middles if there are many."""
         wide_sides = [at for at in self.own if half[at] > 0]
@@ -361,7 +372,9 @@ class _BoxedExpression:
         with np.errstate(all="ignore"):
             return value[0], np.abs(value - value[0]).max()
 
-    def _is_small(self, at, middle, half, centre, change):
+    def _is_small(
+        self, at: int, middle: np.ndarray, half: np.ndarray, centre: complex, change: float
+    ) -> bool:
         """Whether the rest of the series along a side is small for one of the larger ellipses:
         with `2 M q^(N + 1)/(1 - q) <= allowed`, q = rho/R, it is small if the expression is within
         M of its value in the middle."""
@@ -378,7 +391,7 @@ class _BoxedExpression:
             ratio = RHO / larger
             most = arb(float(allowed)) * float((1 - ratio) / (2 * ratio ** (RIM_DEGREE + 1)))
 
-            def holds(rectangle, most=most):
+            def holds(rectangle: _Rectangle, most: Any = most) -> bool:
                 ball = rectangle.ball(middle[at], half[at])
                 balls[self.names[at]] = self._number(at, ball)
                 return self._is_within(balls, acb(complex(centre)), most)
@@ -387,7 +400,7 @@ class _BoxedExpression:
                 return True
         return False
 
-    def _is_within(self, balls, centre, most):
+    def _is_within(self, balls: dict[float | str, Any], centre: Any, most: Any) -> bool:
         """Whether the expression is analytic in balls of its numbers, and within so much of its
         centre."""
         from flint import acb
@@ -399,7 +412,7 @@ class _BoxedExpression:
             return False
         return ball.is_finite() and ball.abs_upper() <= most
 
-    def _number(self, at, ball):
+    def _number(self, at: int, ball: Any) -> Any:
         """The number of a side from a ball of the side."""
         side = self.sides[at]
         return ball.exp() * side.scale + side.offset if side.scale else ball
@@ -418,14 +431,14 @@ class _Rectangle(NamedTuple):
     top: float
     depth: int = 0
 
-    def ball(self, middle, half):
+    def ball(self, middle: float, half: float) -> Any:
         """A ball with all of it, about a side of this middle and half width."""
         from flint import acb
 
         real = _span(middle, half, self.left, self.right)
         return acb(real, _span(0.0, half, self.bottom, self.top))
 
-    def quarters(self):
+    def quarters(self) -> list[_Rectangle]:
         """The four quarters of it."""
         x = (self.left + self.right) / 2
         y = (self.bottom + self.top) / 2
@@ -433,7 +446,7 @@ class _Rectangle(NamedTuple):
         return [_Rectangle(*across, *up, self.depth + 1) for across, up in sides]
 
 
-def _holds_on_ellipse(holds, larger):
+def _holds_on_ellipse(holds: Callable[..., Any], larger: float) -> bool:
     """Whether a claim holds on rectangles that cover the upper half of the ellipse whose semi-axes
     add up to `larger`."""
     across = (larger + 1 / larger) / 2
@@ -451,7 +464,7 @@ def _holds_on_ellipse(holds, larger):
     return True
 
 
-def _span(middle, half, low, high):
+def _span(middle: float, half: float, low: float, high: float) -> Any:
     """A ball with all real numbers from `middle + low half` to `middle + high half`."""
     from flint import arb
 
@@ -461,7 +474,7 @@ def _span(middle, half, low, high):
 
 
 @lru_cache(maxsize=1)
-def _library():
+def _library() -> SimpleNamespace:
     """Functions whose balls are not finite where they meet a cut."""
     from flint import acb
 
@@ -472,7 +485,7 @@ def _library():
     return SimpleNamespace(**functions | {"sqrt": root, "log": partial(acb.log, analytic=True)})
 
 
-def _watch(tree, base, exponent, value):
+def _watch(tree: Tree, base: Any, exponent: Any, value: Any) -> None:
     """Refuse a power that is not whole and whose base meets the cut of its logarithm."""
     del value
     is_whole = tree.operation != "**" or (

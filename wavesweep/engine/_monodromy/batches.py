@@ -1,7 +1,9 @@
 """Work on a batch of matrices in portions that fit into a processor's cache: new memory costs
 more than the arithmetic."""
 
+from collections.abc import Callable
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +13,7 @@ NUMBERS_AT_ONCE = 500_000  # of many points, or of what is computed at them, in 
 CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache holds several
 
 
-def product(A, B) -> np.ndarray:
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """Return `A @ B`, `(..., n, m)`; of many rows with few entries, as those of long delays are, by
     these entries alone.
 
@@ -48,7 +50,7 @@ def sparse(A):
     return csr_array(A)
 
 
-def in_parts(work, batch, size: int, kind):
+def in_parts(work: Callable[..., Any], batch: tuple[int, ...], size: int, kind: type) -> np.ndarray:
     """Return `work(index)` for all of a batch, in one array, a few matrices at a time.
 
     index: of the first axis, which is that of the result as well. size: of the matrices; kind: type

@@ -20,7 +20,7 @@ with their sizes, are right to n + 8 roundings, and are taken larger by as many.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -112,7 +112,7 @@ class Bounded(NamedTuple):
         """The product entry by entry; an array is exact."""
         return self._times(np.multiply, other, 1)
 
-    def _times(self, times, other, terms):
+    def _times(self, times: Callable[..., Any], other: Any, terms: int) -> Bounded:
         """With A within dA of a, and B within dB of b, `A B - a b = (A - a) B + a (B - b)` is at
         most
 
@@ -223,7 +223,9 @@ class Bounded(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _near_inverse(A, dA, least=0.0):
+def _near_inverse(
+    A: np.ndarray, dA: np.ndarray, least: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """About the inverse of A, and how much it times a matrix within dA of A is off the identity at
     most. least: entries below count as noise and are left out, as they would join what is
     separate."""
@@ -238,7 +240,7 @@ def _near_inverse(A, dA, least=0.0):
 
 
 @np.errstate(all="ignore")
-def _neumann(off, terms, size):
+def _neumann(off: np.ndarray, terms: np.ndarray, size: np.ndarray) -> np.ndarray:
     """A bound on `(D + D^2 + ...) x` with |D| at most `off` and |x| at most `terms`; infinite where
     it is not known.
 
@@ -262,7 +264,7 @@ def _neumann(off, terms, size):
     return np.where(unknown, np.inf, error)
 
 
-def _filled(rows):
+def _filled(rows: list[list[Bounded]]) -> list[list[Bounded]]:
     """Blocks with matrices in place of numbers, as high and wide as the others of their row and
     column."""
     columns = zip(*rows, strict=True)
@@ -278,12 +280,12 @@ def _filled(rows):
     return filled
 
 
-def _first(blocks):
+def _first(blocks: list[Bounded] | tuple[Bounded, ...]) -> np.ndarray:
     """The first one that is a matrix."""
     return next(block.value for block in blocks if isinstance(block, Bounded))
 
 
-def _unit(matrix, axis):
+def _unit(matrix: np.ndarray, axis: int) -> np.ndarray:
     """Powers of two that give rows or columns a largest entry of about 1; 1 for those of zeros."""
     size = np.abs(matrix).max(axis, keepdims=True, initial=0.0)
     usable = np.isfinite(size) & (size > 0)

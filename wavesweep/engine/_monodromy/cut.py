@@ -62,7 +62,7 @@ class LinearFractional:
         default_factory=dict, init=False, repr=False
     )  # what belongs to these loops alone, see `remembered`
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in (*MATRICES, *ERRORS, "period"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
@@ -75,7 +75,7 @@ class LinearFractional:
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
 
-        def together():
+        def together() -> tuple[int, ...]:
             shapes = [getattr(self, name).shape[:-2] for name in MATRICES]
             return np.broadcast_shapes(*shapes, np.shape(self.period))
 
@@ -93,7 +93,7 @@ class LinearFractional:
         batch = self.batch
         indices = isinstance(index, np.ndarray) and index.dtype.kind == "i"
 
-        def pick(array, tail):
+        def pick(array: np.ndarray, tail: int) -> np.ndarray:
             array = np.asarray(array)
             full = batch + array.shape[array.ndim - tail :]
             if array.shape != full:
@@ -264,21 +264,21 @@ class CutColumns:
         """The number of columns."""
         return self.fixed.size
 
-    def some(self, rows) -> "CutColumns":
+    def some(self, rows: np.ndarray) -> "CutColumns":
         """Return some of the columns, of the same loops."""
         return CutColumns(self.cut, self.owner[rows], self.along, self.fixed[rows])
 
-    def apart(self, rows) -> "CutColumns":
+    def apart(self, rows: np.ndarray | slice) -> "CutColumns":
         """Return some of the columns, each with a loop of its own."""
         own = self.loops(rows)
         fixed = self.fixed[rows]
         return CutColumns(own, np.arange(fixed.size), self.along, fixed)
 
-    def loops(self, column) -> LinearFractional:
+    def loops(self, column: np.ndarray) -> LinearFractional:
         """Return the loops of these columns, one for each."""
         return self.cut.at(self.owner[column])
 
-    def numbers(self, column, value) -> tuple:
+    def numbers(self, column: np.ndarray, value: np.ndarray) -> tuple:
         """Return both numbers, the first one first, if the one that is looked for has a value in
         each of these columns."""
         fixed = self.fixed[column]

@@ -1,8 +1,11 @@
 """The drift of a loop that is assembled tick by tick, and frames without it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import prod
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +24,9 @@ from wavesweep.engine._monodromy.product import (
 from wavesweep.engine._monodromy.rounding import balance, measured_frame, radius_hidden
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine.doubles import CANCELLED_SUM, EPS
+
+if TYPE_CHECKING:
+    from wavesweep.engine._loops.block import Block
 
 # relative difference of a factor between two loops below which it does not depend on their numbers
 SAME_FACTOR = 1e-12
@@ -60,9 +66,7 @@ class MarginalModes:
         return [index for index in range(len(self.states)) if index not in gone]
 
     @staticmethod
-    def of(
-        drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()
-    ) -> "MarginalModes":
+    def of(drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()) -> MarginalModes:
         """Find the drift from two drawings of a loop, with different values of all numbers that
         vary; see `shifts`.
 
@@ -78,7 +82,7 @@ class MarginalModes:
     @staticmethod
     def of_frames(
         drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()
-    ) -> "MarginalModes":
+    ) -> MarginalModes:
         """Find the drift as `of`, and with it the modes that last beside sums that count for ever
         (see `lasting_modes`): from frame to frame they stay, but they may move within a frame.
 
@@ -93,7 +97,9 @@ class MarginalModes:
         return _with_more(found, drawn, watched, min(lasting) - len(pairs))
 
     @staticmethod
-    def _of(drawn, twin, watched):
+    def _of(
+        drawn: MultirateLoop, twin: MultirateLoop, watched: tuple[str, ...]
+    ) -> tuple[MarginalModes, set[str], list[tuple[Any, ...]]]:
         """The drift, the blocks that it is of, and its shifts in both drawings."""
         held = drawn.held(watched)
         alive = living_blocks(drawn, watched)
@@ -200,7 +206,9 @@ class MarginalModes:
         return filled(without_drift(E, self))
 
 
-def _with_more(found, drawn, watched, count):
+def _with_more(
+    found: MarginalModes, drawn: MultirateLoop, watched: tuple[Any, ...], count: int
+) -> MarginalModes:
     """Marginal modes with so many more, which the frame of a loop shows.
 
     Their leads are the states that the vectors x with `E x = 0` move most, in units that give rows
@@ -220,7 +228,9 @@ def _with_more(found, drawn, watched, count):
     return replace(found, varying=(*found.varying, *more))
 
 
-def _shifts_of_both(drawn, twin, alive):
+def _shifts_of_both(
+    drawn: MultirateLoop, twin: MultirateLoop, alive: set[str]
+) -> list[tuple[dict[Any, Any], dict[Any, Any]]]:
     """Pairs of a shift in one drawing and in the other; none if the numbers are not known
     exactly."""
     try:
@@ -234,7 +244,7 @@ def _shifts_of_both(drawn, twin, alive):
     return list(zip(first, second, strict=True))
 
 
-def _same_shape(shift, other):
+def _same_shape(shift: dict[str, float], other: dict[str, float]) -> bool:
     """Whether two shifts move the same states by the same factors."""
     if shift.keys() != other.keys():
         return False
@@ -272,7 +282,7 @@ def living_blocks(drawn: MultirateLoop, watched: Sequence[str]) -> set[str]:
     return alive
 
 
-def _idle(block):
+def _idle(block: Block) -> list[str]:
     """The states of a block that add up others, and that the block itself does not read."""
     read = np.any(block.E != 0, axis=tuple(range(block.E.ndim - 2)))
     busy = np.ones(len(block.states), bool)
@@ -300,7 +310,12 @@ def relative_row(
     return row
 
 
-def _relative_block(block, groups, leads, copies):
+def _relative_block(
+    block: Block,
+    groups: tuple[tuple[int, tuple[Any, ...]], ...],
+    leads: list[int],
+    copies: dict[int, tuple[tuple[Any, ...], ...]],
+) -> Block:
     """The map of a tick in these states.
 
     copies: source -> its copies, which either take over its value or keep theirs.
@@ -324,7 +339,7 @@ def _relative_block(block, groups, leads, copies):
     return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
 
 
-def _without_rounding(matrix, size):
+def _without_rounding(matrix: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Set entries to 0 that are rounding of their terms, unless the rounding in a row could hide
     an entry."""
     rounding = CANCELLED_SUM * size
@@ -333,7 +348,9 @@ def _without_rounding(matrix, size):
     return np.where(negligible, 0.0, matrix)
 
 
-def _make_relative(matrices, state, lead, factor, sign, copied):
+def _make_relative(
+    matrices: list[np.ndarray], state: int, lead: int, factor: float, sign: float, copied: bool
+) -> None:
     """Make a state relative to its lead in E, B and C of a tick, in place, or in their sizes
     with the sign -1."""
     E, B, C = matrices
@@ -346,7 +363,7 @@ def _make_relative(matrices, state, lead, factor, sign, copied):
             matrix[..., state, :] -= sign * factor * matrix[..., lead, :]
 
 
-def _copies(ticks):
+def _copies(ticks: Ticks) -> dict[int, list[int]]:
     """State -> the states that take over its value in some kind of tick, and keep theirs in all
     others."""
     n = len(ticks.states)
@@ -369,7 +386,7 @@ def _copies(ticks):
     return copies
 
 
-def _copied(state, rows):
+def _copied(state: int, rows: list[np.ndarray | None]) -> int | None:
     """The state that a state copies, or None; rows: of all kinds of tick, None for a row that a
     copy cannot have."""
     taking_over = None
@@ -389,7 +406,9 @@ def _copied(state, rows):
     return others[0]
 
 
-def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
+def relative_to_leads(
+    matrices: tuple[np.ndarray, ...], drift: MarginalModes, sign: int = -1
+) -> tuple[np.ndarray, ...]:
     """Return matrices whose rows are changes of states, those that leads move being relative to
     these; sign: 1 for sizes."""
     matrices = tuple(matrix.copy() for matrix in matrices)
@@ -401,7 +420,9 @@ def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
     return matrices
 
 
-def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray:
+def without_drift(
+    E: np.ndarray, drift: MarginalModes, sizes: np.ndarray | None = None
+) -> np.ndarray:
     """Return the frame's matrix less identity without its marginal modes, `(..., k, k)`; it has all
     other eigenvalues.
 
@@ -434,7 +455,7 @@ def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray
         return E[..., rest[:, None], rest] - V @ E[..., leads[:, None], rest]
 
 
-def _errors_without(E, V, leads, rest):
+def _errors_without(E: Bounded, V: np.ndarray, leads: np.ndarray, rest: np.ndarray) -> np.ndarray:
     """Return bounds on the errors of `without_drift`; E: with bounds on its errors.
 
     V misses the equations `E_R V = -E_S` by no more than `missed`, of any E within the bounds, and

@@ -10,7 +10,7 @@ import numpy as np
 LOOPS_IN_CACHE = 512  # loops at once, for which the recurrence stays in a processor's cache
 
 
-def in_even_units(E, B, C):
+def in_even_units(E: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return loops `(loops, n, n)`, `(loops, n, 1)`, `(loops, outputs, n)` in units of their states
     in which the largest entries of each row and its column are alike, as one matrix [[B, E], [0,
     C]], `(n + outputs, n + 1, loops)`.
@@ -40,7 +40,7 @@ def in_even_units(E, B, C):
     return system
 
 
-def reduced(system):
+def reduced(system: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return loops [[B, E], [0, C]] in controller-Hessenberg form: H, C and the input's gain.
 
     H `(n, n, loops)`: upper Hessenberg; what is below its diagonal is 1, its entries above are
@@ -71,7 +71,9 @@ def reduced(system):
     return H * scale, C * scale[0], system[0, 0]
 
 
-def polynomials(form, w):
+def polynomials(
+    form: tuple[np.ndarray, np.ndarray, np.ndarray], w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return pole polynomials `det(w I - E)`, `(loops, points)`, and with them `C (w I - E)^-1 B`
     times these, for each output.
 

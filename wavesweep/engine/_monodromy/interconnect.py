@@ -1,6 +1,8 @@
 """Connection of blocks of one rate through their summing junctions, with every algebraic loop
 closed exactly."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -15,7 +17,7 @@ from wavesweep.engine.doubles import EPS
 LEFT_OF_ZERO = 8 * EPS
 
 
-def _side_by_side(systems) -> StateSpace:
+def _side_by_side(systems: list[Block | StateSpace]) -> StateSpace:
     """The matrices of systems that are not connected."""
     return StateSpace(
         E=block_diagonal([system.E for system in systems]),
@@ -25,7 +27,7 @@ def _side_by_side(systems) -> StateSpace:
     )
 
 
-def _sizes(block) -> StateSpace:
+def _sizes(block: Block) -> StateSpace:
     """The sizes of the terms of the entries of a block."""
     if block.terms:
         return StateSpace(*block.terms)
@@ -124,7 +126,7 @@ def all_sums(blocks: Sequence[Block], sums: Mapping[str, Mapping[str, object]]) 
     return of_ports | dict(sums)
 
 
-def _without_rounding(matrix, terms):
+def _without_rounding(matrix: np.ndarray, terms: np.ndarray) -> np.ndarray:
     """Return sums of terms, with 0 for rounding: a wall's force may reach the avatar by +1/b and
     -1/b, which leaves eps/b."""
     negligible = np.abs(matrix) <= LEFT_OF_ZERO * terms
@@ -142,7 +144,14 @@ class _Wires(NamedTuple):
     of_ports: np.ndarray
 
 
-def _wires(blocks, ports, sums, inputs, outputs, sizes):
+def _wires(
+    blocks: list[Block],
+    ports: list[str],
+    sums: dict[str, dict[str, np.ndarray | float]],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    sizes: StateSpace,
+) -> _Wires:
     """Return the wires; those of a port that no state and no output depends on are 0."""
     made = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
     traced: dict = {signal: {signal: 1.0} for signal in (*made, *inputs)}
@@ -172,7 +181,16 @@ class _Ports:
     loops, see `Block`.
     """
 
-    def __init__(self, ports, name, K, L, C, D, sizes):
+    def __init__(
+        self,
+        ports: list[str],
+        name: str,
+        K: np.ndarray,
+        L: np.ndarray,
+        C: np.ndarray,
+        D: np.ndarray,
+        sizes: tuple[np.ndarray, np.ndarray],
+    ) -> None:
         self.condition = self.pivot = 1.0
         size_of_C, size_of_D = sizes
         size = np.abs(K)
@@ -223,13 +241,15 @@ class _Ports:
             self.sizes[..., rows, :] = of_value
 
 
-def _picked(matrices, rows, columns=slice(None)):
+def _picked(
+    matrices: np.ndarray, rows: np.ndarray, columns: np.ndarray | slice = slice(None)
+) -> np.ndarray:
     """Return some rows and columns, in the order of memory in which a product has the same bits
     in every batch."""
     return np.ascontiguousarray(matrices[..., rows, :][..., columns])
 
 
-def _closure(needs):
+def _closure(needs: np.ndarray) -> np.ndarray:
     """Return which ports need which, by way of others as well."""
     for _ in range(len(needs).bit_length()):
         as_numbers = needs.astype(np.float32)  # BLAS multiplies no truth values
@@ -240,7 +260,9 @@ def _closure(needs):
     return needs
 
 
-def _closed(system, C, read, through, ports):
+def _closed(
+    system: StateSpace, C: np.ndarray, read: np.ndarray, through: np.ndarray, ports: np.ndarray
+) -> StateSpace:
     """Return the connected blocks; C: how outputs depend on states; read: on ports; through: on
     the external inputs."""
     n = system.E.shape[-1]
@@ -254,7 +276,7 @@ def _closed(system, C, read, through, ports):
     )
 
 
-def _times(A, B):
+def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """Return `A B`, in which an entry that overflows is lost only for what it is multiplied
     with."""
     product = A @ B
@@ -264,7 +286,11 @@ def _times(A, B):
     return np.where(terms > 0, product, 0.0)
 
 
-def _traced(signal, sums, traced):
+def _traced(
+    signal: str,
+    sums: dict[str, dict[str, np.ndarray | float]],
+    traced: dict[str, dict[str, np.ndarray | float]],
+) -> dict[str, np.ndarray | float]:
     """Return a signal as gains of outputs of blocks and external inputs; traced: signals whose
     gains have been found."""
     if signal not in traced:
@@ -278,7 +304,9 @@ def _traced(signal, sums, traced):
     return traced[signal]
 
 
-def _matrix(rows, columns):
+def _matrix(
+    rows: list[dict[str, np.ndarray | float]], columns: list[str] | tuple[str, ...]
+) -> np.ndarray:
     """Return gains `(..., rows, columns)` of rows that have them by column; other columns are
     left out."""
     at = {column: k for k, column in enumerate(columns)}
@@ -295,6 +323,6 @@ def _matrix(rows, columns):
     return out
 
 
-def _somewhere(matrix):
+def _somewhere(matrix: np.ndarray) -> np.ndarray:
     """Return which entries are not zero in some loop of the batch."""
     return (matrix != 0).any(tuple(range(matrix.ndim - 2)))

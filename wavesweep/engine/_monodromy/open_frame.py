@@ -103,7 +103,7 @@ def open_frame(
     )
 
 
-def _only_tick(ticks, w, read):
+def _only_tick(ticks: Ticks, w: int, read: int) -> int | None:
     """The tick in which the frame begins, the only one in which the product reaches the loop or
     what is read changes.
 
@@ -118,7 +118,7 @@ def _only_tick(ticks, w, read):
     return int(where[0]) if where.size == 1 else None
 
 
-def _changing(ticks, read):
+def _changing(ticks: Ticks, read: int) -> list[int]:
     """The kinds of tick in which the first signals change, if they are states that all others
     hold; otherwise none."""
     rows = [(block.C[..., :read, :], block.D[..., :read, :]) for block in ticks.maps]
@@ -140,13 +140,13 @@ def _changing(ticks, read):
     return []
 
 
-def _alike(a, b, size):
+def _alike(a: np.ndarray, b: np.ndarray, size: np.ndarray) -> bool:
     """Whether sums of the same terms in another order are equal but for rounding, in all loops;
     size: of their terms."""
     return bool((np.abs(a - b) <= CANCELLED_SUM * size).all())
 
 
-def _with_moment(columns):
+def _with_moment(columns: np.ndarray) -> np.ndarray:
     """Columns of the number's product and perhaps of a hand's force, and then a third for one
     that is 0 in the first tick."""
     return np.concatenate([columns, np.zeros_like(columns[..., 1:])], axis=-1)
@@ -189,7 +189,9 @@ def cut_of(
     return cut and _acted_on(cut)
 
 
-def _with_rows_of_number(system, states, lead=None, factor=None):
+def _with_rows_of_number(
+    system: StateSpace, states: list[int], lead: int | None = None, factor: np.ndarray | None = None
+) -> StateSpace:
     """Return a system of the states x that remain, with the rows that a number reads.
 
     The first signal is `factor x_l + c x + d u`, of which x_l is the state `lead` that drifts, or
@@ -218,7 +220,7 @@ def _with_rows_of_number(system, states, lead=None, factor=None):
     return StateSpace(E[..., states, :][..., states], B[..., states, :], rows, columns)
 
 
-def _without_integrator(cut):
+def _without_integrator(cut: LinearFractional) -> LinearFractional | None:
     """The loop whose integrator s follows the other states, since `s - l x` is conserved, with `l =
     ADVANCE E^-1`.
 
@@ -283,6 +285,6 @@ def _acted_on(cut: LinearFractional) -> LinearFractional | None:
     )
 
 
-def _somewhere(matrix):
+def _somewhere(matrix: np.ndarray) -> np.ndarray:
     """Which entries are not zero in some loop of the batch."""
     return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))

@@ -1,9 +1,11 @@
 """Drawn loops without a number that several ticks of a frame may read: closed in the frame, or
 in each of its ticks."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,9 @@ from wavesweep.engine._loops.block import concatenated
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, size_of, then
+
+if TYPE_CHECKING:
+    from wavesweep.engine._loops.block import Block
 
 # times the frame: size of the terms of its closure, from which on it is closed in the ticks instead
 CANCELS = 16.0
@@ -26,10 +31,10 @@ class OpenTicks:
     """
 
     ticks: Ticks
-    frame: "_OpenFrame | None"
+    frame: _OpenFrame | None
 
     @staticmethod
-    def of(drawn: MultirateLoop, closed: MultirateLoop, product: str, factor: str) -> "OpenTicks":
+    def of(drawn: MultirateLoop, closed: MultirateLoop, product: str, factor: str) -> OpenTicks:
         """Connect the ticks.
 
         drawn: with the number's product as an input; closed: with the number in its place, which
@@ -71,7 +76,7 @@ class OpenTicks:
             condition = reduce(np.multiply, [closure.condition for closure in closures])
             read = [closures[kind].gain for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
 
-            def frames(index):
+            def frames(index: Any) -> np.ndarray:
                 gains = [gain[index] for gain in read]
                 E, lost = self.frame.closed(at[index], gains)
                 if (
@@ -93,7 +98,7 @@ class _Closure(NamedTuple):
     condition: np.ndarray
 
 
-def _closure(block, at, p):
+def _closure(block: Block, at: np.ndarray, p: np.ndarray) -> _Closure:
     """Close a tick at values of the number."""
     pivot = np.asarray(block.pivot)[at] if np.ndim(block.pivot) else block.pivot
     condition = np.asarray(block.condition)[at] if np.ndim(block.condition) else block.condition
@@ -107,7 +112,7 @@ def _closure(block, at, p):
     return _Closure(gain, pivot, condition)
 
 
-def _closed(block, at, p, terms):
+def _closed(block: Block, at: np.ndarray, p: np.ndarray, terms: bool) -> Block:
     """A tick with the number in place, without inputs and outputs."""
     closure = _closure(block, at, p)
     E = _with_gain(block.E, block.B, block.C, at, closure.gain)
@@ -129,7 +134,7 @@ def _closed(block, at, p, terms):
     )
 
 
-def _sizes_closed(block, at, p, gain):
+def _sizes_closed(block: Block, at: np.ndarray, p: np.ndarray, gain: np.ndarray) -> np.ndarray:
     """The sizes of the terms of a tick with the number in place."""
     E, B, C, direct = block.terms
     if not block.inputs:
@@ -141,7 +146,9 @@ def _sizes_closed(block, at, p, gain):
     return _with_gain(E, B, C, at, unsure)
 
 
-def _with_gain(E, B, C, at, gain):
+def _with_gain(
+    E: np.ndarray, B: np.ndarray, C: np.ndarray, at: np.ndarray, gain: np.ndarray | float
+) -> np.ndarray:
     """`E + B gain C` of the loops `at`."""
     E = _of_loops(E, at)
     if not B.shape[-1]:
@@ -149,7 +156,7 @@ def _with_gain(E, B, C, at, gain):
     return E + _of_loops(B, at) * gain[..., None, None] * _of_loops(C, at)
 
 
-def _of_loops(matrix, at):
+def _of_loops(matrix: np.ndarray, at: np.ndarray) -> np.ndarray:
     """A matrix of the loops `at` of the batch; one that all loops have alike has no axis for
     them."""
     return matrix[at] if matrix.ndim > 2 else matrix
@@ -171,11 +178,11 @@ class _OpenFrame:
     D: np.ndarray
 
     @staticmethod
-    def of(ticks: Ticks) -> "_OpenFrame":
+    def of(ticks: Ticks) -> _OpenFrame:
         maps = [_OpenFrame(tick.E, tick.B, tick.C, 0 * tick.D) for tick in ticks.maps]
         return in_a_row(ticks.kind.tolist(), maps, _joined)
 
-    def closed(self, at, gains) -> tuple[np.ndarray, np.ndarray]:
+    def closed(self, at: np.ndarray, gains: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the frames with these gains at the readings, `(readings, ...)`, and which have
         lost digits as terms cancel.
 
@@ -205,7 +212,7 @@ class _OpenFrame:
         return E, size_of(sizes) > CANCELS * largest
 
 
-def _joined(first, second):
+def _joined(first: _OpenFrame, second: _OpenFrame) -> _OpenFrame:
     """One run of ticks after the other; the readings of the first come first."""
     E = then(first.E, second.E)
     B = concatenated((first.B + second.E @ first.B, second.B), -1)

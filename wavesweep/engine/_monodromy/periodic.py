@@ -90,7 +90,7 @@ class Ticks:
         return Ticks(tuple(maps), kind)
 
 
-def _reaches(drawn, runs, signal):
+def _reaches(drawn: MultirateLoop, runs: set[int], signal: str) -> bool:
     """Return whether one of the blocks that run reads the signal."""
     for index in runs:
         block = drawn.placed[index].block
@@ -100,7 +100,7 @@ def _reaches(drawn, runs, signal):
     return False
 
 
-def _in_tick(block, runs, held):
+def _in_tick(block: Block, runs: bool, held: list[str]) -> Block:
     """Return the block with states for the outputs that it holds.
 
     If it does not run, none of its states changes, and its outputs are the held ones.
@@ -117,7 +117,7 @@ def _in_tick(block, runs, held):
     return replace(block, states=states, **system._asdict(), labels=(), terms=terms)
 
 
-def _holding(system, rows, runs, forgotten):
+def _holding(system: StateSpace, rows: list[int], runs: bool, forgotten: float) -> StateSpace:
     """Return a system with states for the outputs `rows`; forgotten: of each of them if the
     block runs."""
     n, m = system.B.shape[-2:]
@@ -158,7 +158,7 @@ def frame_of(ticks: Ticks) -> np.ndarray:
     changes = [Change.of(E) for E in matrices]
     batch = np.broadcast_shapes(*(E.shape[:-2] for E in matrices))
 
-    def frame(index):
+    def frame(index: Any) -> np.ndarray:
         part = [change.at(index) for change in changes]
         return in_a_row(kinds, part, Change.then).E
 
@@ -182,7 +182,10 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     bound.
     """
 
-    def joined(first, second):
+    def joined(
+        first: tuple[np.ndarray, np.ndarray | float, np.ndarray | float],
+        second: tuple[np.ndarray, np.ndarray | float, np.ndarray | float],
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         P, largest_P, lost_P = first
         Q, largest_Q, lost_Q = second
         both = then(P, Q)
@@ -199,7 +202,7 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
         return np.fmax(lost, largest / of_frame)
 
 
-def known_frames(E: np.ndarray, growth) -> np.ndarray:
+def known_frames(E: np.ndarray, growth: np.ndarray) -> np.ndarray:
     """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
     if not np.any(growth > LOST_GROWTH):
         return E
@@ -207,11 +210,11 @@ def known_frames(E: np.ndarray, growth) -> np.ndarray:
     return np.where(known[..., None, None], E, np.nan)
 
 
-def _with_identity(E):
+def _with_identity(E: np.ndarray) -> np.ndarray:
     return E + np.eye(E.shape[-1])
 
 
-def size_of(matrix) -> np.ndarray:
+def size_of(matrix: np.ndarray) -> np.ndarray:
     """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no
     units of the states change."""
     squares = np.abs(matrix * matrix.mT)
@@ -258,7 +261,9 @@ def products_of_rows(
 
 
 @lru_cache(maxsize=64)
-def _pairs_of_rows(rows, count):
+def _pairs_of_rows(
+    rows: tuple[tuple[int, ...], ...], count: int
+) -> tuple[list[np.ndarray], list[int]]:
     """The pairs that are joined in each step, as indices of both, the maps of all steps being in a
     row after those of the kinds; and the index of the map of each row. count: of the kinds."""
     steps = []
@@ -289,7 +294,7 @@ def stretches(kinds, maps, joined):
 
 
 @lru_cache(maxsize=64)
-def _plan(kinds: bytes):
+def _plan(kinds: bytes) -> tuple[tuple[tuple[Any, ...], ...], tuple[int, ...]]:
     """Return names for pairs of neighbours that occur more than once, and the sequence written with
     them.
 
@@ -309,7 +314,7 @@ def _plan(kinds: bytes):
     return tuple(pairs), tuple(sequence)
 
 
-def _most_frequent(sequence):
+def _most_frequent(sequence: list[int]) -> tuple[tuple[int, int], int]:
     """Return the pair of neighbours that occurs most often without overlap, the first of
     several, and its count."""
     counts = {}
@@ -324,7 +329,7 @@ def _most_frequent(sequence):
     return pair, counts[pair]
 
 
-def _replaced(sequence, pair, name):
+def _replaced(sequence: list[int], pair: tuple[int, int], name: int) -> list[int]:
     """The sequence with a name in place of a pair of neighbours."""
     replaced = []
     at = 0
@@ -338,7 +343,7 @@ def _replaced(sequence, pair, name):
     return replaced
 
 
-def then(first, second):
+def then(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return `(I + second)(I + first) - I`; a state that either of them forgets is forgotten
     exactly.
 
@@ -387,7 +392,7 @@ class Change:
         return Change(E, self.unread, later.unset)
 
 
-def _forgotten(E):
+def _forgotten(E: np.ndarray) -> list[tuple[int, bool]]:
     """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which
     it is, `(...)`.
 

@@ -5,9 +5,10 @@ is computed without forming I + E, which keeps the distance of slow poles from 1
 and repeated stretches are multiplied once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def product_with_errors(
     still = ~pattern_of(kind, changes, ramp=ramp)
     batch = _batch_of(changes, sizes)
 
-    def of_loops(index):
+    def of_loops(index: Any) -> np.ndarray:
         ticks = []
         for change, size_of_terms in zip(changes, sizes, strict=True):
             E = _of_loops(change, batch, index)
@@ -62,12 +63,12 @@ def product_with_errors(
     return E, np.where(still, 0.0, pair[..., 1, :, :])
 
 
-def _batch_of(changes, sizes):
+def _batch_of(changes: list[np.ndarray], sizes: list[np.ndarray]) -> tuple[int, ...]:
     """The shape of the batch that matrices are of together."""
     return np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes)))
 
 
-def _of_loops(matrix, batch, index):
+def _of_loops(matrix: np.ndarray, batch: tuple[int, ...], index: Any) -> np.ndarray:
     """Some of the matrices of a batch; one matrix if it is that of all."""
     if matrix.ndim == 2:
         return matrix
@@ -133,7 +134,7 @@ def product_with_tight_errors(
     batch = _batch_of(changes, sizes)
     n = changes[0].shape[-1]
 
-    def of_loops(index):
+    def of_loops(index: Any) -> np.ndarray:
         ticks = [_of_loops(change, batch, index) for change in changes]
         errors = [ENTRY_ROUNDING * _of_loops(size, batch, index) for size in sizes]
         E = in_a_row(list(kinds), ticks, lambda P, Q: P + Q + Q @ P)
@@ -148,7 +149,7 @@ def product_with_tight_errors(
 
 
 @lru_cache(maxsize=64)
-def _steps_of(kinds):
+def _steps_of(kinds: tuple[int, ...]) -> tuple[int, ...]:
     """Kinds of ticks as a row of at most SUMMED_STRETCHES steps, each of which is a kind or
     again such a row."""
     if len(kinds) <= SUMMED_STRETCHES:
@@ -163,7 +164,9 @@ def _narrowed(steps):
     return steps
 
 
-def _of_steps(steps, known):
+def _of_steps(
+    steps: int | tuple[int, ...], known: dict[int, tuple[np.ndarray, np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray]:
     """The product of steps and the bound on its error; known: those of steps that were
     multiplied before."""
     if steps not in known:
@@ -171,7 +174,7 @@ def _of_steps(steps, known):
     return known[steps]
 
 
-def _in_sequence(factors):
+def _in_sequence(factors: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     nothing = np.zeros_like(factors[0][0])
     n = nothing.shape[-1]
     eye = np.eye(n)
@@ -206,7 +209,7 @@ def pattern_of(
 
 
 @lru_cache(maxsize=256)
-def _pattern(patterns, kinds, n, width):
+def _pattern(patterns: tuple[bytes, ...], kinds: bytes, n: int, width: int) -> np.ndarray:
     of_inputs = np.eye(width, dtype=bool)[n:]
     maps = []
     for pattern in patterns:
@@ -227,7 +230,7 @@ def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
 
 
 @lru_cache(maxsize=256)
-def _components(pattern, n):
+def _components(pattern: bytes, n: int) -> tuple[tuple[int, ...], ...]:
     acts = np.frombuffer(pattern, bool).reshape(n, n)
     component_of = np.zeros(n, int)
     reaching = []  # of each component, the states that act on it, itself included, as bits
@@ -243,7 +246,9 @@ def _components(pattern, n):
     return tuple(block for _, block in sorted(blocks))
 
 
-def _after(ramp, first, second):
+def _after(
+    ramp: bool, first: tuple[np.ndarray, int], second: tuple[np.ndarray, int]
+) -> tuple[np.ndarray, int]:
     """One stretch of ticks after another, each as its change and its ticks."""
     P, ticks = first
     Q, more_ticks = second
@@ -254,7 +259,12 @@ def _after(ramp, first, second):
     return E, ticks + more_ticks
 
 
-def _after_with_errors(ramp, over, first, second):
+def _after_with_errors(
+    ramp: bool,
+    over: Callable[..., Any],
+    first: tuple[tuple[np.ndarray, int], np.ndarray, np.ndarray, np.ndarray],
+    second: tuple[tuple[np.ndarray, int], np.ndarray, np.ndarray, np.ndarray],
+) -> tuple[tuple[np.ndarray, int], np.ndarray, np.ndarray, np.ndarray]:
     """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound
     on their errors."""
     P, size_P, whole_P, dP = first
@@ -272,7 +282,7 @@ def _after_with_errors(ramp, over, first, second):
     return both, *_largest(over, both[0]), dE
 
 
-def _largest(over, E):
+def _largest(over: Callable[..., Any], E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The sizes of the entries of E and of I + E, of each loop or the largest of a batch."""
     size = over(np.abs(E))
     index = np.arange(E.shape[-2])

@@ -9,7 +9,7 @@ from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._monodromy.cut import ADVANCE, LinearFractional
 
 
-def within(E: np.ndarray, radius) -> np.ndarray:
+def within(E: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity;
     radius: `(...)`, up to 1."""
     r = np.asarray(radius)[..., None]
@@ -25,7 +25,7 @@ def within(E: np.ndarray, radius) -> np.ndarray:
     return scaled
 
 
-def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
+def errors_within(E: np.ndarray, dE: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return bounds on the errors of the entries of `within`, each of three roundings; dE: of those
     of E."""
     r = np.asarray(radius)[..., None, None]
@@ -33,7 +33,7 @@ def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
         return (dE + sum_rounding(3) * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
 
 
-def cut_within(cut: LinearFractional, radius) -> LinearFractional:
+def cut_within(cut: LinearFractional, radius: np.ndarray) -> LinearFractional:
     """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the
     batch.
 

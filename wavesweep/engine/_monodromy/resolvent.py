@@ -34,7 +34,7 @@ class DelayLines:
     steps: np.ndarray
 
     @staticmethod
-    def of(E) -> "DelayLines":
+    def of(E: np.ndarray) -> "DelayLines":
         """Return the delay lines that all frames less identity of a batch have, `(..., n, n)`.
 
         The state with the most entries that a delay does not have is solved for, then the next one,
@@ -101,7 +101,7 @@ class DelayLines:
         """Steps of the longest line."""
         return max((int(self.steps[at].sum()) for at in self._places()), default=0)
 
-    def along(self, added, z):
+    def along(self, added: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return the delayed states, `(..., delayed, k)`, if all others are 0; added: the same, to
         `z x_i - x_j`.
 
@@ -109,12 +109,12 @@ class DelayLines:
         """
         return self._summed(added.mT, z, 1).mT
 
-    def read(self, out, z):
+    def read(self, out: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return `out @ along`, `(..., rows, delayed)`; out: the same, the factors of the
         delayed states."""
         return self._summed(out, z, -1)
 
-    def _summed(self, inputs, z, step):
+    def _summed(self, inputs: np.ndarray, z: np.ndarray, step: int) -> np.ndarray:
         """Sums of what enters lines, or is read of them, up to each of their states, or back
         from the end; step: 1 or -1."""
         result = np.zeros(np.broadcast_shapes(inputs.shape, z.shape), complex)
@@ -132,12 +132,12 @@ class DelayLines:
             result[..., nonzero, at] = sums * back
         return result
 
-    def _places(self):
+    def _places(self) -> list[slice]:
         """The places of each line in `delayed`."""
         ends = np.cumsum([0, *(line.size for line in self.lines)]).tolist()
         return [slice(*pair) for pair in pairwise(ends)]
 
-    def reached(self, E, B, w):
+    def reached(self, E: np.ndarray, B: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return `(w I - E)^-1 B` at w `(...)`, `(..., n)`; E: `(..., n, n)`, B: `(..., n, 1)`."""
         k = self.solved
         d = self.delayed
@@ -154,7 +154,7 @@ class DelayLines:
         states[..., d] = delayed[..., 0]
         return states
 
-    def row(self, E, C, w):
+    def row(self, E: np.ndarray, C: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return `C (w I - E)^-1`, `(..., n)`; C: `(..., 1, n)`, E and w as for `reached`."""
         k = self.solved
         d = self.delayed
@@ -193,7 +193,7 @@ class TriangularForm:
     diagonal: bool
 
     @staticmethod
-    def of(E, B, C) -> "TriangularForm":
+    def of(E: np.ndarray, B: np.ndarray, C: np.ndarray) -> "TriangularForm":
         """Return the form of each of some loops by eigenvectors, or Schur's if these are nearly
         dependent; E: `(loops, n, n)`, B: `(loops, n, 1)`, C: `(loops, outputs, n)`.
 
@@ -232,14 +232,14 @@ class TriangularForm:
         """T, or of a diagonal one the diagonal alone, `(loops, 1, n)`."""
         return np.diagonal(self.T, axis1=-2, axis2=-1)[:, None] if self.diagonal else self.T
 
-    def reached(self, E, B, w):
+    def reached(self, E: np.ndarray, B: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return `(w I - E)^-1 B`, `(..., n)`; E, B: of `system`. See `DelayLines.reached`."""
         right = B[..., 0]
         if self.diagonal:
             return right / (w[..., None] - E[..., 0, :])
         return _forward(E[..., ::-1, ::-1], right[..., ::-1], w)[..., ::-1]
 
-    def row(self, E, C, w):
+    def row(self, E: np.ndarray, C: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return `C (w I - E)^-1`, `(..., n)`."""
         left = C[..., 0, :]
         if self.diagonal:
@@ -247,7 +247,7 @@ class TriangularForm:
         return _forward(E.mT, left, w)
 
 
-def _forward(T, right, w):
+def _forward(T: np.ndarray, right: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return `(w I - T)^-1 right`, `(..., n)`; T: lower triangular, `(..., n, n)`."""
     n = T.shape[-1]
     T = np.moveaxis(T, (-2, -1), (0, 1))
@@ -260,7 +260,9 @@ def _forward(T, right, w):
 
 
 @np.errstate(all="ignore")
-def _with_error(E, T, V, Z):
+def _with_error(
+    E: np.ndarray, T: np.ndarray, V: np.ndarray, Z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """T, V and Z, and the error of the form that they are of E, see `TriangularForm.of`."""
     identity = np.eye(E.shape[-1])
     rounding = 2 * (len(identity) + 8) * EPS
@@ -273,13 +275,13 @@ def _with_error(E, T, V, Z):
     return T, V, Z, np.where(off < 0.5, error, np.inf)
 
 
-def _eigenvectors(E):
+def _eigenvectors(E: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     values, V = np.linalg.eig(E)
     V = V.astype(complex)
     return values[:, :, None] * np.eye(E.shape[-1]), V, inverse(V)
 
 
-def _schur(E):
+def _schur(E: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     from scipy.linalg import schur
 
     T, V = np.empty((2, *E.shape), complex)
@@ -288,7 +290,7 @@ def _schur(E):
     return T, V, V.conj().mT
 
 
-def _norm(matrices):
+def _norm(matrices: np.ndarray) -> np.ndarray:
     return np.linalg.norm(matrices, axis=(-1, -2))
 
 
@@ -303,10 +305,10 @@ class Inverse:
 
     matrix: np.ndarray
 
-    def reached(self, columns):
+    def reached(self, columns: np.ndarray) -> np.ndarray:
         return self.matrix @ columns
 
-    def row(self, rows):
+    def row(self, rows: np.ndarray) -> np.ndarray:
         return (self.matrix.mT @ rows[..., None])[..., 0]
 
 

@@ -4,6 +4,8 @@ If terms cancel within a tick, as the impedance of a wave line does that passes 
 entries that are left have lost digits, and show no sign of it.
 """
 
+from typing import Any
+
 import numpy as np
 
 from wavesweep.engine._monodromy.batches import in_parts
@@ -28,7 +30,7 @@ def both(
     return Bounded(*first).then(Bounded(*second))
 
 
-def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
+def measured_frame(kind: np.ndarray, changes: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the frame less identity and its growth, `(...)` (see `growth_of`).
 
     kind: of each tick. changes: per kind, the matrix less identity, `(..., n, n)`. Accuracy: growth
@@ -45,7 +47,7 @@ def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
         alike = change.ndim == 2
         of_batch.append(change if alike else np.broadcast_to(change, (*batch, n, n)))
 
-    def frame(index):
+    def frame(index: Any) -> np.ndarray:
         ticks = [change if change.ndim == 2 else change[index] for change in of_batch]
         measured = [(Change.of(tick), _largest(tick), 1.0) for tick in ticks]
         E, _, largest = in_a_row(kinds, measured, joined)
@@ -53,7 +55,9 @@ def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
             growth[index] = growth_of(kind, ticks)
         return E.E
 
-    def joined(first, second):
+    def joined(
+        first: tuple[Change, np.ndarray, float], second: tuple[Change, np.ndarray, float]
+    ) -> tuple[Change, np.ndarray, float]:
         P, size_P, largest_P = first
         Q, size_Q, largest_Q = second
         both = P.then(Q)
@@ -65,7 +69,7 @@ def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
     return E, growth
 
 
-def _largest(E):
+def _largest(E: np.ndarray) -> np.ndarray:
     """The largest sizes of the entries of I + E in a batch."""
     return np.abs(E + np.eye(E.shape[-1])).max(tuple(range(E.ndim - 2)))
 
@@ -100,7 +104,7 @@ def balance(E: np.ndarray, thorough: bool = False) -> tuple[np.ndarray, np.ndarr
     return E * (units[:, None, :] / units[:, :, None]), units
 
 
-def uneven_units(sizes):
+def uneven_units(sizes: np.ndarray) -> np.ndarray:
     """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not
     UNEVEN, or no units help.
 
@@ -118,7 +122,7 @@ def uneven_units(sizes):
     return units
 
 
-def may_have(E, dE, points) -> np.ndarray:
+def may_have(E: np.ndarray, dE: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return whether a matrix within dE of `I + E` may have one of these eigenvalues,
     `(matrices,)`.
 
@@ -140,7 +144,7 @@ def may_have(E, dE, points) -> np.ndarray:
     return ~clear.all(-1)
 
 
-def at_angles_of(delta, radius, rank) -> np.ndarray:
+def at_angles_of(delta: np.ndarray, radius: np.ndarray | float, rank: np.ndarray) -> np.ndarray:
     """Return points less 1 on circles of a radius, `(matrices, EIGENVALUES_EXAMINED)`, at the
     angles of some eigenvalues `1 + delta`.
 
@@ -157,7 +161,7 @@ def at_angles_of(delta, radius, rank) -> np.ndarray:
     return chosen + ray * (np.reshape(radius, (-1, 1)) - np.abs(z))
 
 
-def radius_hidden(E, dE) -> np.ndarray:
+def radius_hidden(E: np.ndarray, dE: np.ndarray) -> np.ndarray:
     """Return whether the spectral radius of `I + E` may be larger by TELLING, or on the other
     side of 1, within dE of E."""
     shape = E.shape[:-2]

@@ -1,8 +1,11 @@
 """Batches of loops at their hand, or between an input and an output: ports and responses."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +18,11 @@ from wavesweep.engine._response.port import Port
 from wavesweep.engine._response.static import dcgain
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct_rows
+
+if TYPE_CHECKING:
+    from wavesweep.engine._loops.multirate import MultirateLoop
+    from wavesweep.engine._monodromy.drift import MarginalModes
+    from wavesweep.engine._response.static import AtRest
 
 Route = tuple[str, str]  # names of an input and an output
 
@@ -70,7 +78,7 @@ def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
 
 
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects
-def _at_rest(twin, ports, drift):
+def _at_rest(twin: MultirateLoop, ports: Ports, drift: MarginalModes) -> AtRest:
     """What a constant force of the hand does in the end, in a loop of the same structure."""
     still = rests(twin, living_blocks(twin, ports.signals), ports.force)
     with np.errstate(all="ignore"):

@@ -1,6 +1,9 @@
 """The response from one linear system of fast states and frame, where modes cancel."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +12,9 @@ from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._response.circle import Circle
 from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.doubles import ENTRY_ROUNDING
+
+if TYPE_CHECKING:
+    from wavesweep.engine._response.port import Port
 
 # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are
 # computed
@@ -135,7 +141,7 @@ class Bordered:
         return Bounded(A, dA), Bounded(b, db)
 
 
-def fits(port) -> bool:
+def fits(port: Port) -> bool:
     """Whether what the system needs to know of a frame has at most FRAME_ENTRIES_AT_ONCE entries
     for a loop."""
     E, _, C, _ = port.maps[int(np.bincount(port.kind).argmax())]
@@ -144,7 +150,7 @@ def fits(port) -> bool:
     ] <= FRAME_ENTRIES_AT_ONCE
 
 
-def _changing(E):
+def _changing(E: np.ndarray) -> np.ndarray:
     """Which states change in a tick."""
     return (E != 0).any((*range(E.ndim - 2), E.ndim - 1))
 

@@ -15,7 +15,7 @@ class Circle:
     multiple of the slow rate has an angle per frame next to 0, and all its digits are needed.
     """
 
-    def __init__(self, frequency, rate: float, ratio: int):
+    def __init__(self, frequency: np.ndarray, rate: float, ratio: int) -> None:
         self.frequency = frequency
         self.rate = rate
         self.ratio = ratio
@@ -32,21 +32,21 @@ class Circle:
             return self
         return Circle(self.frequency[index], self.rate, self.ratio)
 
-    def angle(self, count: int):
+    def angle(self, count: int) -> np.ndarray:
         """Return `w count T`, rad, less full turns."""
         turns = np.round(self.cycles * count)
         return 2 * np.pi * (((self.high * count - turns) + self.low * count) + self.rest * count)
 
-    def turn(self, count: int):
+    def turn(self, count: int) -> np.ndarray:
         """Return `exp(j w count T)`."""
         angle = self.angle(count)
         return np.cos(angle) + 1j * np.sin(angle)
 
-    def steps(self, count: int):
+    def steps(self, count: int) -> np.ndarray:
         """Return `exp(j w count T) - 1`, to all digits."""
         return on_circle(self.angle(count))
 
-    def ladder(self, count: int):
+    def ladder(self, count: int) -> np.ndarray:
         """`exp(j w i T)` for the first ticks i of a frame, `(count, points)`."""
         while (
             len(self.powers) < count
@@ -55,12 +55,12 @@ class Circle:
         return self.powers[:count]
 
     @cached_property
-    def tick(self):
+    def tick(self) -> np.ndarray:
         """`exp(j w T) - 1`."""
         return self.steps(1)
 
     @cached_property
-    def frame(self):
+    def frame(self) -> np.ndarray:
         """`exp(j w M T) - 1`, exactly 0 at multiples of the slow rate."""
         return self.steps(self.ratio)
 
@@ -71,7 +71,7 @@ def circle_of(frequencies: bytes, rate: float, ratio: int) -> Circle:
     return Circle(np.frombuffer(frequencies), rate, ratio)
 
 
-def _product(a, b):
+def _product(a: np.ndarray, b: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a product and its rounding error (Dekker 1971)."""
     high_a, low_a = _halves(a)
     high_b, low_b = _halves(b)
@@ -79,7 +79,7 @@ def _product(a, b):
     return product, ((high_a * high_b - product) + high_a * low_b + low_a * high_b) + low_a * low_b
 
 
-def _halves(a):
+def _halves(a: np.ndarray | float) -> tuple[np.ndarray | float, np.ndarray | float]:
     """Return two numbers of 26 bits whose sum is a."""
     far = 134217729.0 * a
     high = far - (far - a)

@@ -1,13 +1,19 @@
 """Velocities that an encoder gives, from a mass's displacement in a tick, where a difference of
 positions would cancel."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wavesweep.engine._loops.block import Block
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.drift import MarginalModes
+
+if TYPE_CHECKING:
+    from wavesweep.engine._loops.multirate import ScheduledBlock
 
 DISPLACEMENT = "displacement"  # the output that a mass gets
 
@@ -48,16 +54,16 @@ def with_displacements(
     return drawn, replace(drift, constant=tuple(constant))
 
 
-def _delay(gain):
+def _delay(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """E, B, C, D of a delay of a tick whose state is the input times a gain."""
     return np.array([[-1.0]]), gain, np.ones((1, 1)), np.zeros((1, 1))
 
 
-def _is_mass(scheduled):
+def _is_mass(scheduled: ScheduledBlock) -> bool:
     return scheduled.every == 1 and scheduled.block.states == ("v", "x")
 
 
-def _is_difference(scheduled):
+def _is_difference(scheduled: ScheduledBlock) -> bool:
     block = scheduled.block
     if (
         block.states != ("u1",)
@@ -68,7 +74,7 @@ def _is_difference(scheduled):
     return bool(np.all(block.E == -1) and np.all(block.B == 1) and np.all(block.C == -block.D))
 
 
-def _with_displacement(block):
+def _with_displacement(block: Block) -> Block:
     if DISPLACEMENT in block.outputs:
         return block
     C, D = _rows(block.E, block.B, block.C, block.D)
@@ -78,11 +84,13 @@ def _with_displacement(block):
     )
 
 
-def _rows(E, B, C, D):
+def _rows(
+    E: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """C and D with the change of the position as a further output."""
     return _with_row(C, E[..., 1:2, :]), _with_row(D, B[..., 1:2, :])
 
 
-def _with_row(matrix, row):
+def _with_row(matrix: np.ndarray, row: np.ndarray) -> np.ndarray:
     matrix = np.broadcast_to(matrix, (*row.shape[:-2], *matrix.shape[-2:]))
     return np.concatenate([matrix, row], -2)

@@ -2,6 +2,7 @@
 frame to its positions."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def gain_of(loop: Lifted) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     if loop.frame.ticks > 1:
         return Gain(loop)
 
-    def size_of_admittance(frequency_hz):
+    def size_of_admittance(frequency_hz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         response = respond(loop, frequency_hz)
         return np.abs(response.admittance), response.admittance_error
 
@@ -41,7 +42,7 @@ class Gain:
     between two with orthonormal columns, `O = left corner` and `G = entry right'`.
     """
 
-    def __init__(self, loop: Lifted):
+    def __init__(self, loop: Lifted) -> None:
         self.loop = loop
         self.frame, self.lost = loop.of_positions
         self.n = self.frame.E[0].shape[-1]
@@ -60,7 +61,7 @@ class Gain:
             self.of_entry = of_entry[..., None, :, None]
             self.of_map = norm_of_errors(self.frame)
 
-    def __call__(self, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, frequency_hz: np.ndarray | list[float]) -> tuple[np.ndarray, np.ndarray]:
         """Return the gain, unbounded at multiples of the frame's rate if the position drifts, and a
         bound on its error.
 
@@ -87,7 +88,7 @@ class Gain:
                 relative[..., index] = np.where(good, off, np.nan)
         return gain, np.where(self.lost[..., None], np.nan, relative)
 
-    def _at(self, w):
+    def _at(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the largest singular value at each point of the frame's circle, and a bound on
         its error (m/N)."""
         n = self.n
@@ -115,7 +116,7 @@ class Gain:
             value = self._lanczos(core)
         return np.where(finite, value, np.nan), error
 
-    def _lanczos(self, core):
+    def _lanczos(self, core: np.ndarray) -> np.ndarray:
         """Return the largest singular value, see `by_lanczos`."""
         shape = core.shape[:-2]
         ticks = self.frame.ticks
@@ -125,7 +126,7 @@ class Gain:
         core = core.reshape(-1, *core.shape[-2:])
         turned = core.conj().mT
 
-        def apply(v, back):
+        def apply(v: np.ndarray, back: bool) -> np.ndarray:
             direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(
                 complex
             )[..., 0]
@@ -136,7 +137,7 @@ class Gain:
         return by_lanczos(apply, len(core), ticks).reshape(shape)
 
 
-def by_lanczos(apply, points: int, outputs: int) -> np.ndarray:
+def by_lanczos(apply: Callable[..., Any], points: int, outputs: int) -> np.ndarray:
     """Return the largest singular value of a map at points, `(points,)`, or a little less, by
     Golub-Kahan-Lanczos with full reorthogonalisation, all points at once.
 
@@ -172,17 +173,17 @@ def by_lanczos(apply, points: int, outputs: int) -> np.ndarray:
     return best
 
 
-def _largest_singular_value(H):
+def _largest_singular_value(H: np.ndarray) -> np.ndarray:
     square = H.conj().mT @ H
     return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[..., -1], 0))
 
 
-def _norm(v):
+def _norm(v: np.ndarray) -> np.ndarray:
     size = np.sqrt((np.abs(v) ** 2).sum(-1, keepdims=True))
     return np.where(size > 0, size, 1)
 
 
-def applied(frame: Stretch, v, loop, *, adjoint: bool):
+def applied(frame: Stretch, v: np.ndarray, loop: np.ndarray, *, adjoint: bool) -> np.ndarray:
     """Return the positions of a frame for its forces v, `(vectors, ticks, columns)`, real; adjoint:
     the transposed map.
 
@@ -209,7 +210,7 @@ def applied(frame: Stretch, v, loop, *, adjoint: bool):
     return np.concatenate(results, axis=-2)
 
 
-def _of_loops(matrices, loop):
+def _of_loops(matrices: np.ndarray, loop: np.ndarray) -> np.ndarray:
     matrices = matrices.reshape(-1, *matrices.shape[-2:])
     return matrices[loop] if len(matrices) > 1 else matrices
 
@@ -226,7 +227,7 @@ def norm_of_errors(frame: Stretch) -> np.ndarray:
     return np.sqrt(norm_of_errors(frame.first) ** 2 + norm_of_errors(frame.second) ** 2 + across**2)
 
 
-def norm_of_product(A, B):
+def norm_of_product(A: np.ndarray, B: np.ndarray) -> np.ndarray | float:
     """Return the Frobenius norm of `A B` without forming it."""
     of_A = A.mT @ A
     of_B = B @ B.mT

@@ -1,9 +1,12 @@
 """Loops over a frame: what each tick shows of the state at the frame's start, and what its force
 leaves, with errors."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -40,13 +43,13 @@ class Stretch:
     controllability: Bounded
     forced: Bounded | None
     impulse: Bounded | None
-    first: "Stretch | None" = None
-    second: "Stretch | None" = None
+    first: Stretch | None = None
+    second: Stretch | None = None
     state_index: np.ndarray | slice | None = None
     rows: slice = field(default_factory=lambda: slice(None))
 
     @staticmethod
-    def of(port: Port) -> "Stretch":
+    def of(port: Port) -> Stretch:
         """Return the port's frame; repeated stretches are joined once."""
         ticks = []
         for tick, terms in zip(port.maps, port.sizes, strict=True):
@@ -63,7 +66,7 @@ class Stretch:
         """Number of ticks."""
         return self.controllability.value.shape[-1]
 
-    def showing(self, rows: slice) -> "Stretch":
+    def showing(self, rows: slice) -> Stretch:
         """Return the frame with some outputs, and the states that these need to know of it."""
         change = self.E.value
         n = change.shape[-1]
@@ -114,7 +117,7 @@ class Stretch:
         return last @ self.first.controllability
 
 
-def _joined(first, second):
+def _joined(first: Stretch, second: Stretch) -> Stretch:
     """Return one stretch after the other."""
     one = Bounded.exact(np.eye(first.E.value.shape[-1]))
     before = one + first.E
@@ -134,7 +137,7 @@ def _joined(first, second):
     return Stretch(E, observability, controllability, forced, impulse)
 
 
-def _triangular(first, across, second):
+def _triangular(first: np.ndarray, across: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the map of two stretches from those of both, and from the first to the second."""
     batch = np.broadcast_shapes(*(block.shape[:-2] for block in (first, across, second)))
     rows = first.shape[-1]
@@ -145,13 +148,13 @@ def _triangular(first, across, second):
     return joint
 
 
-def _padded(forced, count):
+def _padded(forced: Bounded, count: int) -> Bounded:
     return forced.each(
         lambda sums: np.concatenate([sums, np.zeros((*sums.shape[:-1], count))], axis=-1)
     )
 
 
-def _over_lags(later):
+def _over_lags(later: Bounded) -> Bounded:
     """Return sums over equal numbers of ticks between a force in the first stretch, and an output
     in the second.
 
@@ -189,7 +192,7 @@ class Sums:
     ddriven: np.ndarray
 
     @staticmethod
-    def of(stretch: Stretch, points, memo: dict | None = None) -> "Sums":
+    def of(stretch: Stretch, points, memo: dict | None = None) -> Sums:
         """Return the sums at these points of the circle (see `Circle`); memo: those of its
         halves, by identity."""
         memo = {} if memo is None else memo
@@ -271,7 +274,7 @@ class Lifted:
     lost: np.ndarray
 
     @staticmethod
-    def of(port: Port) -> "Lifted":
+    def of(port: Port) -> Lifted:
         """Return the loops over the port's frame."""
         with np.errstate(all="ignore"):  # a frame that overflows is found here
             frame = Stretch.of(_with_position(port))
@@ -301,7 +304,7 @@ class Lifted:
         return Bordered(self.port.observable(), Stretch.of, Sums.of)
 
     @cached_property
-    def of_positions(self) -> "tuple[Stretch, np.ndarray]":
+    def of_positions(self) -> tuple[Stretch, np.ndarray]:
         """The frame with the position as its only output, and which loops have numbers there
         whose squares overflow."""
         frame = self.with_position.showing(slice(self.port.outputs, None))
@@ -334,7 +337,7 @@ class Lifted:
         )
 
 
-def _all(frame, test):
+def _all(frame: Stretch, test: Callable[..., Any]) -> bool:
     """Of which loops all entries of a frame pass a test."""
     passed = [test(matrix).all((-1, -2)) for matrix in (*frame.E, *frame.controllability)]
     passed += [test(outputs).all((-1, -2, -3)) for outputs in frame.observability]
@@ -351,7 +354,7 @@ def _without(port, lost):
     return replace(port, maps=tuple(map(zeroed, port.maps)), sizes=tuple(map(zeroed, port.sizes)))
 
 
-def _with_position(port):
+def _with_position(port: Port) -> Port:
     """Return the port with the position at the beginning of each tick as a further output, a
     state more if it drifts."""
     maps = tuple(_tick_with_position(tick, port.position) for tick in port.maps)
@@ -361,7 +364,7 @@ def _with_position(port):
     )
 
 
-def _tick_with_position(tick, position):
+def _tick_with_position(tick: StateSpace, position: np.ndarray) -> StateSpace:
     drifts = position is None
     outputs, n = tick.C.shape[-2:]
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in tick))

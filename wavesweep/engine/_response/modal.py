@@ -31,7 +31,7 @@ class Modal:
     E `(..., n, n)`; error: bounds on the errors of its entries.
     """
 
-    def __init__(self, E, error):
+    def __init__(self, E: np.ndarray, error: np.ndarray) -> None:
         self.E = E
         self.error = error
         self.poles, self.vectors = np.linalg.eig(E)
@@ -40,7 +40,7 @@ class Modal:
         self.into = solve(self.vectors, eye)
         self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
 
-    def solve(self, w, b, db) -> ModalSolution:
+    def solve(self, w: np.ndarray, b: np.ndarray, db: np.ndarray) -> ModalSolution:
         """Return X of `(w - E) X = b` and how accurate it is; db: error of b."""
         factor = 1 / (w - self.poles[..., None])
         E = self.E + 0j
@@ -57,13 +57,15 @@ class Modal:
         off = (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
         return ModalSolution(X, unsure, gain, off)
 
-    def bound(self, unsure, gain, off):
+    def bound(self, unsure: np.ndarray, gain: np.ndarray, off: np.ndarray) -> np.ndarray:
         """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see
         `solve`."""
         bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
         return np.where(off <= INVERSE_ERROR, bound * (1 + 2 * off), np.inf)
 
-    def careful_bound(self, w, unsure, gain, off):
+    def careful_bound(
+        self, w: np.ndarray, unsure: np.ndarray, gain: np.ndarray, off: np.ndarray
+    ) -> np.ndarray:
         """Return a bound on the error of X from the inverse itself, in which modes cancel.
 
         w, unsure, gain, off: of the points, see `solve`.

@@ -5,7 +5,7 @@ import numpy as np
 from wavesweep.engine._monodromy.batches import sparse
 
 
-def ordered_product(A, x):
+def ordered_product(A: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return `A x` of every loop of a batch, or at every frequency; A: `(..., m, n)`, x: `(...,
     n)`.
 

@@ -49,7 +49,7 @@ def l1_norm(port: Port) -> PeakGain | None:
         return _summed(*system) if all(np.isfinite(matrix).all() for matrix in system) else None
 
 
-def _summed(E, G, O, T):
+def _summed(E: np.ndarray, G: np.ndarray, O: np.ndarray, T: np.ndarray) -> PeakGain | None:
     n, ticks = G.shape
     row = np.abs(T).sum(-1)
     step = np.abs(_from_each(T)).max()
@@ -88,7 +88,7 @@ def _summed(E, G, O, T):
     return PeakGain(float(row.max() + excess), float(excess), float(step))
 
 
-def _rest(shown, power, into):
+def _rest(shown: np.ndarray, power: np.ndarray, into: np.ndarray) -> float:
     """The largest sum of all later frames: with `|A^(r + s Q)| <= |A^r| |A^Q|^s` they are a
     series of powers of `|A^Q|`."""
     try:
@@ -100,6 +100,6 @@ def _rest(shown, power, into):
     return (shown @ (power @ (series @ into))).sum(-1).max()
 
 
-def _from_each(maps):
+def _from_each(maps: np.ndarray) -> np.ndarray:
     """The sums over the ticks of the input from each one to the last."""
     return np.cumsum(maps[..., ::-1], -1)

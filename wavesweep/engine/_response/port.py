@@ -1,6 +1,10 @@
 """The ports of loops: a map per kind of tick from forces to displacements, without the drift."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +58,7 @@ class Port:
     pivot: object = 1.0
 
     @staticmethod
-    def of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> "Port":
+    def of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
         """Return the port of the loops at the hand.
 
         The displacement of a tick is the difference of two positions, so the position has to be a
@@ -72,7 +76,7 @@ class Port:
                 raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {position}")
         shifts = _Shifts.of(ticks, drift, reads)
 
-        def outputs(tick, absolute):
+        def outputs(tick: StateSpace, absolute: bool) -> list[tuple[np.ndarray, np.ndarray]]:
             read = np.abs(reads) if absolute else reads
             with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
                 displacement = read @ tick.E, read @ tick.B
@@ -100,7 +104,7 @@ class Port:
         )
 
     @staticmethod
-    def between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> "Port":
+    def between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> Port:
         """Return the port between an external input and any signal.
 
         The first output is the signal in each tick. If it moves with a drift, that share of it is
@@ -149,7 +153,7 @@ class Port:
         """Number of outputs of the maps."""
         return self.maps[0][2].shape[-2]
 
-    def some(self, index: np.ndarray) -> "Port":
+    def some(self, index: np.ndarray) -> Port:
         """Return the port of some loops of a batch of one axis; index: `(loops,)`, of integers
         or truth values."""
 
@@ -164,7 +168,7 @@ class Port:
             self, maps=maps, sizes=sizes, position=chosen(self.position), moves=chosen(self.moves)
         )
 
-    def observable(self) -> "Port":
+    def observable(self) -> Port:
         """Return the port without the states that no output depends on."""
         n = self.maps[0].E.shape[-1]
         reads = np.zeros((n, n), bool)
@@ -179,13 +183,19 @@ class Port:
         return replace(self, maps=maps, sizes=sizes, position=position)
 
 
-def _among(states, tick):
+def _among(states: np.ndarray, tick: StateSpace) -> StateSpace:
     """The map of a tick among some of its states."""
     E, B, C, D = tick
     return StateSpace(E[..., states[:, None], states], B[..., states, :], C[..., states], D)
 
 
-def _relative_maps(ticks, columns, shifts, drifting, outputs):
+def _relative_maps(
+    ticks: Ticks,
+    columns: list[int] | slice,
+    shifts: _Shifts,
+    drifting: np.ndarray | None,
+    outputs: Callable[..., Any],
+) -> tuple[tuple[StateSpace, ...], tuple[StateSpace, ...]]:
     """Return the map of each kind of tick with states relative to the leads, and the sizes of its
     terms.
 
@@ -218,7 +228,7 @@ def _relative_maps(ticks, columns, shifts, drifting, outputs):
     return tuple(maps), tuple(sizes)
 
 
-def _timing(drawn):
+def _timing(drawn: MultirateLoop) -> dict[str, float]:
     period = float(
         np.ravel(drawn.period)[0].real
     )  # proofs along a rate take complex ones, and do not read it
@@ -241,7 +251,7 @@ class _Shifts:
     dN: np.ndarray
 
     @staticmethod
-    def of(ticks: Ticks, drift: MarginalModes, reads) -> "_Shifts":
+    def of(ticks: Ticks, drift: MarginalModes, reads: np.ndarray) -> _Shifts:
         modes = [*drift.constant]
         if not drift.varying:
             modes += [(state, ()) for state in drift.unobserved]
@@ -267,17 +277,22 @@ class _Shifts:
         dN[..., remaining, len(modes) :] = dV
         return _Shifts(leads, remaining, N, dN)
 
-    def share_of(self, reads):
+    def share_of(self, reads: np.ndarray) -> np.ndarray:
         """Return by how much each shift moves a signal, `(..., 1, leads)`."""
         return reads[..., self.leads] + reads @ self.N
 
-    def move(self, reads) -> bool:
+    def move(self, reads: np.ndarray) -> bool:
         """Return whether a shift moves a signal at all."""
         size = np.abs(reads[..., self.leads]) + np.abs(reads) @ np.abs(self.N)
         rounding = NO_SHIFT * size + np.abs(reads) @ self.dN
         return bool((np.abs(self.share_of(reads)) > rounding).any())
 
-    def relative(self, steps, rows, of=()):
+    def relative(
+        self,
+        steps: tuple[np.ndarray, np.ndarray],
+        rows: list[tuple[np.ndarray, np.ndarray]],
+        of: tuple[np.ndarray, ...] = (),
+    ) -> StateSpace:
         """Return the map of a tick with the states relative to the leads.
 
         steps: E and B. rows: pairs of rows of C and D. of: E and B, if steps and rows are the sizes
@@ -360,7 +375,7 @@ def _one_above_the_other(matrices):
     )
 
 
-def reached(start, reads) -> np.ndarray:
+def reached(start: np.ndarray, reads: np.ndarray) -> np.ndarray:
     """Return the indices of the states `start`, a mask `(n,)`, and those that they depend on;
     reads: on which, `(n, n)`."""
     while not np.array_equal(start | reads[start].any(0), start):

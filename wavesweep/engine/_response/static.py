@@ -1,7 +1,9 @@
 """The limit of a response towards 0 Hz, and the reading of responses from position and force."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +33,7 @@ class Response(NamedTuple):
     impedance_error: np.ndarray
 
 
-def at_port(outputs, step):
+def at_port(outputs: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return position and force against the hand, `(..., 2, points)`, from the outputs of a port
     (see `Port`).
 
@@ -46,14 +48,14 @@ def at_port(outputs, step):
     return quantities
 
 
-def at_signal(outputs, step):
+def at_signal(outputs: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return the signal, `(..., 1, points)`, from the outputs of a port between an input and it;
     step: see `at_port`."""
     signal = outputs[..., :1, :] + 0 * step
     return signal + outputs[..., 1:2, :] / step if outputs.shape[-2] > 1 else signal
 
 
-def relative_response(quantities, error) -> Response:
+def relative_response(quantities: np.ndarray, error: np.ndarray) -> Response:
     """Return admittance, impedance and their relative errors; a number without a correct digit is
     NaN.
 
@@ -79,10 +81,10 @@ class _AtRest:
     """The point z = 1 of the circle, with a complex step for slopes (W. Squire, G. Trapp, SIAM
     Rev. 40, 1998)."""
 
-    def turn(self, count):
+    def turn(self, count: int) -> np.ndarray:
         return np.array([1 + 1j * SLOPE_STEP * count])
 
-    def ladder(self, count):
+    def ladder(self, count: int) -> np.ndarray:
         return 1 + 1j * SLOPE_STEP * np.arange(count)[:, None]
 
 
@@ -157,12 +159,12 @@ def dcgain(loop: Lifted, rests: bool | None = None) -> tuple[np.ndarray, np.ndar
     return limits, errors, rest
 
 
-def _is_nothing(pair):
+def _is_nothing(pair: Any) -> bool:
     """Whether a number may be 0; pair: it, and a bound on its error."""
     return np.abs(pair[0]) <= pair[1]
 
 
-def _is_sure(pair):
+def _is_sure(pair: np.ndarray) -> np.ndarray | bool:
     """Whether a number is not 0 for sure; neither is known of NaN."""
     return np.abs(pair[0]) > pair[1]
 
@@ -208,7 +210,7 @@ class _Limit(NamedTuple):
     slope: _Known
 
 
-def _limits(loop) -> list[_Limit]:
+def _limits(loop: Lifted) -> list[_Limit]:
     """Return the limit of each output of the port."""
     frame = loop.frame
     M = loop.frame.ticks
@@ -243,6 +245,6 @@ def _limits(loop) -> list[_Limit]:
     ]
 
 
-def _with_slope(array):
+def _with_slope(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The value at z = 1, and the slope there, of what was computed at `_AtRest`."""
     return array.real, array.imag / SLOPE_STEP

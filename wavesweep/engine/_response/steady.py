@@ -1,7 +1,10 @@
 """Steady response of loops to a sinusoidal force of the hand, as the hand feels it, with bounds
 on its errors."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +23,9 @@ from wavesweep.engine._response.static import (
 )
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import different
+
+if TYPE_CHECKING:
+    from wavesweep.engine._response.circle import Circle
 
 # relative error up to which the modes are believed; beyond it the larger system is solved
 GOOD = 1e-9
@@ -57,7 +63,7 @@ def respond(
     return response
 
 
-def _portions(loop, columns):
+def _portions(loop: Lifted, columns: np.ndarray) -> Iterator[Any]:
     """The columns of frequencies, some at a time, as many as keep arrays of loops, states and
     frequencies small."""
     # Numbers of loops, states and frequencies at a time.
@@ -156,7 +162,7 @@ def static_response(loop: Lifted) -> Response:
         return Response(*(np.where(loop.lost, np.nan, number) for number in numbers))
 
 
-def _from_low_frequencies(loop, limits):
+def _from_low_frequencies(loop: Lifted, limits: np.ndarray) -> np.ndarray:
     """Return how far a limit of admittance and impedance may be off, relative, `(2, ...)`, by
     frequencies f, f/2 and f/4.
 
@@ -188,7 +194,7 @@ def _from_low_frequencies(loop, limits):
     return np.stack(off)
 
 
-def _responses(loop, points, good):
+def _responses(loop: Lifted, points: Circle, good: float) -> Response:
     """`respond` for some frequencies that are not 0."""
     quantities, error = _quantities(loop, points, good)
     force = quantities[..., 1, :]
@@ -200,7 +206,7 @@ def _responses(loop, points, good):
     return relative_response(quantities, error)
 
 
-def _quantities(loop, points, good):
+def _quantities(loop: Lifted, points: Circle, good: float) -> tuple[np.ndarray, np.ndarray]:
     """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop
     that is lost."""
     quantities, error, again = _by_modes(loop, points)
@@ -225,12 +231,12 @@ def _quantities(loop, points, good):
     return quantities, np.where(loop.lost[..., None, None], np.nan, error)
 
 
-def _reading(loop):
+def _reading(loop: Lifted) -> Callable[..., Any]:
     """How quantities follow from the outputs of the port."""
     return at_signal if loop.port.of_signal else at_port
 
 
-def _by_modes(loop, points):
+def _by_modes(loop: Lifted, points: Circle) -> tuple[np.ndarray, np.ndarray, Callable[..., Any]]:
     """Return position and force, `(..., 2, points)`, or the signal of a port between two, bounds on
     errors, and a function.
 
@@ -247,12 +253,12 @@ def _by_modes(loop, points):
     of_sums = (size * np.abs(states)).sum(-1) + np.abs(sums.forced)
     rest = rounding * of_sums + sums.drows @ np.abs(X) + sums.dforced
 
-    def error(of_states, index):
+    def error(of_states: np.ndarray, index: np.ndarray | slice) -> np.ndarray:
         """The bound on errors of the outputs, from that on errors of the states."""
         grown = of_states.mT[..., None, :, :]
         return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / ticks
 
-    def again(index):
+    def again(index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         chosen = (measure[..., index] for measure in accuracy)
         bound = modal.careful_bound(points.frame[index], *chosen)
         return outputs[..., index], error(bound, index)

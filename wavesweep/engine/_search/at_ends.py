@@ -35,7 +35,12 @@ class AtPort:
 
 
 def lines_at_ends(
-    question: Question, loops: Loops, opened: Opened | None, place, p, omega
+    question: Question,
+    loops: Loops,
+    opened: Opened | None,
+    place: np.ndarray,
+    p: np.ndarray,
+    omega: np.ndarray,
 ) -> np.ndarray:
     """The strongest line (Hz) of the oscillation that starts at each end, `(2, n)`; NaN where no
     mode starts.

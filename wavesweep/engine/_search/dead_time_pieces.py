@@ -5,8 +5,10 @@ Applies if the number is in the timing of the drawing. Within a piece the loops 
 that what is proved of each piece holds up to both of its ends, and the pieces cover the range.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -83,13 +85,20 @@ def about(
         last = max(last, place + 1)
 
 
-def _in_piece(question, piece, loops, loop, size, rest):
+def _in_piece(
+    question: Question,
+    piece: list[float],
+    loops: Loops,
+    loop: Loops,
+    size: int,
+    rest: Callable[..., Any],
+) -> Intervals:
     """The intervals in a piece of the range in which the loops are built as one of them is."""
     built = loops.changed(_built(question, piece, loop))
     return rest(replace(question, span=piece), Slices(built, size))
 
 
-def _built(question, piece, loop):
+def _built(question: Question, piece: list[float], loop: Loops) -> dict[str, int]:
     """The whole numbers of ticks that the loop is built with in a piece of the range."""
     middle = loop.changed({question.along: sum(piece) / 2})
     return {path: int(ticks) for path, ticks in middle.building().items()}

@@ -6,12 +6,19 @@ eigenvalues are held off the unit circle by discs about the diagonal in eigenvec
 nearby. Stretches in doubt are asked of balls, if there is a prover.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wavesweep.engine._search.question import Question, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals
+
+if TYPE_CHECKING:
+    from wavesweep.engine._search.frames_along import FramesAlong
+    from wavesweep.engine.loop import Loops
 
 # of eigenvalues less 1: two that are 1 come out so near to it at least
 NEARLY_ONE = 1e-6
@@ -47,7 +54,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     return in_own_time(intervals, loops, along)
 
 
-def _variable(question, frames, stops_a_drift) -> str:
+def _variable(question: Question, frames: FramesAlong, stops_a_drift: bool) -> str:
     """The variable in which the frames are followed, see `regions_along_any`: FROM_ZERO if
     eigenvalues may leave z = 1 as a power of the number, BENT along a stiffness or a damping."""
     from wavesweep.engine._loops.domain import bends_at_zero
@@ -65,7 +72,7 @@ def _variable(question, frames, stops_a_drift) -> str:
     return ""
 
 
-def _drifts_at_zero_alone(question, loops):
+def _drifts_at_zero_alone(question: Question, loops: Loops) -> bool:
     """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1
     where the number is 0."""
     held = loops.changed({question.along: np.array(question.span)}).drift_of_frames()
@@ -73,7 +80,7 @@ def _drifts_at_zero_alone(question, loops):
     return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
 
 
-def _several_are_one_at_zero(frames, size) -> bool:
+def _several_are_one_at_zero(frames: FramesAlong, size: int) -> bool:
     """Whether several eigenvalues seem to be 1 where the number is 0, as those of a free mass,
     which then leave together, as roots of the number."""
     at_zero = frames.frames(np.arange(size), np.zeros(size)).E
@@ -81,7 +88,7 @@ def _several_are_one_at_zero(frames, size) -> bool:
     return bool(((np.abs(w) < NEARLY_ONE).sum(-1) > 1).any())
 
 
-def _meeting_one_at_zero(span, intervals):
+def _meeting_one_at_zero(span: tuple[float, float], intervals: Intervals) -> Intervals:
     """Intervals that end at 0 with an eigenvalue 1; an end is there if it is as near as ends are
     promised."""
     from wavesweep.engine._stability.crossings import SLIVER

@@ -88,10 +88,10 @@ class FramesAlong:
             resolved=self.resolved,
         )
 
-    def _at(self, number, p):
+    def _at(self, number: np.ndarray, p: np.ndarray) -> Loops:
         return self.loops.some(number).changed({self.along: p})
 
-    def frames(self, number, p) -> Frames:
+    def frames(self, number: np.ndarray, p: np.ndarray) -> Frames:
         """The frames, number and p being broadcast together; NaN for loops of direct terms
         without a solution."""
         p = np.where(p == 0, NEXT_TO_ZERO, p)
@@ -149,14 +149,16 @@ class FramesAlong:
             )
         return told
 
-    def _closed(self, number, p):
+    def _closed(self, number: np.ndarray, p: np.ndarray) -> Ticks:
         """The ticks of loops at values p, `(n,)`, with the sizes of their terms."""
         p = np.where(p == 0, NEXT_TO_ZERO, p)
         if self.open_ticks:
             return self.open_ticks.closed(number, p, terms=True)
         return _ticks(self._at(number, p), terms=True)
 
-    def errors(self, number, p, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    def errors(
+        self, number: np.ndarray, p: np.ndarray, *, tight: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops
         without a solution.
 
@@ -185,20 +187,24 @@ class FramesAlong:
         return within(E, radius), errors_within(E, dE, radius)
 
 
-def _frames(E, facts, shape):
+def _frames(
+    E: np.ndarray,
+    facts: list[np.ndarray] | tuple[np.ndarray | float, np.ndarray | float],
+    shape: tuple[int, ...],
+) -> Frames:
     """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after
     the other."""
     pivot, condition = facts
     size = prod(shape)
 
-    def flat(array, *tail):
+    def flat(array: np.ndarray | float, *tail) -> np.ndarray:
         return np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail)
 
     pivots = flat(np.asarray(pivot)[..., None], 1)
     return Frames(flat(E, *E.shape[-2:]), pivots, flat(condition))
 
 
-def _ticks(loops, *, terms=False):
+def _ticks(loops: Loops, *, terms: bool = False) -> Ticks:
     drawn = loops.drawn()
     with drawn.naming_blocks(), np.errstate(all="ignore"):
         return Ticks.of(drawn, alone=True, terms=terms)

@@ -6,6 +6,8 @@ of M ticks the mode is `z^(i/M)` times a periodic signal, whose Fourier componen
 M. Wereley, S. R. Hall, Conference on Decision and Control 1990).
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -184,7 +186,7 @@ class _FramesOnPanels(NamedTuple):
     connected: np.ndarray
 
     @classmethod
-    def of(cls, drift: MarginalModes, ticks: Ticks, n: int, points: int) -> "_FramesOnPanels":
+    def of(cls, drift: MarginalModes, ticks: Ticks, n: int, points: int) -> _FramesOnPanels:
         """ticks: of `(n, points)` loops, see `lines_in_discs`."""
         relative, _ = drift.relative_ticks(ticks)
         size = len(ticks.states)
@@ -215,7 +217,7 @@ class _FramesOnPanels(NamedTuple):
             connected,
         )
 
-    def of_panels(self, panels: np.ndarray, points: int) -> "_FramesOnPanels":
+    def of_panels(self, panels: np.ndarray, points: int) -> _FramesOnPanels:
         """The frames of some panels, at the first points of each."""
         return self._replace(
             maps=[matrices[panels, :points] for matrices in self.maps],
@@ -383,7 +385,7 @@ class _Bordered(NamedTuple):
     change: np.ndarray
 
     @classmethod
-    def of(cls, E, dE, w, away, margin, beside, below) -> "_Bordered":
+    def of(cls, E, dE, w, away, margin, beside, below) -> _Bordered:
         """E, dE, w, away: see `_vectors_in_disc`. beside, below: b and c, `(n, k, size - k)` and `(n,
         size - k, k)`."""
         n, points, k, _ = E.shape
@@ -540,7 +542,7 @@ def _shown_on_panels(frames: _FramesOnPanels, rows, vectors, s, in_disc, margin)
 
 
 def _shown_by(
-    drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking
+    drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The states that a spectrum shows as rows over states that are relative to others, `(n, n)`,
     and which it shows of modes in which the states `taking` take part, masks `(..., n)`.
@@ -560,7 +562,9 @@ def _shown_by(
     return rows, np.where(plants.any(-1, keepdims=True), plants, taking)
 
 
-def _in_ticks(kinds, changes, state, rows):
+def _in_ticks(
+    kinds: list[int], changes: list[tuple[np.ndarray, None]], state: np.ndarray, rows: np.ndarray
+) -> Iterator[np.ndarray]:
     """Yield `rows` times the states, complex `(..., n, columns)`, in each tick of a frame.
 
     kinds: of each tick. changes: per kind, the matrix, and what is added to each column, or None.
@@ -576,7 +580,11 @@ def _in_ticks(kinds, changes, state, rows):
 
 
 def strongest_in_cut(
-    drawing: Drawing, opened: Opened, place, omega, bound: RequiredRegion | None
+    drawing: Drawing,
+    opened: Opened,
+    place: np.ndarray,
+    omega: np.ndarray,
+    bound: RequiredRegion | None,
 ) -> np.ndarray:
     """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices at `place` of
     loops cut at a number.
@@ -607,7 +615,9 @@ def strongest_in_cut(
     return hz
 
 
-def _share_of_first(modes, label, order, s, few):
+def _share_of_first(
+    modes: ModesOfCut, label: np.ndarray, order: np.ndarray, s: np.ndarray, few: int
+) -> np.ndarray:
     """The share of the first line in what is shown of each mode, in this order, which is that of
     their loops `label`."""
     first, begins, counts = np.unique(label[order], return_index=True, return_counts=True)
@@ -640,7 +650,7 @@ class ModesOfCut:
     force: int
 
     @staticmethod
-    def of(drawing: Drawing, loops: OpenLoops, cut: LinearFractional) -> "ModesOfCut":
+    def of(drawing: Drawing, loops: OpenLoops, cut: LinearFractional) -> ModesOfCut:
         """The modes of a batch of loops."""
         states = loops.frame.ticks.states
         inner = np.array([states.index(name) for name in cut.states])
@@ -650,7 +660,7 @@ class ModesOfCut:
         )
         return ModesOfCut(loops, cut, rows[shown], inner, loops.drawn.inputs.index(PRODUCT))
 
-    def in_ticks(self, index, w):
+    def in_ticks(self, index: np.ndarray, w: np.ndarray) -> np.ndarray:
         """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of
         eigenvalue 1 + w, `(k, columns)`."""
         cut = self.cut
@@ -688,12 +698,12 @@ class ModesOfCut:
             changes.append((np.eye(n) + _of_loops(tick.E, index), force))
         return _in_ticks(kinds, changes, state, self.rows)
 
-    def _form(self, index):
+    def _form(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         E = self.cut.E[index]
         B = self.cut.B[index]
         return reduced(in_even_units(E, B, np.broadcast_to(np.eye(self.inner.size), E.shape)))
 
-    def _in_one_product(self):
+    def _in_one_product(self) -> np.ndarray:
         """What is shown in all ticks, as rows over the states and the product of a single loop,
         `(ticks, rows, n + 1)`."""
         ticks = self.loops.frame.ticks
@@ -717,12 +727,12 @@ class ModesOfCut:
         )
 
 
-def _of_loops(arrays, index):
+def _of_loops(arrays: np.ndarray, index: np.ndarray) -> np.ndarray:
     """The arrays of some loops of a batch; one array is that of all loops."""
     return arrays[index] if arrays.ndim > 2 and len(arrays) > 1 else arrays
 
 
-def vectors_of(E, w):
+def vectors_of(E: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the left and the right eigenvector next to w of each matrix, `(..., 1, n)` and `(...,
     n, 1)`, of product 1.
 
@@ -752,7 +762,7 @@ def vectors_of(E, w):
     return left / (left @ right), right
 
 
-def lines_of(moved, s, period) -> np.ndarray:
+def lines_of(moved: np.ndarray, s: np.ndarray, period: np.ndarray) -> np.ndarray:
     """Return the strongest line of modes (Hz), and the second one or NaN, `(..., 2)`, from states
     in each tick.
 
@@ -792,7 +802,7 @@ def range_of_lines(moved, s, period) -> np.ndarray:
     return np.concatenate([own, lowest, highest], -1)
 
 
-def _shares_of_lines(moved, s):
+def _shares_of_lines(moved: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The share of each line in modes, its turns per frame, and which line is that of the
     conjugate; see `lines_of`."""
     turns, conjugate = _turns_and_conjugate(s, moved.shape[-1])
@@ -802,7 +812,7 @@ def _shares_of_lines(moved, s):
     return _with_conjugate(share, conjugate), turns, conjugate
 
 
-def _share_in_each(moved, s):
+def _share_in_each(moved: np.ndarray, s: np.ndarray) -> np.ndarray:
     """The share of each line in the energy of each state, `(..., states, ticks)`; 0 of states that
     rest."""
     ticks = moved.shape[-1]
@@ -812,7 +822,7 @@ def _share_in_each(moved, s):
         return np.nan_to_num(energy / energy.sum(-1, keepdims=True))
 
 
-def _turns_and_conjugate(s, ticks):
+def _turns_and_conjugate(s: np.ndarray, ticks: int) -> tuple[np.ndarray, np.ndarray]:
     """The turns per frame of each line, and which line is that of the conjugate: another one if
     the eigenvalue is real."""
     theta = s.imag[..., None]
@@ -823,13 +833,13 @@ def _turns_and_conjugate(s, ticks):
     return turns, np.where(is_real, (-turns - half) % ticks, index)
 
 
-def _with_conjugate(share, conjugate):
+def _with_conjugate(share: np.ndarray, conjugate: np.ndarray) -> np.ndarray:
     """The share of each line and that of its conjugate, if it is another one."""
     of_conjugate = np.take_along_axis(share, conjugate, -1)
     return share + np.where(conjugate == np.arange(share.shape[-1]), 0.0, of_conjugate)
 
 
-def share_of_first(observed, ticks, s) -> np.ndarray:
+def share_of_first(observed: np.ndarray, ticks: int, s: np.ndarray) -> np.ndarray:
     """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`;
     observed: the states, tick by tick, `(..., states, columns)`, or an array of all of them."""
     near = 0.0

@@ -1,6 +1,8 @@
 """Drawn loops without a number that is one scalar gain of their frame, and slices that share
 such a loop."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -124,7 +126,13 @@ def open_loops(
 
 
 @lru_cache(maxsize=8)  # compiled loops are asked again and again
-def remembered_loops(drawing, items, number, second, find_port):
+def remembered_loops(
+    drawing: Drawing,
+    items: tuple[tuple[str, float], ...],
+    number: str,
+    second: str,
+    find_port: Callable[..., Any],
+) -> OpenLoops | None:
     """`open_loops` of a single loop or of few; items: their numbers, in tuples over the loops."""
     values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
     return open_loops(Loops(drawing, values), number, second, find_port=find_port, shortened=True)
@@ -148,7 +156,7 @@ class Opened:
     @staticmethod
     def of(
         loops: Loops, number: str, size: int, *, find_port: FindPort | None = None
-    ) -> "Opened | None":
+    ) -> Opened | None:
         """Return `size` slices with their loops without the number; None if it is not one scalar
         gain of a frame.
 
@@ -164,19 +172,25 @@ class Opened:
     @staticmethod
     def of_each(
         loops: Loops, number: str, size: int, *, find_port: FindPort | None = None
-    ) -> "Opened | None":
+    ) -> Opened | None:
         """`of` slices that have a loop each, with bounds on rounding of its own."""
         return _without(loops, number, size, alone=True, find_port=find_port)
 
 
 @lru_cache(maxsize=8)  # what a call takes is estimated before it is done
-def remembered_slices(drawing, items, number, size, find_port):
+def remembered_slices(
+    drawing: Drawing,
+    items: tuple[tuple[str, float | tuple[Any, ...]], ...],
+    number: str,
+    size: int,
+    find_port: Callable[..., Any],
+) -> Opened | None:
     """`_opened` of few slices; items: their numbers, in tuples over the loops."""
     values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
     return _opened(Loops(drawing, values), number, size, find_port)
 
 
-def _opened(loops, number, size, find_port):
+def _opened(loops: Loops, number: str, size: int, find_port: Callable[..., Any]) -> Opened | None:
     """See `Opened.of`."""
     path = _fixed_beside(loops, number)
     for swapped in (False, True) if path else ():
@@ -208,12 +222,12 @@ def varied_beside(loops: Loops, number: str) -> str:
     return paths[-1] if paths else ""
 
 
-def _fixed_beside(loops, number):
+def _fixed_beside(loops: Loops, number: str) -> str:
     """The path of another number that loops are to be without as well, or empty: of one in which
     they differ, see `varied_beside`, or with which delays are in series; none if they are in series
     with the number alone."""
 
-    def late(*numbers):
+    def late(*numbers) -> int:
         return without_whole_frames(loops.drawing, loops.values, *numbers)[2]
 
     varied = varied_beside(loops, number)
@@ -229,7 +243,16 @@ def _fixed_beside(loops, number):
     return ""
 
 
-def _without(loops, number, size, path="", swapped=False, *, alone=False, find_port):
+def _without(
+    loops: Loops,
+    number: str,
+    size: int,
+    path: str = "",
+    swapped: bool = False,
+    *,
+    alone: bool = False,
+    find_port: Callable[..., Any],
+) -> Opened | None:
     """The slices with loops without the number, and without that with the path `path` if there
     is one; see `Opened`."""
     loop_of = np.arange(size)

@@ -6,10 +6,13 @@ subloops, so that intervals that are proved of each of them are proved of the lo
 values in common.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +25,9 @@ from wavesweep.engine._search.question import Question, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals, common
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
+
+if TYPE_CHECKING:
+    from wavesweep.engine._monodromy.drift import MarginalModes
 
 
 def applies(question: Question, slices: Slices) -> bool:
@@ -59,7 +65,7 @@ def subloops_along(question: Question, loops: Loops) -> tuple[Drawing, ...]:
     return subloops(loops.drawing, without, every=question.bound is not None)
 
 
-def _drift_alike(question, loops, drawings):
+def _drift_alike(question: Question, loops: Loops, drawings: tuple[Drawing, Drawing]) -> bool:
     """Whether as many shifts of the subloops are opposed by nothing as of all together, and nothing
     else is left out of them.
 
@@ -78,7 +84,7 @@ def _drift_alike(question, loops, drawings):
     return alike and left_out <= _left_out(of_all)
 
 
-def _left_out(drift):
+def _left_out(drift: MarginalModes) -> set[str]:
     """The names of the states that a frame leaves out."""
     return {drift.states[state] for state in drift.unobserved}
 
@@ -143,7 +149,9 @@ def silent(
 
 
 @lru_cache(maxsize=64)
-def _terms(drawing, number):
+def _terms(
+    drawing: Drawing, number: str
+) -> tuple[frozenset[tuple[Any, ...]], list[tuple[Any, ...]]]:
     """Ports and signals of the terms that read a number, and those of the others, each with its
     gain."""
     reading = set()
@@ -157,7 +165,7 @@ def _terms(drawing, number):
     return frozenset(reading), others
 
 
-def _reached(feeds, name):
+def _reached(feeds: dict[str, set[str]], name: str) -> set[str]:
     """The blocks that a block acts on, by way of others too."""
     reached = set()
     front = {name}
@@ -168,13 +176,15 @@ def _reached(feeds, name):
     return reached
 
 
-def _part(drawing, names):
+def _part(drawing: Drawing, names: frozenset[str]) -> Drawing:
     """The drawing of these blocks without the others that act on them, and without a hand."""
 
-    def is_within(signal):
+    def is_within(signal: str) -> bool:
         return signal.rpartition(".")[0] in names
 
-    def within(wires):
+    def within(
+        wires: tuple[tuple[str, tuple[Any, ...]], ...],
+    ) -> tuple[tuple[str, tuple[Any, ...]], ...]:
         kept = []
         for port, terms in wires:
             if is_within(port):

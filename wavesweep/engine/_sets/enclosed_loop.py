@@ -8,10 +8,10 @@ doubles, whose structure this follows.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from flint import arb, ctx
@@ -35,6 +35,10 @@ from wavesweep.engine._sets.taylor_models import (
     TaylorModel,
     UnresolvedError,
 )
+
+if TYPE_CHECKING:
+    from wavesweep.engine._loops.block import Block
+    from wavesweep.engine._loops.definitions import Equations
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,18 +203,18 @@ class LoopModel:
                 if isinstance(gain, TaylorModel):
                     yield np.abs(gain.terms), gain.rest
 
-    def _zeros(self, *shape):
+    def _zeros(self, *shape) -> Polynomials:
         return Polynomials.constant(np.zeros((*self.cells, *shape)), self.numbers, self.order)
 
-    def _exactly(self, block):
+    def _exactly(self, block: Block) -> BlockModel:
         return exactly(block, self.numbers, self.order, len(self.cells))
 
-    def _wires(self, loop, ports, made):
+    def _wires(self, loop: MultirateLoop, ports: list[str], made: list[str]) -> Polynomials:
         """The gains from outputs to ports, those of other junctions put in."""
         traced: dict[str, dict[str, Any]] = {signal: {signal: 1} for signal in made}
         traced |= {signal: {} for signal in loop.inputs}
 
-        def trace(signal):
+        def trace(signal: str) -> dict[str, Any]:
             if signal not in traced:
                 gains: dict[str, Any] = {}
                 terms = self.sums[signal] if loop.sums.get(signal) else {}
@@ -224,7 +228,7 @@ class LoopModel:
         shape = len(ports), len(made)
         return Polynomials.of_entries(rows, shape, self.numbers, self.order, self.cells)
 
-    def _closed(self, L, R):
+    def _closed(self, L: Polynomials, R: Polynomials) -> Polynomials:
         """The solution of `u = L u + R`; without a loop in L it takes no inverse."""
         acts = (L.whole > 0).reshape(-1, *L.rest.shape[-2:]).any(0)
         steps = 0
@@ -305,7 +309,7 @@ class _Evaluation:
             sums = dead_time.joined(sums, drawing.plants, inside, "", "")
         return LoopModel(blocks, sums, self.numbers, self.order, self.cells)
 
-    def _shares(self, rate):
+    def _shares(self, rate: TaylorModel | arb) -> dict[Any, Any]:
         """The share s of each dead time of `(m - s)` ticks.
 
         Errors: UnresolvedError if it may be of other whole ticks somewhere in the cell, or if
@@ -331,7 +335,7 @@ class _Evaluation:
                     raise UnresolvedError(late, number)
         return shares
 
-    def _once(self, block, make, *arguments):
+    def _once(self, block: DrawnBlock, make: Callable[..., Any], *arguments) -> BlockModel:
         """The model of a block, kept for all cells if it reads none of the sides, and else for
         other loops in this cell."""
         trees = [self.loop.drawing.tick_hz, *(tree for _, tree in block.trees())]
@@ -361,7 +365,7 @@ class _Evaluation:
         except ZeroDivisionError:
             raise UnresolvedError(np.ones(self.cells, bool)) from None
 
-    def _keys(self, block):
+    def _keys(self, block: DrawnBlock) -> dict[str, Any]:
         keys = keys_with(block, self.value, lambda tree: tree.value(self.loop.known))
         if block.type == "ss" and not keys["D"]:
             keys["D"] = [[0] * len(keys["inputs"]) for _ in keys["outputs"]]
@@ -411,14 +415,14 @@ class _Evaluation:
             return self._arranged(definitions.controllable(num, den))
         return self._discrete(num, den, [None] * len(den))
 
-    def _in_names(self, tree, numbers):
+    def _in_names(self, tree: Tree, numbers: dict[str, TaylorModel | arb]) -> TaylorModel | arb:
         constants = {constant: arb(constant) for constant in tree.constants}
         try:
             return tree.in_names.evaluate({**numbers, **constants}, self.library)
         except ZeroDivisionError:
             raise UnresolvedError(np.ones(self.cells, bool)) from None
 
-    def _arranged(self, equations):
+    def _arranged(self, equations: Equations) -> BlockModel:
         """The matrices of equations whose entries are models or numbers."""
         n = len(equations.states)
         p = len(equations.D)
@@ -430,11 +434,11 @@ class _Evaluation:
             self._matrix(equations.D, (p, m)),
         )
 
-    def _matrix(self, rows, shape):
+    def _matrix(self, rows: list[list[arb | int]], shape: tuple[int, int]) -> Polynomials:
         cells = (1,) * len(self.cells)
         return Polynomials.of_entries(rows, shape, self.numbers, self.order, cells)
 
-    def _discrete(self, num, den, written):
+    def _discrete(self, num: list[TaylorModel], den: list[arb], written: list[float]) -> BlockModel:
         """A transfer function in z in the realisation of `blocks.tf`. written: coefficients of
         den that are plain numbers."""
         delays, centre = realisation(written)
@@ -449,7 +453,9 @@ class _Evaluation:
         later = [coefficient / den[0] for coefficient in num[n + 1 :]]
         return self._arranged(definitions.with_delays(equations._replace(E=E), later))
 
-    def _filter(self, name, order, cutoff_hz, highpass, period):
+    def _filter(
+        self, name: str, order: int, cutoff_hz: TaylorModel | arb, highpass: bool, period: arb
+    ) -> BlockModel:
         """A Butterworth filter: its sections in series, the first nearest to the input."""
         E: list[list[Any]] = []
         B: list[list[Any]] = []
@@ -473,7 +479,9 @@ class _Evaluation:
             D = through * D
         return self._arranged(definitions.Equations(tuple(range(len(E))), E, B, [C], [[D]]))
 
-    def _held(self, A, B, period):
+    def _held(
+        self, A: Polynomials, B: Polynomials, period: TaylorModel | arb
+    ) -> tuple[Polynomials, Polynomials]:
         """`exp(A T) - 1` and `int_0^T exp(A s) ds B`."""
         n, m = B.rest.shape[-2:]
         cells = np.broadcast_shapes(A.rest.shape[:-2], B.rest.shape[:-2])
@@ -535,7 +543,7 @@ class _Evaluation:
             rows_of_D.append(_joined(direct, -1))
         return BlockModel(E, _joined(columns, -1), _joined(rows_of_C, -2), _joined(rows_of_D, -2))
 
-    def _dead_time(self, name):
+    def _dead_time(self, name: str) -> BlockModel:
         """The block of a dead time, whose entries are whole numbers."""
         drawing = self.loop.drawing
         sensed = set()
@@ -552,16 +560,16 @@ class _Evaluation:
         return exactly(block, self.numbers, self.order, len(self.cells))
 
 
-def _function(name):
+def _function(name: str) -> Callable[..., Any]:
     """A function of models and balls."""
 
-    def applied(value):
+    def applied(value: TaylorModel | arb) -> TaylorModel | arb:
         return getattr(value if isinstance(value, TaylorModel | arb) else arb(value), name)()
 
     return applied
 
 
-def _recentred(at, coefficients):
+def _recentred(at: int, coefficients: list[TaylorModel | arb]) -> list[TaylorModel | arb]:
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it
     again and again."""
     sums = list(coefficients)
@@ -571,7 +579,7 @@ def _recentred(at, coefficients):
     return sums
 
 
-def _diagonal(parts):
+def _diagonal(parts: tuple[Polynomials, ...]) -> Polynomials:
     """Matrices along a diagonal."""
     height = sum(part.rest.shape[-2] for part in parts)
     width = sum(part.rest.shape[-1] for part in parts)
@@ -589,7 +597,7 @@ def _diagonal(parts):
     return whole
 
 
-def _joined(parts, axis):
+def _joined(parts: list[Polynomials], axis: int) -> Polynomials:
     """Matrices side by side (axis -1) or below each other (-2)."""
     cells = np.broadcast_shapes(*(part.rest.shape[:-2] for part in parts))
     parts = [part.in_cells(cells) for part in parts]

@@ -9,7 +9,7 @@ product from the sizes of the terms that are left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
@@ -75,7 +75,7 @@ def monomials(numbers: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 @lru_cache(maxsize=32)
-def _degrees(numbers, order):
+def _degrees(numbers: int, order: int) -> list[int]:
     """At which index the monomials of each degree begin, and where the last ones end."""
     degree = monomials(numbers, order)[0].sum(1)
     return np.searchsorted(degree, np.arange(order + 2)).tolist()
@@ -97,7 +97,9 @@ class _Piece(NamedTuple):
     rounds: list[tuple[int, int]]
 
     @staticmethod
-    def in_rounds(first, second, targets, counts) -> _Piece:
+    def in_rounds(
+        first: np.ndarray, second: np.ndarray, targets: np.ndarray, counts: np.ndarray
+    ) -> _Piece:
         """Return pairs of some targets, sorted by these, of each of which there are so many."""
         begins = np.cumsum(counts) - counts
         by_count = np.argsort(-counts, kind="stable")
@@ -115,7 +117,9 @@ class _Piece(NamedTuple):
 
 
 @lru_cache(maxsize=512)
-def _pairs(numbers, order, one, two, at_once, degree=None):
+def _pairs(
+    numbers: int, order: int, one: bytes, two: bytes, at_once: int, degree: int | None = None
+) -> list[_Piece]:
     """The plan of a product in pieces of about so many pairs, of the monomials that are present in
     both factors.
 
@@ -150,7 +154,13 @@ def _pairs(numbers, order, one, two, at_once, degree=None):
     return pieces
 
 
-def _multiply_into(terms, one, two, plan, multiply):
+def _multiply_into(
+    terms: np.ndarray,
+    one: np.ndarray,
+    two: np.ndarray,
+    plan: list[_Piece],
+    multiply: Callable[..., Any],
+) -> None:
     """Put the sums of the products of two series of terms where a plan says."""
     one = np.ascontiguousarray(one)  # `take` would copy all of them for every piece
     two = np.ascontiguousarray(two)
@@ -168,7 +178,7 @@ def _multiply_into(terms, one, two, plan, multiply):
         terms[piece.targets] = total
 
 
-def _at_once(entries):
+def _at_once(entries: int) -> int:
     """How many products of so many entries are computed at once: a power of 2."""
     return 1 << max(0, int(log2(PIECE / 8 / max(entries, 1))))
 
@@ -222,10 +232,15 @@ class TaylorModel:
         terms[1 + at] = np.maximum(high - terms[0], terms[0] - low) * (1 + 4 * UNIT_ROUNDING)
         return TaylorModel(terms, np.zeros(np.shape(low)), numbers, order, (low, high))
 
-    def _like(self, terms, rest, bounds=(-np.inf, np.inf)):
+    def _like(
+        self,
+        terms: np.ndarray,
+        rest: np.ndarray | float,
+        bounds: tuple[np.ndarray | float, np.ndarray | float] = (-np.inf, np.inf),
+    ) -> TaylorModel:
         return TaylorModel(terms, rest * OUTWARD, self.numbers, self.order, bounds)
 
-    def _constant(self, middle, radius=0.0):
+    def _constant(self, middle: float, radius: float = 0.0) -> TaylorModel:
         """The same number in all cells, or one for each; as far as this radius from it."""
         one = np.ones((1,) * np.ndim(self.rest))
         terms = np.zeros((len(self.terms), *np.shape(middle * one)))
@@ -242,10 +257,10 @@ class TaylorModel:
         low, high = _outward(self.terms[0] - away, self.terms[0] + away)
         return np.maximum(low, self.low), np.minimum(high, self.high)
 
-    def __neg__(self):
+    def __neg__(self) -> TaylorModel:
         return self._like(-self.terms, self.rest, (-self.high, -self.low))
 
-    def __add__(self, other):
+    def __add__(self, other: Any) -> TaylorModel:
         if not isinstance(other, TaylorModel):
             other = self._constant(*midpoint(other))
         return self.plus(other, _outward(self.low + other.low, self.high + other.high))
@@ -257,13 +272,13 @@ class TaylorModel:
             terms, self.rest + other.rest + UNIT_ROUNDING * np.abs(terms).sum(0), bounds
         )
 
-    def __sub__(self, other):
+    def __sub__(self, other: Any) -> TaylorModel:
         return self + (-other)
 
-    def __rsub__(self, other):
+    def __rsub__(self, other: arb | int) -> TaylorModel:
         return (-self) + other
 
-    def __mul__(self, other):
+    def __mul__(self, other: Any) -> TaylorModel:
         if isinstance(other, TaylorModel):
             bounds = _squares(self.low, self.high) if other is self else _products_of(self, other)
             return self.times(other, bounds)
@@ -299,15 +314,15 @@ class TaylorModel:
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __truediv__(self, other):
+    def __truediv__(self, other: TaylorModel | arb) -> TaylorModel:
         if isinstance(other, TaylorModel):
             return self * other.inverse()
         return self * (1 / (other if isinstance(other, arb) else arb(other)))
 
-    def __rtruediv__(self, other):
+    def __rtruediv__(self, other: arb | int) -> TaylorModel:
         return self.inverse() * other
 
-    def __pow__(self, exponent):
+    def __pow__(self, exponent: int) -> TaylorModel:
         if isinstance(exponent, int | float) and exponent == int(exponent):
             power = self._constant(1.0)
             base = self
@@ -322,7 +337,7 @@ class TaylorModel:
     def __rpow__(self, base):
         return (self * (base if isinstance(base, arb) else arb(base)).log()).exp()
 
-    def _composed(self, coefficients, left_out) -> TaylorModel:
+    def _composed(self, coefficients: list[list[arb]], left_out: float) -> TaylorModel:
         """Return the polynomial of `self - c` with these coefficients, of each cell, the
         constant one first; left_out: bounds on the rest."""
         terms = self.terms.copy()
@@ -343,7 +358,9 @@ class TaylorModel:
             wide = self.high - self.low
             return (wide < 2 * TIGHTER * away) & (self.rest <= KNOWN_REST * wide)
 
-    def _bounded(self, found, low, high, informed) -> TaylorModel:
+    def _bounded(
+        self, found: TaylorModel, low: np.ndarray | float, high: np.ndarray, informed: bool
+    ) -> TaylorModel:
         """The model of a function of it: `found`, or where what that leaves out is no better the
         interval of all values, about the value in the middle of the cell, or one that is nearer to
         0 so that its size is not more than theirs.
@@ -476,7 +493,9 @@ class TaylorModel:
         far = (last > 1) & (largest < GONE_EXPONENTIAL)  # from the peak of a Gaussian
         return self._bounded(found, low, high, self._informed() | far)
 
-    def _monotonic(self, function, least) -> tuple[np.ndarray, np.ndarray]:
+    def _monotonic(
+        self, function: Callable[..., Any], least: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Bounds on an increasing function of it; infinite where an argument may be below the
         least one."""
         low, high = np.broadcast_arrays(*self.ends(), self.rest)[:2]
@@ -497,7 +516,7 @@ class TaylorModel:
         """Return the cosine, of which no derivative exceeds 1."""
         return self._turned(arb.pi() / 2)
 
-    def _turned(self, by):
+    def _turned(self, by: arb) -> TaylorModel:
         """The sine of it and an angle."""
         centre, radius = self._about()
         coefficients = []
@@ -514,12 +533,12 @@ class TaylorModel:
         """Return the tangent. Errors: UnresolvedError if the cosine may be 0."""
         return self.sin() / self.cos()
 
-    def _last(self, radius):
+    def _last(self, radius: float) -> float:
         """A bound on `r^(order + 1)/(order + 1)!`."""
         with np.errstate(over="ignore"):
             return np.float64(radius) ** (self.order + 1) / factorial(self.order + 1) * OUTWARD
 
-    def _moves(self):
+    def _moves(self) -> np.ndarray:
         """How much each number moves it, `(*cells, numbers)`."""
         sizes = np.moveaxis(np.nan_to_num(np.abs(self.terms), posinf=1e300), 0, -1)
         return sizes @ (monomials(self.numbers, self.order)[0] > 0)
@@ -536,12 +555,12 @@ def _most(moves):
     return np.where(moves.any(-1), moves.argmax(-1), -1)
 
 
-def _each(array) -> list[float]:
+def _each(array: np.ndarray | float) -> list[float]:
     """The values of all cells."""
     return np.ravel(array).tolist()
 
 
-def _outward(low, high):
+def _outward(low: np.ndarray | float, high: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
     """The ends of an interval after a rounded operation; a sum or a product of 0 is exact."""
     return (
         np.where(low == 0, 0.0, np.nextafter(low, -np.inf)),
@@ -549,14 +568,14 @@ def _outward(low, high):
     )
 
 
-def _squares(low, high):
+def _squares(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounds on the squares of the numbers of an interval."""
     with np.errstate(all="ignore"):
         least = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(low * low, high * high))
         return _outward(least, np.maximum(low * low, high * high))
 
 
-def _products_of(one, other):
+def _products_of(one: TaylorModel, other: TaylorModel) -> tuple[np.ndarray, np.ndarray]:
     """Bounds on the products of two numbers; an end that is not known, 0 times infinity, bounds
     nothing."""
     with np.errstate(all="ignore"):
@@ -566,7 +585,7 @@ def _products_of(one, other):
     return _outward(np.where(known, ends, -np.inf).min(0), np.where(known, ends, np.inf).max(0))
 
 
-def _by_degree(size, numbers, order):
+def _by_degree(size: np.ndarray, numbers: int, order: int) -> np.ndarray:
     """The sums of sizes over the monomials of each degree."""
     if len(size) == 1:  # without numbers there is no degree but 0
         return np.concatenate([size, np.zeros((order, *size.shape[1:]))])
@@ -579,7 +598,7 @@ def _by_degree(size, numbers, order):
     return sums
 
 
-def _derivatives(four, order):
+def _derivatives(four: tuple[arb, arb, arb, arb], order: int) -> list[arb]:
     """The coefficients of a function whose derivatives are these four in turn."""
     return [four[k % 4] / factorial(k) for k in range(order + 1)]
 
@@ -679,7 +698,7 @@ class Polynomials:
         up_to = np.cumsum(by_degree, 0)
         return Sizes(by_degree, np.maximum(up_to[-1] - up_to, 0.0), up_to[-1], present)
 
-    def _like(self, terms, rest):
+    def _like(self, terms: np.ndarray, rest: np.ndarray) -> Polynomials:
         return Polynomials(terms, rest, self.numbers, self.order)
 
     def __add__(self, other: Polynomials) -> Polynomials:
@@ -703,7 +722,9 @@ class Polynomials:
         """The products of entries at the same place."""
         return self._product(other, np.multiply, 1)
 
-    def _product(self, other, multiply, summed):
+    def _product(
+        self, other: Polynomials, multiply: Callable[..., Any], summed: int
+    ) -> Polynomials:
         one = self.sizes
         two = other.sizes
         # No more terms make one of the product; `above` is a difference of sums over the degrees.
@@ -883,7 +904,7 @@ class Polynomials:
         return self._like(X.terms, left_out).times(1 / ratio) @ C
 
 
-def _combined(matrices, factors):
+def _combined(matrices: list[Polynomials], factors: list[float]) -> Polynomials:
     """The sum of matrices times positive factors, each of which is rounded."""
     roundings = (len(factors) + 2) * UNIT_ROUNDING
     terms = np.zeros_like(matrices[-1].terms)
@@ -913,7 +934,7 @@ def _series_of(X: np.ndarray) -> np.ndarray:
     return (total + rest) * (1 + OF_SUMS)
 
 
-def _inverses(matrices):
+def _inverses(matrices: np.ndarray) -> np.ndarray:
     """The inverses of matrices, NaN for those that have none."""
     try:
         return np.linalg.inv(matrices)
@@ -923,7 +944,7 @@ def _inverses(matrices):
         return np.stack([_inverses(each) for each in matrices])
 
 
-def _units(size):
+def _units(size: np.ndarray) -> np.ndarray:
     """Powers of 2 for the states in which rows and columns of sizes are alike, `(*cells, n)`."""
     units = np.ones(size.shape[:-1])
     own = np.diagonal(size, axis1=-2, axis2=-1)
@@ -943,7 +964,7 @@ def _units(size):
 
 
 @lru_cache(maxsize=32)
-def _binomials(order):
+def _binomials(order: int) -> np.ndarray:
     table = np.zeros((order + 1, order + 1))
     table[:, 0] = 1
     for i in range(1, order + 1):

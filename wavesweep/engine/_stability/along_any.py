@@ -1,5 +1,7 @@
 """Stable intervals along any number of a loop, from its eigenvalues."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -77,7 +79,7 @@ def regions_along_any(
         bounds = np.stack([np.zeros(family.columns) + end for end in family.bounds])
         bounds = np.where(bounds > low - chosen.unit, chosen.into(bounds), -np.inf)
 
-    def slack(t):
+    def slack(t: np.ndarray | float) -> np.ndarray | float:
         if chosen.slope is None:
             return END_ROUNDING + 0 * t
         size = np.abs(chosen.out(t)) + SHARE_OF_SPAN * (high - low)
@@ -103,7 +105,7 @@ def regions_along_any(
     # 0 within the range is what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
 
-    def back(t, end, given):
+    def back(t: np.ndarray, end: float, given: float) -> np.ndarray:
         """The values of p at ends t of regions; the range's end is given back as it was, and not
         as it comes out."""
         p = chosen.out(t)
@@ -130,18 +132,18 @@ class _Variable(NamedTuple):
     scale: float
 
 
-def _variable_of(low, high, variable):
+def _variable_of(low: float, high: float, variable: str) -> _Variable:
     """The variable for a span, see `regions_along_any`."""
     if variable == BENT:
         unit = (high - low) / BENT_AT
 
-        def into(p):
+        def into(p: np.ndarray | float) -> np.ndarray | float:
             return np.log1p((p - low) / unit)
 
-        def out(t):
+        def out(t: np.ndarray | float) -> np.ndarray | float:
             return low + unit * np.expm1(t)
 
-        def slope(t):
+        def slope(t: np.ndarray | float) -> np.ndarray | float:
             return unit * np.exp(t)
 
         return _Variable(into, out, slope, unit, low - unit, unit)
@@ -150,14 +152,18 @@ def _variable_of(low, high, variable):
     return _Variable(_same, _same, np.ones_like, np.inf, 0.0, 0.0)
 
 
-def _same(p):
+def _same(p: np.ndarray | float) -> np.ndarray | float:
     return p
 
 
-def _in_variable(balls, into, out):
+def _in_variable(
+    balls: Callable[..., Any], into: Callable[..., Any], out: Callable[..., Any]
+) -> Callable[..., Any] | None:
     """`balls` for ends in the variable."""
 
-    def proved_there(column, low, high):
+    def proved_there(
+        column: int, low: float, high: float
+    ) -> list[tuple[float, float, float, float]] | None:
         a = float(out(low))
         b = float(out(high))
         intervals = balls(column, a, b)
@@ -185,13 +191,15 @@ class _Search:
     balls: Callable | None
     from_one: bool
 
-    def at(self, function, column, t):
+    def at(
+        self, function: Callable[..., Any], column: np.ndarray, t: np.ndarray
+    ) -> Frames | tuple[np.ndarray, np.ndarray]:
         """The value of a function of columns and of the number, at values of the variable."""
         with np.errstate(over="ignore"):  # beside the largest doubles
             p = self.variable.out(t)
         return function(column, p)
 
-    def regions(self, names, bounds) -> Regions:
+    def regions(self, names: np.ndarray, bounds: np.ndarray) -> Regions:
         """The regions of some columns."""
         of_columns = _InEvenUnits.of(self, names)
         points = of_columns.points
@@ -218,14 +226,18 @@ class _Search:
         attached = self.slack(self.span[0]), self.slack(self.span[1])
         if self.balls is not None:
 
-            def balls(column, low, high):
+            def balls(
+                column: int, low: float, high: float
+            ) -> list[tuple[float, float, float, float]]:
                 return self.balls(int(names[column]), low, high)
 
             tiles, lost = proved_by_balls(tiles, lost, self.span, columns, attached, balls)
         regions = regions_of(tiles, lost, self.span, columns, attached)
         return replace(regions, column=names[regions.column])
 
-    def _resolved(self, names, column, low, high):
+    def _resolved(
+        self, names: np.ndarray, column: np.ndarray, low: np.ndarray, high: np.ndarray
+    ) -> np.ndarray:
         """Whether frames have no narrow features for the variable from low to high."""
         offset = self.variable.offset
         scale = self.variable.scale
@@ -248,7 +260,7 @@ class _InEvenUnits:
     plain: bool
 
     @classmethod
-    def of(cls, search: _Search, names) -> "_InEvenUnits":
+    def of(cls, search: _Search, names: np.ndarray) -> _InEvenUnits:
         low, high = search.span
         # Of the span, where the units of the states are found; not the middle, which may be 0.
         points = low + (high - low) * np.array((0.53, 0.37, 0.71, 0.013, 0.987))
@@ -267,33 +279,37 @@ class _InEvenUnits:
         ratio = units[:, None, :] / units[:, :, None]
         return cls(search, names, points, ratio, not (units != 1).any())
 
-    def _scaled(self, E, column, t):
+    def _scaled(self, E: np.ndarray, column: np.ndarray, t: np.ndarray) -> np.ndarray:
         if self.plain:
             return E
         factors = self.ratio[np.broadcast_to(column, t.shape).ravel()]
         return E * factors if E.shape[-1] == factors.shape[-1] else np.full_like(E, np.nan)
 
-    def frames(self, column, t) -> Frames:
+    def frames(self, column: np.ndarray, t: np.ndarray) -> Frames:
         """The frames of columns, counted from 0, at values of the variable."""
         sampled = self.search.at(self.search.family.frames, self.names[column], t)
         sampled = Frames.of(sampled)
         return replace(sampled, E=self._scaled(sampled.E, column, t))
 
-    def errors(self, column, t) -> tuple[np.ndarray, np.ndarray]:
+    def errors(self, column: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same, each by itself, with bounds on the errors of entries."""
         return self._with_bounds(self.search.family.with_errors, column, t)
 
-    def tight(self, column, t) -> tuple[np.ndarray, np.ndarray]:
+    def tight(self, column: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same with tight bounds."""
         return self._with_bounds(self.search.family.with_tight_errors, column, t)
 
-    def _with_bounds(self, function, column, t):
+    def _with_bounds(
+        self, function: Callable[..., Any], column: np.ndarray, t: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         column, t = np.broadcast_arrays(column, t)
         E, bounds = self.search.at(function, self.names[column.ravel()], t.ravel())
         return self._scaled(E, column, t), self._scaled(bounds, column, t)
 
 
-def _of_states(errors, states, column, t):
+def _of_states(
+    errors: Callable[..., Any], states: np.ndarray, column: np.ndarray, t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Frames and bounds on their errors, of some of the states alone."""
     E, bounds = errors(column, t)
     return E[:, states[:, None], states], bounds[:, states[:, None], states]

@@ -1,15 +1,20 @@
 """Roots of analytic functions on an interval: Chebyshev panels, split until their roots are
 proved."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from wavesweep.engine._stability.real_roots import at_ends, by_discs
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
+
+if TYPE_CHECKING:
+    from wavesweep.engine._stability.real_roots import Roots
 
 NODES = 20  # samples of a panel
 # of the Chebyshev coefficients; the others must have decayed, and bound the error
@@ -107,7 +112,7 @@ def panel_roots(
     open_low = np.zeros(columns, bool)
     open_high = np.zeros(columns, bool)
 
-    def give(kind, index):
+    def give(kind: str, index: np.ndarray) -> None:
         given_up[kind].append((column[index], low[index], high[index]))
 
     while column.size:
@@ -166,7 +171,7 @@ class _Panels(Rows):
     middle: np.ndarray
     half: np.ndarray
 
-    def at(self, place):
+    def at(self, place: np.ndarray) -> np.ndarray:
         """Return points of all panels, `(panels, points)`; place: position on [-1, 1], or beside
         it."""
         return self.middle[:, None] + self.half[:, None] * place
@@ -185,7 +190,7 @@ class _Judged(NamedTuple):
     cut_at: np.ndarray
 
 
-def _judged(sample, panels, settling) -> _Judged:
+def _judged(sample: Callable[..., Any], panels: _Panels, settling: int) -> _Judged:
     """What the samples of panels prove."""
     phase, log, error = sample(panels.column, panels.at(NODE))
     functions = log.shape[0]
@@ -235,7 +240,7 @@ def _judged(sample, panels, settling) -> _Judged:
     return _Judged(proved, settled, finite, ~reached, roots, cut_at)
 
 
-def _trend(log, finite):
+def _trend(log: np.ndarray, finite: np.ndarray) -> np.ndarray:
     """Return the exponential growth of each function over a panel, per half of its width.
 
     To divide by it removes no roots, and may leave a function that a polynomial follows more
@@ -247,7 +252,7 @@ def _trend(log, finite):
         return np.where(finite, (right - left) / 1.5, 0.0)
 
 
-def _scaled(sign, log, trend):
+def _scaled(sign: np.ndarray, log: np.ndarray, trend: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return samples without their trend, the largest of a panel of size 1, and the logarithm of
     their divisor."""
     log = np.where(np.isfinite(log), log - trend[..., None] * NODE, -np.inf)
@@ -256,13 +261,13 @@ def _scaled(sign, log, trend):
     return sign * np.exp(log - peak[..., None]), peak
 
 
-def _tail(sign, log, trend):
+def _tail(sign: np.ndarray, log: np.ndarray, trend: np.ndarray) -> np.ndarray:
     """Return the largest of the last Chebyshev coefficients of the samples without their trend."""
     value, _ = _scaled(sign, log, trend)
     return np.abs(_transformed(value, TRANSFORM[:, KEPT_COEFFICIENTS:])).max(-1)
 
 
-def _transformed(value, transform):
+def _transformed(value: np.ndarray, transform: np.ndarray) -> np.ndarray:
     """Return the Chebyshev coefficients of the samples.
 
     They are sums and not a matrix product: BLAS may round a row differently in another batch, and
@@ -274,7 +279,13 @@ def _transformed(value, transform):
     return total
 
 
-def _hidden(sample, panels, index, trend, peak):
+def _hidden(
+    sample: Callable[..., Any],
+    panels: _Panels,
+    index: np.ndarray,
+    trend: np.ndarray,
+    peak: np.ndarray,
+) -> np.ndarray:
     """Return a bound on features between the nodes of the panels `index`, in units of each
     function's largest sample.
 
@@ -296,7 +307,7 @@ def _hidden(sample, panels, index, trend, peak):
     return hidden
 
 
-def _interpolate(value, size):
+def _interpolate(value: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return second-kind Chebyshev coefficients `(panels, KEPT_COEFFICIENTS)`, their error bound on
     the panel, and whether they decayed."""
     first = _transformed(value, TRANSFORM)
@@ -311,7 +322,9 @@ def _interpolate(value, size):
     return second, NODES * (8 * tail + floor), decayed
 
 
-def _proved_roots(coefficients, noise):
+def _proved_roots(
+    coefficients: np.ndarray, noise: np.ndarray
+) -> Iterator[tuple[np.ndarray, Roots]]:
     """Yield proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the
     lowest degree first.
 
@@ -330,7 +343,9 @@ def _proved_roots(coefficients, noise):
         rows = rows[~proved]
 
 
-def _cut(column, low, high, share, split):
+def _cut(
+    column: np.ndarray, low: np.ndarray, high: np.ndarray, share: np.ndarray, split: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Panels cut in two, those of `split`, each at a share of its width."""
     column = column[split]
     low = low[split]

@@ -1,7 +1,10 @@
 """Crossings by adaptive arcs: slower than one polynomial, and reliable even if the poles crowd
 at several scales."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +18,9 @@ from wavesweep.engine._stability.crossings import Crossings, at_both_ends, poles
 from wavesweep.engine._stability.spectrum import count_outside, eigenvalues
 from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
+
+if TYPE_CHECKING:
+    from wavesweep.engine._stability.arc_panels import PanelRoots
 
 SMALLEST_ARC = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
@@ -45,7 +51,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     fixed = columns.fixed
     opened = cut.open_late(columns.along) if cut.late else cut.open_in(columns.along, fixed)
 
-    def late(columns):
+    def late(columns: tuple[np.ndarray, None]) -> _Late:
         """What is late of some columns, an index that gives `fixed` the axes of angles."""
         return cut.late and _Late(cut.late, fixed[columns] if np.any(fixed) else None)
 
@@ -60,7 +66,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     largest = max(map(abs, span))
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
-    def sampled(column, theta):
+    def sampled(column: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         # Many states are not copied for each panel.
         loops = np.zeros(1, int) if fixed.size == 1 else column
         systems = StateSpace(*(matrix[loops][:, None] for matrix in solved))
@@ -81,7 +87,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
         return phase, log, np.minimum([value_off, beyond_off] / magnitude, MOST_ERROR)
 
-    def sample(column, theta):
+    def sample(column: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * solved.B.shape[-2]))
         parts = []
         for first in range(0, column.size, step):
@@ -98,7 +104,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
             opened.E[at], loops, lines, poles[at], late((at, None))
         )
 
-    def boundary(theta):
+    def boundary(theta: np.ndarray) -> np.ndarray:
         return _boundary(system, lines, theta, late=late(slice(None))).value
 
     return _collect(columns, span, boundary, roots)
@@ -151,7 +157,14 @@ class _BoundaryFunctions(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _boundary(opened, solver, theta, largest=0.0, loops=None, late=None) -> _BoundaryFunctions:
+def _boundary(
+    opened: StateSpace,
+    solver: DelayLines,
+    theta: np.ndarray,
+    largest: float = 0.0,
+    loops: np.ndarray | None = None,
+    late: _Late | None = None,
+) -> _BoundaryFunctions:
     """Return two functions of the boundary at angles theta, which may be complex, of H = 1/K, K the
     number at the boundary:
 
@@ -202,12 +215,19 @@ class _Response(NamedTuple):
     square_off: np.ndarray
 
     @property
-    def mean(self):
+    def mean(self) -> np.ndarray:
         """Re H on the circle."""
         return (self.forward + self.back) / 2
 
 
-def _response(opened, solver, right, theta, loops, row=0) -> _Response:
+def _response(
+    opened: StateSpace,
+    solver: DelayLines,
+    right: np.ndarray,
+    theta: np.ndarray,
+    loops: np.ndarray,
+    row: int = 0,
+) -> _Response:
     """The response of a row of C and D; right: what B reaches. See `_boundary`."""
     E, B, C, D = opened
     C = C[..., row : row + 1, :]
@@ -286,12 +306,14 @@ def _of_late(late, theta, H, G):
     return value, value_off, beyond, F**2 * G.square_off + 2 * np.abs(F) * shared_off
 
 
-def _off_in_product(a, a_off, b, b_off):
+def _off_in_product(
+    a: np.ndarray, a_off: np.ndarray, b: np.ndarray, b_off: np.ndarray
+) -> np.ndarray:
     """How far a product may be off, in roundings of 1; a, b: sizes of the terms of its factors."""
     return a * b_off + a_off * b + EPS * a_off * b_off + a * b
 
 
-def _turned(late, theta):
+def _turned(late: int, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return `cos(d theta)` and `sin(d theta)/sin(theta)`, d being `late`, and how far each may be
     off, in roundings of 1.
 
@@ -315,7 +337,9 @@ def _turned(late, theta):
     return turn, per_turn, unsure, np.pi * late * size + 4 * np.abs(per_turn)
 
 
-def _errors_of_form(form, loops, left, right, theta):
+def _errors_of_form(
+    form: TriangularForm, loops: np.ndarray, left: np.ndarray, right: np.ndarray, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return how far the errors of a form may move `left right`, and `C right` as well as `left B`,
     in roundings of 1.
 
@@ -345,7 +369,9 @@ def _errors_of_form(form, loops, left, right, theta):
     return error * (of_left * R_right + left_R * of_right), of_gain
 
 
-def _collect(columns, span, boundary, roots):
+def _collect(
+    columns: CutColumns, span: tuple[float, float], boundary: Callable[..., Any], roots: PanelRoots
+) -> Crossings:
     """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1
     and -1."""
     cut = columns.cut

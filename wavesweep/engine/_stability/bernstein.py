@@ -1,5 +1,7 @@
 """Real roots by the signs of Bernstein coefficients: all rows at once, no eigenvalues."""
 
+from __future__ import annotations
+
 from functools import cache
 from math import comb
 from typing import NamedTuple
@@ -16,7 +18,9 @@ PIECE_CUT_AT = 0.4921875
 LAST_STEP_OF_PIECE = 1e-9
 
 
-def roots_by_sign(coefficients, noise):
+def roots_by_sign(
+    coefficients: np.ndarray, noise: np.ndarray
+) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within
     `noise`, row by row.
 
@@ -55,12 +59,12 @@ class _Pieces(NamedTuple):
     high: np.ndarray
     b: np.ndarray
 
-    def some(self, index) -> "_Pieces":
+    def some(self, index: np.ndarray) -> _Pieces:
         """Some of the pieces."""
         return _Pieces(self.row[index], self.low[index], self.high[index], self.b[:, index])
 
 
-def _whole(coefficients):
+def _whole(coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the Bernstein coefficients on [-1, 1], `(n, rows)`, and a bound on their rounding."""
     c = np.ascontiguousarray(coefficients.T)
     change = change_of_basis(len(c))
@@ -74,7 +78,7 @@ def _whole(coefficients):
     return b, (len(c) + 2) * EPS * size.max(0)
 
 
-def _isolated(b, rounding, noise):
+def _isolated(b: np.ndarray, rounding: np.ndarray, noise: np.ndarray) -> tuple[_Pieces, np.ndarray]:
     """Return pieces with a single root, and which rows are completely decided."""
     n, rows = b.shape
     farthest = largest_bernstein(n - 1)
@@ -113,7 +117,7 @@ def _isolated(b, rounding, noise):
     return joined.some(complete[joined.row]), complete
 
 
-def _halves(b):
+def _halves(b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the coefficients on either side of the cut (de Casteljau)."""
     work = b.copy()
     left = np.empty_like(b)
@@ -124,7 +128,7 @@ def _halves(b):
     return left, work
 
 
-def _single_root(b):
+def _single_root(b: np.ndarray) -> np.ndarray:
     """Return the root in (0, 1) of every column of Bernstein coefficients that change their sign
     once.
 
@@ -160,7 +164,7 @@ def _single_root(b):
     return t
 
 
-def _value_and_slope(b, t):
+def _value_and_slope(b: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the polynomial with these Bernstein coefficients, and its derivative, at t in [0,
     1] (Horner's rule)."""
     n = len(b)
@@ -177,7 +181,7 @@ def _value_and_slope(b, t):
 
 
 @cache
-def change_of_basis(n):
+def change_of_basis(n: int) -> np.ndarray:
     """Return the Bernstein coefficients on [-1, 1], of degree n - 1, of U_0 .. U_{n-1}: `(n,
     n)`, every entry rounded once."""
     top = n - 1
@@ -193,6 +197,6 @@ def change_of_basis(n):
 
 
 @cache
-def largest_bernstein(degree):
+def largest_bernstein(degree: int) -> float:
     """Return the largest Bernstein coefficient of the Chebyshev polynomial of that degree."""
     return max(comb(2 * degree, 2 * i) / comb(degree, i) for i in range(degree + 1))

@@ -8,6 +8,8 @@ of size 1, and known to d roundings: those of z, and of the angle of a crossing,
 far. Its derivative by w is `-d/z` times itself.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -37,7 +39,7 @@ class Terms:
     x: np.ndarray
     v: np.ndarray
 
-    def along(self, name: str):
+    def along(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Return (term of the number that is solved for, term of the fixed number)."""
         return (self.x, self.v) if name == FIRST else (self.v, self.x)
 
@@ -74,7 +76,7 @@ def terms(cut: LinearFractional, w) -> Terms:
     return terms_and_inverse(cut, w)[0]
 
 
-def terms_and_inverse(cut: LinearFractional, w) -> tuple[Terms, np.ndarray]:
+def terms_and_inverse(cut: LinearFractional, w: np.ndarray) -> tuple[Terms, np.ndarray]:
     """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I -
     E` for `end_errors`."""
     w = np.asarray(w)
@@ -90,7 +92,7 @@ def real_terms(cut: LinearFractional, w: float, states: ManyStates) -> Terms:
     return terms_of(cut, w, G.real)
 
 
-def _states(cut, w, resolvent):
+def _states(cut: LinearFractional, w: np.ndarray, resolvent: Inverse) -> np.ndarray:
     """Return the states for a unit force.
 
     One step of refinement makes the backward error small entry by entry (R. D. Skeel, Math. Comp.
@@ -101,19 +103,19 @@ def _states(cut, w, resolvent):
     return state + resolvent.reached(_left(cut, w, state))
 
 
-def _left(cut, w, state):
+def _left(cut: LinearFractional, w: np.ndarray, state: np.ndarray) -> np.ndarray:
     """Return what states leave of their equations, `B - (w I - E) state`."""
     return cut.B - w[..., None, None] * state + _moved(cut.E, state)
 
 
-def _moved(E, state):
+def _moved(E: np.ndarray, state: np.ndarray) -> np.ndarray:
     """Return `E state`; states of one loop at many points as one product."""
     if E.ndim > 2 or state.ndim < 3:
         return times(E, state)
     return np.ascontiguousarray(times(E, state[..., 0].T).T)[..., None]
 
 
-def _shifted(cut, w):
+def _shifted(cut: LinearFractional, w: np.ndarray) -> np.ndarray:
     """Return `w I - E`."""
     w = np.asarray(w)
     n = cut.E.shape[-1]
@@ -137,12 +139,12 @@ def times(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return (matrix @ columns.view(float)).view(columns.dtype)
 
 
-def _outputs(cut, state):
+def _outputs(cut: LinearFractional, state: np.ndarray) -> np.ndarray:
     """Return `C state + D`, `(..., 3)`."""
     return (times(cut.C, state) + cut.D)[..., 0]
 
 
-def residual(t: Terms, K, B, least=0.0):
+def residual(t: Terms, K: np.ndarray, B: np.ndarray, least: np.ndarray | float = 0.0) -> np.ndarray:
     """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless;
     least: size of a further term."""
     size = np.abs(t.unit) + np.abs(K * t.x) + np.abs(B * t.v) + least
@@ -160,7 +162,7 @@ class PolishedCrossings(NamedTuple):
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def polish(
-    cut: LinearFractional, along: str, fixed, theta, scale
+    cut: LinearFractional, along: str, fixed: np.ndarray, theta: np.ndarray, scale: float
 ) -> tuple[PolishedCrossings, np.ndarray]:
     """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the
     seeds theta.
@@ -234,7 +236,7 @@ class _Step(NamedTuple):
     last: np.ndarray
 
 
-def _newton(now, slope, theta, scale) -> _Step:
+def _newton(now: np.ndarray, slope: np.ndarray, theta: np.ndarray, scale: float) -> _Step:
     """A step of Newton's method from K(theta) and dK/dtheta; see `polish`."""
     far = np.abs(now) > scale
     slope = np.where(far, -slope / now**2, slope)
@@ -250,7 +252,9 @@ def _newton(now, slope, theta, scale) -> _Step:
     return _Step(np.clip(theta + step, least, most), value, small & (slope.imag != 0), size, small)
 
 
-def _value_and_slope(cut, along, fixed, w, resolvent):
+def _value_and_slope(
+    cut: LinearFractional, along: str, fixed: np.ndarray, w: np.ndarray, resolvent: Inverse
+) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
     """Return K(theta) and dK/dtheta, complex, as a pair; and the relative change of the states
     per angle."""
     state = _states(cut, w, resolvent)
@@ -273,7 +277,9 @@ def _value_and_slope(cut, along, fixed, w, resolvent):
     return _solved(found, slopes, along, fixed, w), speed
 
 
-def _solved(t, slopes, along, fixed, w):
+def _solved(
+    t: Terms, slopes: Terms, along: str, fixed: np.ndarray, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the number that solves the equation, and its derivative by theta, complex."""
     solved, fixed_term = t.along(along)
     d_solved, d_fixed = slopes.along(along)
@@ -284,8 +290,15 @@ def _solved(t, slopes, along, fixed, w):
 
 
 def end_errors(
-    cut: LinearFractional, along: str, fixed, value, w, on_axis, resolvent=None, least: float = 0.0
-):
+    cut: LinearFractional,
+    along: str,
+    fixed: np.ndarray,
+    value: np.ndarray,
+    w: np.ndarray,
+    on_axis: np.ndarray,
+    resolvent: Inverse | None = None,
+    least: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residuals of the characteristic equation at crossings, and two effects of
     rounding.
 
@@ -332,7 +345,9 @@ def end_errors(
         return residual(t, *pair, further), moved, rounding / size
 
 
-def _read_row(cut, w, pair, rows):
+def _read_row(
+    cut: LinearFractional, w: np.ndarray, pair: tuple[np.ndarray, np.ndarray], rows: np.ndarray
+) -> np.ndarray:
     """Return the row that the two numbers read, `(..., n)`; rows: those of C, `(..., 3, n)`."""
     K = np.asarray(pair[0])[..., None]
     B = np.asarray(pair[1])[..., None]
@@ -342,7 +357,9 @@ def _read_row(cut, w, pair, rows):
     return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., VELOCITY, :]
 
 
-def _adjoint(cut, w, row, resolvent):
+def _adjoint(
+    cut: LinearFractional, w: np.ndarray, row: np.ndarray, resolvent: Inverse
+) -> np.ndarray:
     """Return `row (w I - E)^-1`, `(..., n)`, refined."""
     left = resolvent.row(row)
     missed = row - w[..., None] * left + _moved(cut.E.mT, left[..., None])[..., 0]
@@ -353,7 +370,14 @@ def _adjoint(cut, w, row, resolvent):
     return left + np.where(smaller, change, 0.0)
 
 
-def _with_errors(cut, w, pair, reach, size, missed):
+def _with_errors(
+    cut: LinearFractional,
+    w: np.ndarray,
+    pair: tuple[np.ndarray, np.ndarray],
+    reach: np.ndarray,
+    size: np.ndarray,
+    missed: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the errors of the characteristic equation, `(...)`, all arguments but the last being
     sizes.
 
@@ -362,7 +386,7 @@ def _with_errors(cut, w, pair, reach, size, missed):
     states. missed: what the states leave of their equations.
     """
 
-    def in_equation(E, B, C, D):
+    def in_equation(E: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> np.ndarray:
         """What errors of the matrices that are so large reach the equation by."""
         of_states = (reach * (E @ size + B)[..., 0]).sum(-1)
         of_outputs = (_read_row(cut, w, pair, C) * size[..., 0]).sum(-1)

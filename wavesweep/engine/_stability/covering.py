@@ -1,9 +1,13 @@
 """The spans of columns covered by proofs of dominance, and by windows about the crossings that
 these leave open."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -98,7 +102,14 @@ class Tiles(Rows):
         return self.outside <= WINDOW
 
     @classmethod
-    def of(cls, column, low, high, outside, doubt=Doubt.NONE) -> "Tiles":
+    def of(
+        cls,
+        column: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
+        outside: np.ndarray | int,
+        doubt: int = Doubt.NONE,
+    ) -> Tiles:
         nothing = np.full(column.size, np.nan)
         return cls(
             column, low, high, outside + 0 * column, nothing, nothing, 0 * low, doubt + 0 * column
@@ -123,7 +134,15 @@ class _OpenStretches(Rows):
     stage: np.ndarray
 
 
-def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: bool = False) -> Tiles:
+def tiles_of(
+    panels: Panels,
+    errors: tuple[Callable[..., Any], Callable[..., Any]],
+    span: tuple[float, float],
+    columns: int,
+    slack: Callable[..., Any],
+    *,
+    from_one: bool = False,
+) -> Tiles:
     """Return the tiles that could be proved; errors: with tight ones; these, slack, from_one:
     see `regions_along_any`."""
     unstable, open_ = _unstable_by_traces(panels)
@@ -148,7 +167,9 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: boo
     return _with_ends_in_gaps(Tiles.join(done), errors[0], slack)
 
 
-def _beside_one(panels, errors, low, open_):
+def _beside_one(
+    panels: Panels, errors: Callable[..., Any], low: float, open_: _OpenStretches
+) -> tuple[Tiles, _OpenStretches]:
     """The tiles next to the low end of the span, where an eigenvalue is 1, and what is left
     open."""
     first = np.flatnonzero(open_.low == low)
@@ -164,7 +185,9 @@ def _beside_one(panels, errors, low, open_):
     return tiles.take(proved), left.take(begin < open_.high)
 
 
-def _with_ends_in_gaps(tiles, errors, slack):
+def _with_ends_in_gaps(
+    tiles: Tiles, errors: Callable[..., Any], slack: Callable[..., Any]
+) -> Tiles:
     """Add windows where a gap between a stable and an unstable tile is as narrow as ends are exact:
     the end is in it.
 
@@ -194,7 +217,7 @@ def _with_ends_in_gaps(tiles, errors, slack):
     return Tiles.join([tiles, ends])
 
 
-def _unstable_by_traces(panels):
+def _unstable_by_traces(panels: Panels) -> tuple[Tiles, _OpenStretches]:
     """Tiles in which some eigenvalue is outside, as `|tr A| > n` or `|tr A A| > n` for all values
     there, and what is left open.
 
@@ -240,7 +263,7 @@ def _unstable_by_traces(panels):
     return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_.take(left)
 
 
-def _traces(coefficients, x):
+def _traces(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return `tr A` and `tr A A` at places x of panels, `(2, panels, places)`."""
     m, k, n, _ = coefficients.shape
     T = chebyshev.chebvander(x, k - 1)
@@ -257,7 +280,7 @@ def _traces(coefficients, x):
 
 
 @cache
-def _restrictions(degree):
+def _restrictions(degree: int) -> np.ndarray:
     """Chebyshev coefficients on each cell of [-1, 1] of the Chebyshev polynomials, `(CELLS,
     degree + 1, degree + 1)`."""
     x, transform = nodes(degree)
@@ -282,10 +305,12 @@ class _Nearest:
     miss: np.ndarray
 
     @classmethod
-    def of(cls, models: DominanceTests, roots, place, half) -> "_Nearest":
+    def of(
+        cls, models: DominanceTests, roots: np.ndarray, place: np.ndarray, half: np.ndarray
+    ) -> _Nearest:
         index = np.argmin(np.abs(roots), 1)
 
-        def chosen(facts):
+        def chosen(facts: np.ndarray) -> np.ndarray:
             return np.take_along_axis(facts, index[:, None], 1)[:, 0]
 
         h = chosen(roots)
@@ -345,7 +370,14 @@ class _Round:
     overlaid: np.ndarray
 
     @classmethod
-    def of(cls, panels, errors, span, slack, open_: _OpenStretches) -> "_Round":
+    def of(
+        cls,
+        panels: Panels,
+        errors: tuple[Callable[..., Any], Callable[..., Any]],
+        span: tuple[float, float],
+        slack: Callable[..., Any],
+        open_: _OpenStretches,
+    ) -> _Round:
         place = open_.place
         column = panels.column[open_.panel]
         half = panels.half[open_.panel]
@@ -445,7 +477,7 @@ class _Round:
         reached, outside = self._reached(inner)
         return _Sides(inner, reached, [reached[0] < inner[0], reached[1] > inner[1]], outside)
 
-    def _left_open(self, sides, failed, again):
+    def _left_open(self, sides: _Sides, failed: np.ndarray, again: np.ndarray) -> _OpenStretches:
         """The stretches that are open after a test: the same with a place next to the crossing, or
         what is left on both sides.
 
@@ -478,7 +510,9 @@ class _Round:
             stretches.append(self._rest(long, begin[long], end[long], sign, gone))
         return _OpenStretches.join(stretches)
 
-    def _rest(self, index, low, high, sign, gone):
+    def _rest(
+        self, index: np.ndarray, low: np.ndarray, high: np.ndarray, sign: int, gone: np.ndarray
+    ) -> _OpenStretches:
         """What is left to one side, to be tested where an eigenvalue seems to cross, if that is
         near to what is proved."""
         before = self.open.take(index)
@@ -500,7 +534,7 @@ class _Round:
         stage[missed] = Stage.ELSEWHERE
         return _OpenStretches(before.panel, low, high, place, stage)
 
-    def _reached(self, inner):
+    def _reached(self, inner: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """How far it is proved from the inner places on to both sides, and how many eigenvalues are
         outside there.
 
@@ -547,7 +581,12 @@ class _Round:
         return np.split(ends, 2), np.split(outside, 2)
 
 
-def _exact_frames(errors, column, open_, n):
+def _exact_frames(
+    errors: tuple[Callable[..., Any], Callable[..., Any]],
+    column: np.ndarray,
+    open_: _OpenStretches,
+    n: int,
+) -> ExactFrames:
     """The frames at the places next to crossings, from TIGHT on with tight bounds."""
     tests = np.flatnonzero(open_.stage >= Stage.EXACT)
     tight = open_.stage[tests] >= Stage.TIGHT
@@ -561,7 +600,12 @@ def _exact_frames(errors, column, open_, n):
 
 
 def proved_by_balls(
-    tiles: Tiles, lost, span, columns: int, attached, balls
+    tiles: Tiles,
+    lost: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    span: tuple[float, float],
+    columns: int,
+    attached: tuple[float, float],
+    balls: Callable[..., Any],
 ) -> tuple[Tiles, tuple[np.ndarray, ...]]:
     """Return the tiles, and the parts without panels, with stretches in doubt replaced by what is
     proved of these.
@@ -605,7 +649,7 @@ def proved_by_balls(
     return Tiles.join([joined.take(remains & ~outer), *new]), lost
 
 
-def _in_doubt(joined, outer, attached):
+def _in_doubt(joined: Tiles, outer: np.ndarray, attached: tuple[float, float]) -> np.ndarray:
     """Pairs of neighbouring tiles whose number outside is known, between which something is in
     doubt, `(pairs, 2)`.
 
@@ -621,7 +665,7 @@ def _in_doubt(joined, outer, attached):
     plain = joined.outside == WINDOW
     rough = joined.doubt != Doubt.NONE
 
-    def between(size):
+    def between(size: np.ndarray) -> np.ndarray:
         """The sum over the windows between each two neighbours of `sure`."""
         total = np.append(0.0, np.cumsum(np.where(window, size, 0.0)))
         return total[last] - total[first + 1]
@@ -645,7 +689,9 @@ def _in_doubt(joined, outer, attached):
     return np.stack([first, last], 1)[doubtful]
 
 
-def _tiles_of_intervals(column, a, b, intervals):
+def _tiles_of_intervals(
+    column: int, a: float, b: float, intervals: list[tuple[float, float, float, float]]
+) -> Tiles:
     """Tiles from a to b: stable intervals, with unstable ones between, and windows without width
     where one begins or ends."""
     rows = []
@@ -673,7 +719,13 @@ def _tiles_of_intervals(column, a, b, intervals):
     )
 
 
-def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
+def regions_of(
+    tiles: Tiles,
+    lost: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    span: tuple[float, float],
+    columns: int,
+    attached: tuple[float, float],
+) -> Regions:
     """Return the parts of the spans in which the loops are stable, unstable or not known; all of a
     column have its doubt.
 
@@ -684,7 +736,7 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
     doubt = np.full(columns, Doubt.NONE)
 
-    def doubted(column, reason):
+    def doubted(column: np.ndarray, reason: np.ndarray | int) -> None:
         np.maximum.at(doubt, column, reason)
 
     owner, low, high, overflown = lost
@@ -737,7 +789,9 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     return Regions(column[begin], *ends, label[begin], doubt[column[begin]], miss)
 
 
-def _gaps(tiles, span, columns, attached):
+def _gaps(
+    tiles: Tiles, span: tuple[float, float], columns: int, attached: tuple[float, float]
+) -> Tiles:
     """What is between the tiles of each column, and before and behind them."""
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
     every = np.arange(columns)

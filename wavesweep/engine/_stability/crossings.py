@@ -4,6 +4,8 @@ The crossings of a column are the real roots of one polynomial, which is compute
 the circle.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -50,7 +52,7 @@ class Polynomial:
     scale: np.ndarray
 
 
-def warp_scale(cut: LinearFractional, *, alone: bool):
+def warp_scale(cut: LinearFractional, *, alone: bool) -> np.ndarray:
     """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which
     they crowd least.
 
@@ -70,7 +72,7 @@ def warp_scale(cut: LinearFractional, *, alone: bool):
 
 
 def sampled_polynomial(
-    cut: LinearFractional, along: str, scale, rough, *, alone: bool = False
+    cut: LinearFractional, along: str, scale: np.ndarray, rough: np.ndarray, *, alone: bool = False
 ) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
@@ -93,7 +95,7 @@ def sampled_polynomial(
         fixed = 0 * fixed
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
 
-    def largest(samples):
+    def largest(samples: np.ndarray) -> np.ndarray:
         return np.abs(samples).max((0, -1))
 
     on_unit = unit * solved.conj()
@@ -127,7 +129,7 @@ def sampled_polynomial(
     return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
 
 
-def poles_at_one(E) -> int:
+def poles_at_one(E: np.ndarray) -> int:
     """Return how many eigenvalues of `E` are exactly 0 in every loop because of where its entries
     are not zero.
 
@@ -142,7 +144,9 @@ def poles_at_one(E) -> int:
     return int((~np.diagonal(reach)).sum())
 
 
-def _sines(samples, size, transform, degree):
+def _sines(
+    samples: list[np.ndarray], size: list[np.ndarray], transform: np.ndarray, degree: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the first coefficients of sine polynomials from their samples, and bounds on the
     errors of each of them.
 
@@ -156,7 +160,9 @@ def _sines(samples, size, transform, degree):
     return series[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
 
 
-def _scaled(cut, zeta, scale, along):
+def _scaled(
+    cut: LinearFractional, zeta: np.ndarray, scale: np.ndarray, along: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the characteristic terms `solved`, `fixed` and `unit` times the warped pole polynomial:
     polynomials in zeta, `(2, loops, points)` each; and `w = z - 1`, `(loops, points)`.
 
@@ -189,7 +195,14 @@ def _scaled(cut, zeta, scale, along):
 
 
 @np.errstate(all="ignore")
-def _errors_of_entries(cut, along, w, unit, fixed, solved):
+def _errors_of_entries(
+    cut: LinearFractional,
+    along: str,
+    w: np.ndarray,
+    unit: np.ndarray,
+    fixed: np.ndarray,
+    solved: np.ndarray,
+) -> list[np.ndarray]:
     """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`,
     infinite if not known.
 
@@ -231,7 +244,7 @@ def _errors_of_entries(cut, along, w, unit, fixed, solved):
     return errors
 
 
-def angle(cosine, scale):
+def angle(cosine: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Return theta in (0, pi) from cos(phi)."""
     return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
 
@@ -266,7 +279,7 @@ class Crossings:
     many: ManyStates | None = None
 
 
-def roots_of(polynomial: Polynomial, owner, fixed) -> Roots:
+def roots_of(polynomial: Polynomial, owner: np.ndarray, fixed: np.ndarray) -> Roots:
     """Return the roots of the polynomials of columns with the loops `owner` and the other number
     `fixed`."""
     coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(
@@ -280,7 +293,7 @@ def roots_of(polynomial: Polynomial, owner, fixed) -> Roots:
     return roots
 
 
-def _merged(column, seed, theta) -> np.ndarray:
+def _merged(column: np.ndarray, seed: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """Return the columns in which two roots have polished to one angle: their jumps are not
     those of two crossings."""
     order = np.lexsort((seed, column))
@@ -347,7 +360,13 @@ def crossings(
     return Crossings(column, value, theta, jump, at, every_inverse, complete, growth_to_infinity)
 
 
-def _side(polynomial, owner, fixed, cosine, span):
+def _side(
+    polynomial: Polynomial,
+    owner: np.ndarray,
+    fixed: np.ndarray,
+    cosine: np.ndarray,
+    span: tuple[float, float],
+) -> np.ndarray:
     """Return 1 or -1 for a root whose value is surely above or below the span, 0 for others.
 
     The value is a quotient of two polynomials, the lower one not negative, so the side is the sign

@@ -19,6 +19,8 @@ outside the circle as entries mu_i: while the rest of T is taken away by and by,
 none crosses.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -61,7 +63,7 @@ class Eigenbasis(NamedTuple):
     block: np.ndarray
 
 
-def eigenbasis(E) -> Eigenbasis:
+def eigenbasis(E: np.ndarray) -> Eigenbasis:
     """Return vectors of matrices less identity; the inverses are huge or NaN if there are too few.
 
     They are orthonormal within clusters of eigenvalues that are nearer to each other than to the
@@ -89,13 +91,13 @@ def eigenbasis(E) -> Eigenbasis:
     return Eigenbasis(X, Z, block)
 
 
-def _dependent(X, Z):
+def _dependent(X: np.ndarray, Z: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         condition = (np.abs(Z) @ np.abs(X)).max((1, 2))
         return np.flatnonzero(~(condition < DEPENDENT))
 
 
-def _with_block(E):
+def _with_block(E: np.ndarray) -> Eigenbasis:
     """Eigenvectors of the eigenvalues beyond the widest gap, and a basis of what the left ones do
     not see; gaps are ratios of what eigenvalues lose in a frame, the logarithms of their sizes.
 
@@ -125,12 +127,12 @@ def _with_block(E):
     return Eigenbasis(X, inverse(X), np.arange(n) < k)
 
 
-def _vectors(E):
+def _vectors(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     X = _orthonormal(*np.linalg.eig(E))
     return X, inverse(X)
 
 
-def _orthonormal(w, X):
+def _orthonormal(w: np.ndarray, X: np.ndarray) -> np.ndarray:
     """Eigenvectors that are orthonormal within clusters."""
     w = w.astype(complex)
     X = X.astype(complex)
@@ -147,21 +149,21 @@ def _orthonormal(w, X):
     return X
 
 
-def _cholesky(gram):
+def _cholesky(gram: np.ndarray) -> np.ndarray:
     try:
         return np.linalg.cholesky(gram)
     except np.linalg.LinAlgError:
         return np.broadcast_to(np.eye(gram.shape[-1]), gram.shape)
 
 
-def _alike(w):
+def _alike(w: np.ndarray) -> np.ndarray:
     """Which eigenvalues less 1 are so near to each other."""
     far = np.abs(np.abs(1 + w) - 1)
     apart = np.abs(w[:, None] - w[:, :, None])
     return apart < CLUSTER * np.minimum(far[:, :, None], far[:, None, :])
 
 
-def _turning(B1, w, wanted, block):
+def _turning(B1: np.ndarray, w: np.ndarray, wanted: np.ndarray, block: np.ndarray) -> np.ndarray:
     """K; 0 for two vectors that turn too fast, or need not be told apart, and for a block."""
     with np.errstate(all="ignore"):
         K = B1 / (w[:, None, :] - w[:, :, None])
@@ -181,7 +183,7 @@ class ExactFrames:
     off: np.ndarray
 
 
-def rounding_of(n) -> float:
+def rounding_of(n: int) -> float:
     """Return the relative rounding of products of up to five matrices of n states."""
     return 16 * (n + 4) * EPS / 2
 
@@ -200,7 +202,9 @@ class Expansions(NamedTuple):
     drift: np.ndarray
 
 
-def expansions(panels: Panels, at, x, pad, exact: ExactFrames) -> Expansions:
+def expansions(
+    panels: Panels, at: np.ndarray, x: np.ndarray, pad: np.ndarray, exact: ExactFrames
+) -> Expansions:
     """Return the frames about places of panels; the arguments are those of `DominanceTests.of`."""
     n = panels.error.shape[-1]
     m = at.size
@@ -245,11 +249,11 @@ class _Diagonals(Rows):
     k2: np.ndarray
     real: np.ndarray
 
-    def joined(self, alone) -> "_Diagonals":
+    def joined(self, alone: np.ndarray) -> _Diagonals:
         """Those that stand alone at their new places, and the eigenvalue 0 of the frame at all
         others."""
 
-        def moved(facts):
+        def moved(facts: np.ndarray) -> np.ndarray:
             return (alone @ facts[..., None])[..., 0]
 
         w = moved(self.w) + (alone.any(2) - 1.0)
@@ -279,7 +283,7 @@ class _Sizes(Rows):
     e1: np.ndarray
     e2: np.ndarray
 
-    def joined(self, to) -> "_Sizes":
+    def joined(self, to: np.ndarray) -> _Sizes:
         """Norms of the rows and columns that `to` puts together, `(tests, fewer, n)`."""
         back = to.swapaxes(1, 2)
         norms = {}
@@ -288,7 +292,9 @@ class _Sizes(Rows):
         return _Sizes(**norms)
 
 
-def _joined(mu, parts, block, B0):
+def _joined(
+    mu: _Diagonals, parts: _Sizes, block: np.ndarray, B0: np.ndarray
+) -> tuple[_Diagonals, _Sizes]:
     """Put norms in place of the entries in rows or columns of a block, whose own norm is that of
     the frame there.
 
@@ -305,11 +311,11 @@ def _joined(mu, parts, block, B0):
     return mu.joined(to * ~block[:, None]), parts
 
 
-def _diagonal(matrices):
+def _diagonal(matrices: np.ndarray) -> np.ndarray:
     return np.diagonal(matrices, axis1=1, axis2=2)
 
 
-def _off_diagonal(matrices, block):
+def _off_diagonal(matrices: np.ndarray, block: np.ndarray) -> np.ndarray:
     """Sizes of the entries off the diagonal, and on it those of a block."""
     n = matrices.shape[-1]
     size = np.abs(matrices)
@@ -336,7 +342,15 @@ class DominanceTests:
     curve: np.ndarray
 
     @classmethod
-    def of(cls, panels: Panels, at, x, pad, wanted, exact: ExactFrames) -> "DominanceTests":
+    def of(
+        cls,
+        panels: Panels,
+        at: np.ndarray,
+        x: np.ndarray,
+        pad: np.ndarray,
+        wanted: np.ndarray,
+        exact: ExactFrames,
+    ) -> DominanceTests:
         """at: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half
         of what is to be proved."""
         D, sizes, error, drift = expansions(panels, at, x, pad, exact)
@@ -387,7 +401,7 @@ class DominanceTests:
             curve=2 * (z.conj() * mu.c).real + np.abs(mu.b) ** 2,
         )
 
-    def crossings(self):
+    def crossings(self) -> np.ndarray:
         """The h next to 0 at which each eigenvalue seems to be on the unit circle, inf if none,
         `(tests, n)`."""
         with np.errstate(all="ignore"):
@@ -395,18 +409,18 @@ class DominanceTests:
             h = -2 * self.excess / (self.slope + np.copysign(root, self.slope))
         return np.where(np.isfinite(h) & (self.size > ON_WAY_TO_CIRCLE), h, np.inf)
 
-    def angle(self, index, h):
+    def angle(self, index: np.ndarray, h: np.ndarray) -> np.ndarray:
         """Return the angle of eigenvalue `index` of each test at h; exactly 0 or pi if it is
         real."""
 
-        def chosen(facts):
+        def chosen(facts: np.ndarray) -> np.ndarray:
             return np.take_along_axis(facts, index[:, None], 1)[:, 0]
 
         mu = self.mu
         z = 1 + chosen(mu.w) + h * chosen(mu.b) + h**2 * chosen(mu.c)
         return np.abs(np.angle(np.where(chosen(mu.real), z.real, z)))
 
-    def radius(self):
+    def radius(self) -> np.ndarray:
         """Return the radius of the circle that a test is about: 1, or a larger one, r, in a wide
         gap between eigenvalues.
 
@@ -424,7 +438,9 @@ class DominanceTests:
         wide = gap > np.maximum(3 * np.abs(size).min(1), OUTSIDE_BY)
         return np.where(wide, np.exp(outer - gap / 2), 1.0)
 
-    def prove(self, tests, start, stop, radius):
+    def prove(
+        self, tests: np.ndarray, start: np.ndarray, stop: np.ndarray, radius: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return whether none is on the circle from h = start to stop of each of `tests`, and how
         many are outside then.
 
@@ -463,7 +479,7 @@ class DominanceTests:
         reach = w + most * b + most**2 * c + (np.abs(excess) + most * np.abs(slope)) / largest
         reach = reach[:, :, None]
 
-        def ratios(h):
+        def ratios(h: np.ndarray) -> np.ndarray:
             """What is off the diagonal over what is left of it, at h; infinite if nothing is
             left."""
             a = np.abs(h)[:, None]
@@ -496,7 +512,7 @@ class DominanceTests:
         return proved, outside.sum(1)
 
 
-def _entries_at(a, parts, KBK, reach):
+def _entries_at(a: np.ndarray, parts: _Sizes, KBK: np.ndarray, reach: np.ndarray) -> np.ndarray:
     """Bounds on what T has beside its diagonals at |h| = a, which is not 0."""
     aK = a * parts.K
     second = a**2 * parts.B2

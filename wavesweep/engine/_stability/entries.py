@@ -1,10 +1,12 @@
 """Entries of the frames of loops along a number: polynomials on panels of it, each entry with a
 bound on what it misses."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,7 +55,7 @@ class Panels(Rows):
     rest: np.ndarray
 
     @classmethod
-    def joined(cls, batches):
+    def joined(cls, batches: list[Panels]) -> Panels:
         """Return the panels of all batches, filled up to as many states as the largest has;
         those added have z = 0."""
         most = max(batch.error.shape[-1] for batch in batches)
@@ -61,7 +63,7 @@ class Panels(Rows):
             [batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches]
         )
 
-    def filled(self, order: int) -> "Panels":
+    def filled(self, order: int) -> Panels:
         """The same with as many states.
 
         Those that are added are 0 at the end of every frame: eigenvalues z = 0, which are `z - 1 =
@@ -82,10 +84,10 @@ class Panels(Rows):
             self, coefficients=coefficients, error=padded(self.error), rest=padded(self.rest)
         )
 
-    def of_states(self, states) -> "Panels":
+    def of_states(self, states: np.ndarray) -> Panels:
         """The same without all other states."""
 
-        def chosen(entries):
+        def chosen(entries: np.ndarray) -> np.ndarray:
             return np.ascontiguousarray(entries[..., states[:, None], states])
 
         return replace(
@@ -95,7 +97,7 @@ class Panels(Rows):
             rest=chosen(self.rest),
         )
 
-    def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
+    def without_forgotten(self) -> list[tuple[Panels, np.ndarray]]:
         """Return the panels without states that are 0 at the end of every frame, or that nothing
         reads at its beginning, and the indices of those that are left; panels that have the same
         ones together.
@@ -122,13 +124,13 @@ class Panels(Rows):
         return results
 
 
-def sizes_of(coefficients) -> np.ndarray:
+def sizes_of(coefficients: np.ndarray) -> np.ndarray:
     """Return the sum of the sizes of the coefficients of each entry of panels; one by one, since
     all take much memory."""
     return sum(np.abs(coefficients[:, k]) for k in range(coefficients.shape[1]))
 
 
-def _remembered(entries):
+def _remembered(entries: np.ndarray) -> list[int]:
     """The states that remain of frames in which only these entries may be nonzero; at least one."""
     states = np.arange(len(entries))
     while True:
@@ -141,7 +143,13 @@ def _remembered(entries):
 
 
 def panels_of(
-    frames, errors, span, columns: int, bounds, resolved=None, order: int = 1
+    frames: Callable[..., Any],
+    errors: Callable[..., Any],
+    span: tuple[float, float],
+    columns: int,
+    bounds: np.ndarray,
+    resolved: Callable[..., Any] | None = None,
+    order: int = 1,
 ) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
     """Return panels on which the frames are followed, and the parts of the spans that are not:
     column, low, high, overflown.
@@ -220,18 +228,20 @@ class _Spans(NamedTuple):
     middle: np.ndarray
     half: np.ndarray
 
-    def places(self, index, x):
+    def places(self, index: np.ndarray, x: np.ndarray) -> np.ndarray:
         """The numbers at places x of some spans, `(spans, points)`."""
         return self.middle[index, None] + self.half[index, None] * x
 
-    def sample(self, index, x):
+    def sample(self, index: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Frames at places x of some spans, `(spans, points, n, n)`, and their pivots."""
         sampled = Frames.of(self.frames(self.column[index, None], self.places(index, x)))
         shape = index.size, x.size
         E = sampled.E.reshape(*shape, *sampled.E.shape[1:])
         return E, sampled.pivots.reshape(*shape, *sampled.pivots.shape[1:])
 
-    def error_of(self, index, degree, A, c):
+    def error_of(
+        self, index: np.ndarray, degree: int, A: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """By how much entries of polynomials of a degree may be off in some spans, what the frames
         themselves are off there, each `(spans, n, n)`, and the pivots on the rim; None if frames
         have other states on the rim.
@@ -256,7 +266,7 @@ class _Spans(NamedTuple):
         return missed, off, pivots
 
 
-def _followed(spans: _Spans):
+def _followed(spans: _Spans) -> tuple[list[Panels], np.ndarray, np.ndarray]:
     """Return panels, those among the spans that are followed, which these are, and which frames are
     finite, `(spans, points)`.
 
@@ -311,7 +321,7 @@ def _followed(spans: _Spans):
     return done, np.concatenate([*followed, np.zeros(0, int)]), finite
 
 
-def _panels(spans, index, c, error):
+def _panels(spans: _Spans, index: np.ndarray, c: np.ndarray, error: np.ndarray) -> Panels:
     """Panels of some spans. The derivative of order TAYLOR_ORDER of the Chebyshev polynomial of
     degree k, over its factorial, is largest at x = 1 (Markov 1892): `prod (k^2 - i^2)/((2 i + 1)(i
     + 1))`."""
@@ -327,7 +337,7 @@ def _panels(spans, index, c, error):
 
 
 @cache
-def nodes(degree):
+def nodes(degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Return Chebyshev points of the second kind in [-1, 1], and the map from values there to
     Chebyshev coefficients."""
     number = np.arange(degree + 1)
@@ -346,7 +356,7 @@ def nodes(degree):
 
 
 @cache
-def _rim(degree):
+def _rim(degree: int) -> tuple[np.ndarray, float]:
     """Return the Chebyshev polynomials on the rim, and the least size there of the polynomial
     that vanishes at the nodes."""
     basis = [np.ones_like(RIM), RIM]
@@ -355,7 +365,7 @@ def _rim(degree):
     return np.stack(basis, axis=-1), np.abs(RIM * basis[-1] - basis[-2]).min()
 
 
-def taylor(x, degree) -> np.ndarray:
+def taylor(x: np.ndarray, degree: int) -> np.ndarray:
     """Return the Taylor coefficients about x of the Chebyshev polynomials, `(points,
     TAYLOR_ORDER, degree + 1)`."""
     coefficients = np.zeros((TAYLOR_ORDER, degree + 1, x.size))

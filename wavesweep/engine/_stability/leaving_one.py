@@ -24,7 +24,9 @@ circle it is next to pi/2. So none is on the circle for 0 < h <= h1. At h = 0 it
 so all but one are where those of M_RR are, and that one leaves 1 outwards if b > 0.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +49,9 @@ MOST_AWAY = 0.15  # the most of |h b|
 WITHIN = 3.0
 
 
-def proved_from_one(panels: Panels, at, errors, low: float) -> tuple[np.ndarray, np.ndarray]:
+def proved_from_one(
+    panels: Panels, at: np.ndarray, errors: Callable[..., Any], low: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return how far from `low` on no eigenvalue is on the unit circle, and how many are outside,
     of each panel of `at`.
 
@@ -95,7 +99,9 @@ class _BesideOne:
     B3: np.ndarray
 
     @classmethod
-    def of(cls, panels: Panels, at, errors, low) -> "_BesideOne":
+    def of(
+        cls, panels: Panels, at: np.ndarray, errors: Callable[..., Any], low: float
+    ) -> "_BesideOne":
         exact = ExactFrames(np.arange(at.size), *errors(panels.column[at], np.full(at.size, low)))
         x = (low - panels.middle[at]) / panels.half[at]
         n = panels.error.shape[-1]
@@ -132,7 +138,7 @@ class _BesideOne:
             B3=B3,
         )
 
-    def proved(self, index, h) -> np.ndarray:
+    def proved(self, index: np.ndarray, h: float) -> np.ndarray:
         """Whether it is proved up to h for the tests `index`."""
         size = np.abs(self.speed[index])  # of b
         e2 = self.e2[index]
@@ -147,7 +153,7 @@ class _BesideOne:
         a = np.pi / 2 * self._of_w(index, at_low, inverse)
         unsure = self.unsure[index] + self._parts(self.e1[index] + changes, index)[0][:, 0, 0]
 
-        def off(w):
+        def off(w: np.ndarray) -> np.ndarray:
             """The most of `|s - b|` up to so large a w."""
             return unsure + self._of_h(
                 index, entries + w[:, None, None] * G, slopes + changes, inverse
@@ -164,7 +170,9 @@ class _BesideOne:
             & (h * size < MOST_AWAY)
         )
 
-    def _inverse_of_others(self, index, entries):
+    def _inverse_of_others(
+        self, index: np.ndarray, entries: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Bounds on the entries of the inverse of M_RR, and where there are any."""
         *_, rest = self._parts(entries + 2 * self.G[index], index)
         far = self.far[index]
@@ -175,7 +183,7 @@ class _BesideOne:
         over_far[~resolved] = 0.0
         return solve(eye - over_far, eye / far[:, None, :]), resolved
 
-    def _of_w(self, index, entries, inverse):
+    def _of_w(self, index: np.ndarray, entries: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         """The most of `dS/dw - 1` at h = 0."""
         G = self.G[index]
         G_ii, G_iR, G_Ri, G_RR = self._parts(G, index)
@@ -186,7 +194,9 @@ class _BesideOne:
             :, 0, 0
         ]
 
-    def _of_h(self, index, M, slopes, inverse):
+    def _of_h(
+        self, index: np.ndarray, M: np.ndarray, slopes: np.ndarray, inverse: np.ndarray
+    ) -> np.ndarray:
         """The most of `dS/dh` without the derivative of M_ii."""
         _, M_iR, M_Ri, _ = self._parts(M, index)
         _, d_iR, d_Ri, d_RR = self._parts(slopes, index)
@@ -194,7 +204,9 @@ class _BesideOne:
         right = inverse @ M_Ri
         return (left @ d_Ri + d_iR @ right + left @ d_RR @ right)[:, 0, 0]
 
-    def _parts(self, array, index):
+    def _parts(
+        self, array: np.ndarray, index: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The entry of the eigenvalue, its row, its column, and the rest."""
         number = np.arange(index.size)[:, None, None]
         one = self.one[index, None, None]
@@ -208,7 +220,7 @@ class _BesideOne:
         )
 
 
-def _refined(X, Z, E):
+def _refined(X: np.ndarray, Z: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvectors that are turned by what is left of E between the one whose eigenvalue is next
     to 0 and the others."""
     B = Z @ E @ X

@@ -20,7 +20,7 @@ class Modes(NamedTuple):
     shares: np.ndarray
 
 
-def modes_of(E) -> Modes:
+def modes_of(E: np.ndarray) -> Modes:
     """Return the modes of `I + E`, `(n, n)`, those that decay most slowly or grow most first; none
     if E is not finite.
 
@@ -48,7 +48,7 @@ def modes_of(E) -> Modes:
     return Modes(delta[order], shares[order])
 
 
-def _left_eigenvectors(right):
+def _left_eigenvectors(right: np.ndarray) -> np.ndarray:
     """Return the inverse of the right eigenvectors, or what is nearest to it: of a double
     eigenvalue there is none."""
     if len(right) >= BOUNDED_STATES:

@@ -186,7 +186,7 @@ def _judged(functions, units, boxes, wide) -> _Judged:
     return _Judged(finite & regular & proved, negative.any(0), np.argmax(changes, axis=0))
 
 
-def _halves(box, number):
+def _halves(box: np.ndarray, number: int) -> list[np.ndarray]:
     """The halves of a box along a number, in the logarithm if its ends differ by much."""
     low, high = box[:, number]
     middle = (low + high) / 2

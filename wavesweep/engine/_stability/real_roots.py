@@ -40,7 +40,7 @@ class Roots(Rows):
         return self.proved & ~self.open_at_one & ~self.open_at_minus_one
 
 
-def isolate(coefficients, noise) -> Roots:
+def isolate(coefficients: np.ndarray, noise: np.ndarray) -> Roots:
     """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within
     `noise`.
 
@@ -65,7 +65,7 @@ def isolate(coefficients, noise) -> Roots:
     return roots
 
 
-def by_discs(coefficients, noise) -> Roots:
+def by_discs(coefficients: np.ndarray, noise: np.ndarray) -> Roots:
     """`isolate` by Smith's discs about the eigenvalues of the colleague matrix, the n-1 complex
     roots (Specht 1957; Good 1961).
 
@@ -111,7 +111,7 @@ def by_discs(coefficients, noise) -> Roots:
     )
 
 
-def _of_size_one(coefficients, noise):
+def _of_size_one(coefficients: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return both divided by the largest coefficient of the row; of one that overflowed nothing
     is left but noise."""
     size = np.abs(coefficients).max(-1, initial=0)
@@ -122,7 +122,7 @@ def _of_size_one(coefficients, noise):
         return coefficients, np.where(finite, noise / size, 1)
 
 
-def _none(coefficients) -> Roots:
+def _none(coefficients: np.ndarray) -> Roots:
     """Return the value for no roots, with nothing proved."""
     rows, n = coefficients.shape
     empty = np.zeros((rows, max(n - 1, 0)))
@@ -133,7 +133,7 @@ def _none(coefficients) -> Roots:
     )
 
 
-def at_ends(coefficients):
+def at_ends(coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the polynomial at 1 and at -1."""
     weight = np.arange(1, coefficients.shape[1] + 1)
     return (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** (weight - 1))).sum(
@@ -141,7 +141,7 @@ def at_ends(coefficients):
     )
 
 
-def _eigenvalues(coefficients):
+def _eigenvalues(coefficients: np.ndarray) -> np.ndarray:
     """Return the complex roots `(rows, n-1)`: eigenvalues of the colleague matrix of the U
     basis."""
     rows, n = coefficients.shape
@@ -155,7 +155,7 @@ def _eigenvalues(coefficients):
     return np.linalg.eigvals(A).astype(complex)
 
 
-def _evaluate(coefficients, x):
+def _evaluate(coefficients: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the polynomial at x by the three-term recurrence, and a bound on the rounding error
     of that."""
     before = np.zeros_like(x)
@@ -176,7 +176,9 @@ def _evaluate(coefficients, x):
     return value, 4 * coefficients.shape[1] * EPS * size
 
 
-def _proof(coefficients, noise, roots):
+def _proof(
+    coefficients: np.ndarray, noise: np.ndarray, roots: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return whether the discs about `roots` prove every real root in (-1, 1) except at the ends,
     their radii, and edge discs.
 
@@ -198,14 +200,14 @@ def _proof(coefficients, noise, roots):
     return proved, radius, edge
 
 
-def _from_segment(x):
+def _from_segment(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance of x from [-1, 1], and the distance of its real part beyond the ends
     (negative inside)."""
     beyond = np.abs(x.real) - 1
     return np.hypot(np.maximum(beyond, 0), x.imag), beyond
 
 
-def _spread(roots):
+def _spread(roots: np.ndarray) -> np.ndarray:
     """Move crowded roots apart that lie away from the segment.
 
     The theorem holds for any n-1 points. Pure delays put a multiple root at one point outside [-1,
@@ -220,7 +222,9 @@ def _spread(roots):
     return roots + np.where(crowded, 0.04 * distance, 0) * np.exp(2.4j * index)
 
 
-def _discs(coefficients, roots, bound):
+def _discs(
+    coefficients: np.ndarray, roots: np.ndarray, bound: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the
     diagonal)."""
     n = coefficients.shape[1]

@@ -17,8 +17,11 @@ method finds crossings; windows about these, as narrow as ends are exact, are le
 and the rest is proved. Between windows no eigenvalue crosses, so one count holds for all.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -93,7 +96,15 @@ class _Series(NamedTuple):
     bends: np.ndarray
 
     @classmethod
-    def of(cls, panels: Panels, places) -> "_Series":
+    def of(
+        cls,
+        panels: Panels,
+        places: tuple[
+            tuple[np.ndarray, np.ndarray],
+            tuple[np.ndarray, np.ndarray],
+            tuple[np.ndarray, np.ndarray],
+        ],
+    ) -> _Series:
         """places: pairs of rows and columns of the frame."""
         coefficients = []
         errors = []
@@ -141,16 +152,16 @@ class ReducedEquation:
         # Of what delay lines show, at a time.
         return max(1, 2**19 // (self.series.constant.shape[1] + self.n**2))
 
-    def split(self, flat):
+    def split(self, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A, and the entries of B and of C in each term, of rows of entries."""
         A, B, C = np.split(flat, self.ends_of_parts, axis=-1)
         return A.reshape(-1, self.n, self.n), B, C
 
-    def summed(self, terms):
+    def summed(self, terms: np.ndarray) -> np.ndarray:
         """The sums of terms at their places, `(points, n, n)`."""
         return (terms @ self.place).reshape(-1, self.n, self.n)
 
-    def entries(self, panel, x):
+    def entries(self, panel: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The entries at places of panels, and their derivatives."""
         series = self.series
         degree = self.degrees
@@ -171,7 +182,9 @@ class ReducedEquation:
             slope[at[:, None], series.varies] = sums[:, 1]
         return value, slope
 
-    def bounds(self, panel, value, slope, wide) -> _Bounds:
+    def bounds(
+        self, panel: np.ndarray, value: np.ndarray, slope: np.ndarray, wide: np.ndarray
+    ) -> _Bounds:
         """Bounds on the second derivatives and on the rounding of S in parts of panels that are
         so wide."""
         unit = np.eye(self.n)
@@ -191,7 +204,9 @@ class ReducedEquation:
             rounding=of_entries + of_sums,
         )
 
-    def around(self, value, slope, theta, radius=1.0):
+    def around(
+        self, value: np.ndarray, slope: np.ndarray, theta: np.ndarray, radius: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """S at some points of a circle, and its derivatives by the angle and by x."""
         unit = np.eye(self.n)
         A, B, C = self.split(value)
@@ -205,13 +220,13 @@ class ReducedEquation:
         by_x = -A1 - self.summed((C1 * B + C * B1) * late)
         return S, by_angle, by_x
 
-    def rounding_at(self, theta, radius=1.0):
+    def rounding_at(self, theta: np.ndarray, radius: float = 1.0) -> np.ndarray:
         """A bound on the rounding of `z - 1` at some points of a circle, and on what is between
         boxes that meet there: both are parts of the distance from 1."""
         size = radius - 1 + 2 * radius * np.abs(np.sin(theta / 2))
         return SUM_ROUNDING * size[:, None, None] * np.eye(self.n)
 
-    def judged(self, boxes: _Boxes, radius=1.0):
+    def judged(self, boxes: _Boxes, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """Whether boxes are proved, and whether it is rather x than the angle that keeps them
         open."""
         good = np.zeros(boxes.x.size, bool)
@@ -221,7 +236,7 @@ class ReducedEquation:
             good[rows], by_x[rows] = self._judged_at_once(boxes.take(rows), radius)
         return good, by_x
 
-    def _judged_at_once(self, boxes, radius):
+    def _judged_at_once(self, boxes: _Boxes, radius: float) -> tuple[np.ndarray, np.ndarray]:
         # Boxes of different angles share the entries of the frame.
         facts = np.stack([boxes.panel, boxes.x, boxes.wide])
         _, at, of = np.unique(facts, axis=1, return_index=True, return_inverse=True)
@@ -296,7 +311,7 @@ class ReducedEquation:
         return step
 
 
-def _terms(nonzero, lines):
+def _terms(nonzero: np.ndarray, lines: DelayLines) -> np.ndarray:
     """Terms of S: row, column, the delayed states that are entered and read, and the lag,
     `(terms,)` each."""
     solved = lines.solved
@@ -316,7 +331,7 @@ def _trace(matrices):
     return np.trace(matrices, axis1=1, axis2=2)
 
 
-def halved(boxes: _Boxes, by_x) -> _Boxes:
+def halved(boxes: _Boxes, by_x: np.ndarray) -> _Boxes:
     """Boxes halved along one of their sides."""
     wide = np.where(by_x, boxes.wide / 2, boxes.wide)
     arc = np.where(by_x, boxes.arc, boxes.arc / 2)
@@ -328,7 +343,13 @@ def halved(boxes: _Boxes, by_x) -> _Boxes:
     return _Boxes.join(sides)
 
 
-def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
+def tiles_by_lines(
+    panels: Panels,
+    errors: Callable[..., Any],
+    points: np.ndarray,
+    span: tuple[float, float],
+    slack: Callable[..., Any],
+) -> Tiles | None:
     """Return the tiles of the spans of columns, as `covering.tiles_of` does.
 
     None if delay lines are short, or something is left open. points: of the span, at which frames
@@ -367,7 +388,7 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
     return Tiles.join([stretches, _labelled(windows, stretches, equation, errors)])
 
 
-def _off_link(panels, lines) -> float:
+def _off_link(panels: Panels, lines: DelayLines) -> float:
     """By how much a link of these lines may be off 1 on all panels; infinite if another entry of theirs
     is anything but exactly 0, since a loop of large gains may be closed by the smallest one."""
     rows = lines.delayed[:, None]
@@ -380,7 +401,9 @@ def _off_link(panels, lines) -> float:
     return float(np.where((links == 0) & (off > 0), np.inf, off).max())
 
 
-def _around_circle(equation, panel, low, high):
+def _around_circle(
+    equation: ReducedEquation, panel: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> _Boxes:
     """Boxes of parts of panels, with arcs of the upper half of the circle each."""
     # Over an arc the longest line turns by one rad either way at first.
     count = int(np.ceil(np.pi * equation.longest / 2))
@@ -393,7 +416,9 @@ def _around_circle(equation, panel, low, high):
     return _Boxes(np.repeat(panel, count), x, wide, theta, arc, np.zeros(many, int))
 
 
-def _left_open(equation, boxes, splits, radius=1.0):
+def _left_open(
+    equation: ReducedEquation, boxes: _Boxes, splits: int, radius: float = 1.0
+) -> _Boxes | None:
     """The boxes that are halved so often and not proved; None if there are too many."""
     columns = np.unique(equation.panels.column).size
     left = []
@@ -412,7 +437,9 @@ def _left_open(equation, boxes, splits, radius=1.0):
     return _Boxes.join([*left, boxes])
 
 
-def _windows(panels, crossings, span, slack):
+def _windows(
+    panels: Panels, crossings: _Crossings, span: tuple[float, float], slack: Callable[..., Any]
+) -> Tiles:
     """Windows about the crossings, those that meet joined; a crossing that is found again is the
     same one."""
     panel = crossings.panel

@@ -1,7 +1,11 @@
 """Between the crossings: the count of unstable eigenvalues of each region, and whether it fits
 the crossings."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +55,7 @@ class Regions(Rows):
     residual: np.ndarray
 
     @classmethod
-    def none(cls) -> "Regions":
+    def none(cls) -> Regions:
         """Return no regions."""
         nothing = np.zeros(0)
         no_number = np.zeros(0, int)
@@ -78,11 +82,13 @@ class CutSpan:
     has_next: np.ndarray
     order: np.ndarray
 
-    def at(self, share) -> np.ndarray:
+    def at(self, share: float) -> np.ndarray:
         """Return a point of each region, a share of its width from its low end."""
         return self.low + share * (self.high - self.low)
 
-    def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
+    def labelled(
+        self, unstable: np.ndarray, doubt: np.ndarray, end_doubt: np.ndarray, error: np.ndarray
+    ) -> Regions:
         """Return regions from the counts and the doubt of each, and the doubt and the residual
         of each inner end."""
         doubt = doubt.copy()
@@ -98,7 +104,9 @@ class CutSpan:
         return Regions(self.column, *ends, unstable, doubt, residual)
 
 
-def cut_span(span, columns: int, crossings: Crossings, slack) -> CutSpan:
+def cut_span(
+    span: tuple[float, float], columns: int, crossings: Crossings, slack: tuple[float, float]
+) -> CutSpan:
     """Cut the span of every column at its crossings.
 
     slack: distance from each end of the span within which a crossing counts as at that end.
@@ -140,7 +148,7 @@ def cut_span(span, columns: int, crossings: Crossings, slack) -> CutSpan:
     return CutSpan(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
 
-def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
+def regions(columns: CutColumns, span: tuple[float, float], crossings: Crossings) -> Regions:
     """Cut the span of columns at the crossings and label the regions between them.
 
     The count of the first region of each column follows from that of infinite values, which is one
@@ -159,7 +167,7 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
     rise = np.cumsum(spans.gain)
     rise -= rise[first][spans.column]
 
-    def matrices(index, value):
+    def matrices(index: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         column = spans.column[index]
         numbers = columns.numbers(column, value)
         loops = columns.loops(column)
@@ -169,7 +177,7 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
     narrow = spans.high - spans.low < ALWAYS_COUNTED * (span[1] - span[0])
     follows = np.isfinite(crossings.growth_to_infinity) & ~narrow[first]
 
-    def count_first(columns):
+    def count_first(columns: np.ndarray) -> np.ndarray:
         return count_where_clear(spans, first[columns], matrices)
 
     if crossings.many is not None or columns.cut.late:
@@ -204,7 +212,13 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
     return replace(labelled, unstable=unstable)
 
 
-def _first_counts(owner, growth_to_infinity, follows, least, count):
+def _first_counts(
+    owner: np.ndarray,
+    growth_to_infinity: np.ndarray,
+    follows: np.ndarray,
+    least: np.ndarray,
+    count: Callable[..., Any],
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the unstable eigenvalues in the first region of each column, -1 if not known, and
     whether they were counted there.
 
@@ -228,7 +242,7 @@ def _first_counts(owner, growth_to_infinity, follows, least, count):
     at = np.flatnonzero(counted)
     begins[at] = count(at)
 
-    def at_infinity(columns):
+    def at_infinity(columns: np.ndarray) -> np.ndarray:
         return np.where(begins[columns] < 0, np.nan, begins[columns] + growth_to_infinity[columns])
 
     agreed = np.where(at_infinity(first) == at_infinity(last), at_infinity(first), np.nan)
@@ -244,7 +258,9 @@ def _first_counts(owner, growth_to_infinity, follows, least, count):
     return begins, counted
 
 
-def _counts_from_zero(columns, to, slack, crossings) -> np.ndarray:
+def _counts_from_zero(
+    columns: CutColumns, to: np.ndarray, slack: float, crossings: Crossings
+) -> np.ndarray:
     """Return the unstable eigenvalues of each column next to the value `to`, above it, by Nyquist's
     criterion; -1 if they do not follow.
 
@@ -269,7 +285,7 @@ def _counts_from_zero(columns, to, slack, crossings) -> np.ndarray:
     return np.where((outside >= 0) & ~unclear & crossings.complete, counts, -1).astype(int)
 
 
-def _counts_at_zero(columns) -> np.ndarray:
+def _counts_at_zero(columns: CutColumns) -> np.ndarray:
     """Return the unstable eigenvalues of each column at the value 0, -1 if they are not known.
 
     What is late is 0 without both numbers. With the fixed one alone they follow along that one from
@@ -296,7 +312,13 @@ def _counts_at_zero(columns) -> np.ndarray:
     return np.where(np.bincount(crossings.column[near], minlength=fixed.size) > 0, -1, counts)
 
 
-def _judged_ends(columns, span, crossings, spans, unstable):
+def _judged_ends(
+    columns: CutColumns,
+    span: tuple[float, float],
+    crossings: Crossings,
+    spans: CutSpan,
+    unstable: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return residual and doubt of each inner end; ends of stable regions are in doubt if
     rounding could matter."""
     error = np.zeros(spans.order.size)
@@ -337,7 +359,9 @@ def _errors_of_many_states(loop, along, places, many, least):
     return errors
 
 
-def count_where_clear(spans: CutSpan, index, matrices):
+def count_where_clear(
+    spans: CutSpan, index: np.ndarray, matrices: Callable[..., Any]
+) -> np.ndarray:
     """Count the regions `index` at the first of CLEAR_SHARES at which no eigenvalue is within
     rounding of the circle.
 
@@ -355,7 +379,9 @@ def count_where_clear(spans: CutSpan, index, matrices):
     return unstable
 
 
-def count_where_all_agree(spans: CutSpan, index, matrices):
+def count_where_all_agree(
+    spans: CutSpan, index: np.ndarray, matrices: Callable[..., Any]
+) -> np.ndarray:
     """Count the regions `index` at all of MANY_SHARES at which the count is clear; -1 if it is
     clear at none, or differs."""
     unstable = np.full(index.size, -1)
@@ -367,6 +393,6 @@ def count_where_all_agree(spans: CutSpan, index, matrices):
     return np.where(agreed, unstable, -1)
 
 
-def _place(theta):
+def _place(theta: np.ndarray) -> np.ndarray:
     """Return `w = exp(j theta) - 1`, exactly at both ends of the circle."""
     return np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))

@@ -60,7 +60,7 @@ class AlikeBlocks(NamedTuple):
     alone: np.ndarray
 
 
-def diagonal_blocks(E, fewest: int = 2) -> list[AlikeBlocks]:
+def diagonal_blocks(E: np.ndarray, fewest: int = 2) -> list[AlikeBlocks]:
     """Return groups of the matrices `(..., n, n)` by their diagonal blocks; none if all have fewer
     than `fewest` of several states."""
     n = E.shape[-1]
@@ -87,7 +87,7 @@ def diagonal_blocks(E, fewest: int = 2) -> list[AlikeBlocks]:
     return blocks
 
 
-def states_of_blocks(E) -> list[np.ndarray]:
+def states_of_blocks(E: np.ndarray) -> list[np.ndarray]:
     """Return the states of each diagonal block of one matrix (see `diagonal_blocks`), also of
     those of a single state."""
     if not E.size:
@@ -97,7 +97,7 @@ def states_of_blocks(E) -> list[np.ndarray]:
 
 
 @lru_cache(maxsize=32)
-def _blocks_of_pattern(n, pattern):
+def _blocks_of_pattern(n: int, pattern: bytes) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
     """The states of every diagonal block of several, and those of no such block; of few states a
     single block has all."""
     blocks = sorted(strong_components(np.frombuffer(pattern, bool).reshape(n, n)))
@@ -225,7 +225,7 @@ def radius_of(E: np.ndarray, hidden: np.ndarray | bool = False) -> np.ndarray:
     return np.where(hidden, np.nan, radii)
 
 
-def _is_rounding(distance, E):
+def _is_rounding(distance: np.ndarray | float, E: np.ndarray) -> np.ndarray:
     """Whether eigenvalues of `I + E` are beside the circle by that distance through rounding
     alone; NaN is not."""
     n = E.shape[-1]
@@ -241,7 +241,9 @@ def _is_rounding(distance, E):
     return rounding
 
 
-def _sure_radius(E, radius, delta):
+def _sure_radius(
+    E: np.ndarray, radius: np.ndarray | float, delta: np.ndarray
+) -> np.ndarray | float:
     """The radius, and NaN where rounding may move it."""
     n = E.shape[-1]
     sure = np.array(radius).ravel()
@@ -281,7 +283,7 @@ def _may_reach(E, balanced, units, w, rounding):
 
 
 @np.errstate(all="ignore")
-def _by_eigenvectors(E, w):
+def _by_eigenvectors(E: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return bounds from below on the smallest singular value of `w - E` at w `(points,)`, in
     O(n^3) for all of them.
 
@@ -338,7 +340,7 @@ def _at_least(E, units, w):
         )  # half of it, since it is rounded
 
 
-def _outgrows(delta, size, radius):
+def _outgrows(delta: np.ndarray, size: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Whether rounding might move an eigenvalue beyond the radius by more than it may be off,
     `(matrices, n)`.
 
@@ -390,7 +392,7 @@ def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarr
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _count_outside(E):
+def _count_outside(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies
     within rounding of it.
 
@@ -458,7 +460,7 @@ def _count_outside(E):
     return count, clear
 
 
-def may_cross(delta, size) -> np.ndarray:
+def may_cross(delta: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Return whether rounding might move eigenvalues onto the circle that are nearer to each other
     than to it.
 
@@ -474,7 +476,7 @@ def may_cross(delta, size) -> np.ndarray:
     return ((m > 1) & (far < moved)).any(-1)
 
 
-def _smallest(E, delta):
+def _smallest(E: np.ndarray, delta: np.ndarray) -> np.ndarray:
     """Smallest singular values of `delta I - E` at the points delta = z - 1, `(matrices, points)`.
 
     Of many states it is a lower bound, which takes an eighth of the time: 1 over the Frobenius norm

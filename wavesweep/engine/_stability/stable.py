@@ -1,6 +1,9 @@
 """Stable intervals along one of the two numbers of a cut, for a whole batch of loops at once."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +22,9 @@ from wavesweep.engine._stability.regions import Regions, regions
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
+
+if TYPE_CHECKING:
+    from wavesweep.engine._stability.crossings import Polynomial
 
 # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof
 # needs
@@ -75,7 +81,9 @@ def stable_intervals(
     return replace(intervals, low=low, high=high)
 
 
-def _with_uncontrolled(intervals, cut, owner, span) -> Intervals:
+def _with_uncontrolled(
+    intervals: Intervals, cut: LinearFractional, owner: np.ndarray, span: tuple[float, float]
+) -> Intervals:
     """The intervals, without any in columns of which a block that the numbers do not act on is
     unstable, or may be."""
     if not cut.uncontrolled:
@@ -93,10 +101,10 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
     """Return the loops in states of such units that none of their entries is large, see
     `uneven_units`."""
 
-    def of_each(matrix):
+    def of_each(matrix: np.ndarray) -> np.ndarray:
         return np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:]))
 
-    def largest(matrix):
+    def largest(matrix: np.ndarray) -> np.ndarray:
         return np.abs(of_each(matrix)).max((-1, -2), initial=0.0)
 
     with np.errstate(over="ignore", invalid="ignore"):
@@ -126,7 +134,7 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
     return replace(cut, **changed)
 
 
-def _by_each_method(columns: CutColumns, span) -> Intervals:
+def _by_each_method(columns: CutColumns, span: tuple[float, float]) -> Intervals:
     """Return the intervals of the columns, each by the first method that proves it."""
     pending = np.arange(columns.size)
     answered = np.zeros(columns.size, bool)
@@ -174,7 +182,7 @@ def _methods(order: int) -> list:
     return [_by_polynomial, _by_polynomial_alone]
 
 
-def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
+def _finite(cut: LinearFractional) -> tuple[LinearFractional, np.ndarray]:
     """Return the loops with those that overflowed replaced by zeros, and which these are."""
     finite = [np.isfinite(matrix).all((-1, -2)) for matrix in (cut.E, cut.B, cut.C, cut.D)]
     bad = ~np.broadcast_to(np.logical_and.reduce(finite), cut.batch)
@@ -186,7 +194,9 @@ def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
     return cut, bad
 
 
-def _by_polynomial(columns: CutColumns, span, followed, *, alone=False):
+def _by_polynomial(
+    columns: CutColumns, span: tuple[float, float], followed: np.ndarray, *, alone: bool = False
+) -> tuple[Regions, np.ndarray]:
     """Return regions and doubts from one polynomial per loop, shared by all its columns.
 
     followed: `(columns,)`, whether another method is there for a column: it is left to that one if
@@ -195,7 +205,7 @@ def _by_polynomial(columns: CutColumns, span, followed, *, alone=False):
     cut = columns.cut
     rough = cut.remembered("rough", lambda: _is_rough(cut))
 
-    def sampled():
+    def sampled() -> Polynomial:
         scale = np.broadcast_to(warp_scale(cut, alone=alone), cut.batch)
         return sampled_polynomial(cut, columns.along, scale, rough, alone=alone)
 
@@ -218,7 +228,9 @@ def _by_polynomial_alone(columns: CutColumns, span, followed):
     return _by_polynomial(columns, span, followed, alone=True)
 
 
-def _by_arcs(columns: CutColumns, span, _):
+def _by_arcs(
+    columns: CutColumns, span: tuple[float, float], _: np.ndarray
+) -> tuple[Regions, np.ndarray]:
     """The same from interpolants on arcs of the circle, for loops of more states than a
     polynomial has digits for."""
     from wavesweep.engine._stability.arcs import arc_crossings, columns_together
@@ -239,7 +251,7 @@ def _by_arcs(columns: CutColumns, span, _):
     return Regions.join(parts), np.concatenate(doubts)
 
 
-def _is_rough(cut):
+def _is_rough(cut: LinearFractional) -> np.ndarray:
     """Whether errors of the entries of a frame, in no units of the states small, may hide a
     crossing that none points to."""
     E = np.broadcast_to(np.abs(cut.E), (*cut.batch, *cut.E.shape[-2:]))
