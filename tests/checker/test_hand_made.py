@@ -104,6 +104,7 @@ def test_a_proof_is_about_one_spec_and_whole(tmp_path):
         "not checked: the proof is about another spec: its SHA-256 differs\n",
     )
     assert checked(tmp_path, SPEC, lines, {"claims": 3})[0] == 2
+    assert checked(tmp_path, SPEC, [])[0] == 2
     assert checked(tmp_path, SPEC, lines, {"format": "wavesweep proof 2"})[0] == 2
     (tmp_path / "spec.proof").write_bytes((tmp_path / "spec.proof").read_bytes()[:-30])
     from support.proofs import checked_file

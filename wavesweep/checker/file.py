@@ -201,7 +201,7 @@ def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
             raise Unreadable("a cell without a claim")
         claim = _claim(line)
         count += 1
-        rest = _until_claim(lines)
+        rest = _Cells(lines)
         why = ""
         try:
             _holds(tables, claim, rest)
@@ -213,11 +213,11 @@ def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
         if count > CELLS:
             raise Unreadable(f"more than {CELLS} claims")
         yield claim, why
-    if count != header["claims"]:
+    if not count or count != header["claims"]:
         raise Unreadable(f"{count} claims in place of {header['claims']}: the file is not whole")
 
 
-class _until_claim:
+class _Cells:
     """The lines before the next claim."""
 
     def __init__(self, lines):
@@ -400,6 +400,8 @@ def _cells(family: Family, claim: Claim, lines: Iterator[dict]):
             raise Refused(
                 f"no cell {_in_words(box)}" if line is None else f"more than {CELLS} cells"
             )
+        if not family.states and "nodes" in line:
+            raise Refused("a loop without states has no form; it ends in one frame")
         if "split" in line:
             name = _expect(line["split"], str, "split")
             at = _fraction(line.get("at"))
@@ -411,9 +413,7 @@ def _cells(family: Family, claim: Claim, lines: Iterator[dict]):
             if claim.claim not in ("for all", "mean square"):
                 raise Refused("a graph is for frames in any order, or at random")
             (_graph if claim.claim == "for all" else _chain)(family, Cell(box), line, box)
-        elif claim.claim == "mean square" or (
-            claim.claim == "for all" and len(family.frames.words) > 1
-        ):
+        elif "" not in family.frames.words or claim.claim == "mean square":
             raise Refused(f"no graph {_in_words(box)}")
         else:
             outside = _outside(family, claim, Cell(box), line, box)

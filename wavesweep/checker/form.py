@@ -143,7 +143,10 @@ def decreases(P: Matrix, steps: list[tuple[Matrix | None, Matrix, Matrix]], turn
     turn: 1 or -1 for one step, of which X' (P - A' Q A) X is looked at with X near (1 + turn A)^-1: this is near P X + X' P - P,
     in which large modes are no larger than others.
     """
-    X = _inverse(steps[0][1], turn) if turn else None
+    try:
+        X = _inverse(steps[0][1], turn) if turn else None
+    except (OverflowError, ValueError):
+        raise Refused("a frame that cannot be turned") from None
     total = _product(_turned(X), _product(P, X), _mirrored) if X else P
     for share, A, Q in steps:
         moved = _cut(_product(A, X), KEPT) if X else A
@@ -159,7 +162,10 @@ def positive(matrix: Matrix) -> bool:
     """Whether all symmetric matrices that it encloses are positive definite, by its Bernstein points of order 2 in each side."""
     width = len(next(iter(matrix.parts)))
     low = _cut(matrix, 2 if width <= 3 else 1)
-    error = [[x + len(low.parts) + 1 for x in row] for row in _symmetric(low.error)]
+    pairs = zip(
+        low.error, transposed(low.error), strict=True
+    )  # an entry may stand for its mirror image
+    error = [[max(x, y) + len(low.parts) + 1 for x, y in zip(*pair, strict=True)] for pair in pairs]
     parts = {m: _symmetric(part) for m, part in low.parts.items()}
     degrees = [max(m[side] for m in parts) for side in range(width)]
     # of c_0 + c_1 s + c_2 s^2 the points are c_0 - c_1 + c_2, c_0 - c_2 and c_0 + c_1 + c_2, and of c_0 + c_1 s its ends

@@ -124,7 +124,10 @@ class Drawing:
         return ticks
 
     def phase(self, block: str) -> int:
-        return self.whole(block, "phase", 0)
+        tick = self.whole(block, "phase", 0)
+        if tick >= self.every(block):
+            raise Unreadable(f"block.{block}.phase = {tick} is not below every")
+        return tick
 
     def period(self, block: str) -> Fraction:
         return self.every(block) * self.T
