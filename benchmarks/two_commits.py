@@ -106,6 +106,7 @@ def main() -> int:
         sides.append(checked_out(given.after, Path(folder) / "after") if given.after else HERE)
         for spec in given.specs:
             for command in given.commands:
+                print(f"{command} {spec.name}", file=sys.stderr, flush=True)
                 results = []
                 for side, checkout in enumerate(sides):
                     with tempfile.TemporaryDirectory() as out:

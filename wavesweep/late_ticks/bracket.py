@@ -17,6 +17,9 @@ import numpy as np
 
 from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.engine.switched import (
+    PROVED,
+    REFUTED,
+    UNKNOWN,
     Centre,
     Graph,
     Norms,
@@ -37,7 +40,6 @@ from wavesweep.late_ticks.patterns import (
 from wavesweep.late_ticks.squares import enclosed_square, square_of_curves, squared
 from wavesweep.late_ticks.tick_curves import DEGREE, LateTicks
 
-PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 # of a number, or of the way that is left: stretches that are shorter are not tried
 LEAST_STEP = 1e-3
 OPERATIONS_OF_BRACKET = 2e10  # operations of searches for norms, for each side: some seconds
@@ -173,11 +175,10 @@ class Search:
     def proved(self, *ends: tuple[float, Centre]) -> tuple[Norms, ...] | None:
         """Norms in which the squared ticks shrink, by forms at one number, or at two and those
         between, if that is proved for the number, or for all between; else None."""
-        low, high = min(ends, key=_first), max(ends, key=_first)
-        points = self.ticks.family.hull(low[0], high[0])
+        ends = tuple(sorted(ends, key=lambda end: end[0]))
+        points = self.ticks.family.hull(ends[0][0], ends[-1][0])
         if points is None:
             return None
-        several = (low, high) if low[0] < high[0] else (low,)
         E, dE = points
         A = np.eye(E.shape[-1]) + E
         dA = dE + UNIT_ROUNDING * np.abs(A)
@@ -194,7 +195,7 @@ class Search:
         dE = dA + UNIT_ROUNDING * np.abs(E)
         to = to[self.place]
         norms = []
-        for _, centre in several:
+        for _, centre in ends:
             P = to.mT @ centre.norms.P @ to
             norms.append(Norms((P + P.mT) / 2, self.graph))
         shrink = shrink_along(norms, E.reshape(shape), dE.reshape(shape), self.follows)
@@ -290,10 +291,6 @@ def started(ticks_with: TicksWith, numbers: Iterable[float]) -> Forms | None:
         begun = [
             each.finer(search) for each in most_open for search in each.search.finer(ticks_with)
         ]
-
-
-def _first(pair):
-    return pair[0]
 
 
 def decided(ticks_with: TicksWith) -> tuple[str, str]:

@@ -68,8 +68,9 @@ class Bracket:
     """The numbers around a start for which a family decays in every order.
 
     low, high: every number from low to high, both included, is proved; NaN if nothing is, and then
-    nothing else is known. refuted_below, refuted_above: the nearest refuted numbers below low and above
-    high, NaN if there is none. words: the patterns that refute them, or (). stretches: the proof, from low to high without a gap.
+    nothing else is known. refuted_below, refuted_above: the nearest refuted numbers below low and
+    above high, NaN if there is none. words: the patterns that refute them, or (). stretches: the
+    proof, from low to high without a gap.
     """
 
     low: float
