@@ -18,7 +18,8 @@ WALLS = {"sweep": {"K_VE": {"start": 0, "stop": 5000}, "B_VE": {"start": 0, "sto
 ENGINE = {"device": {"velocity": "difference"}, "environment": {"integration": "explicit", "delay": "frame"}}
 PMW = {"controller": {"kind": "pmw", "b": 25.0}, **ENGINE}
 EVEN, UNEVEN = {"rates": {"slow_hz": 50.0}}, {"rates": {"slow_hz": 60.0}}
-RANGES = {"device.mass": [0.09, 0.11], "device.damping": [1.2, 1.8]}
+LISTS = {"device.mass": [0.09, 0.11], "device.damping": [1.2, 1.8]}
+RANGES = {name: {"start": low, "stop": high} for name, (low, high) in LISTS.items()}
 FRAMES = {"rates.ratio": {"values": [17, 34], "varying": True}}
 WISHED = {
     "vary": {"b": {"start": 5, "stop": 100}, "filters.lp1.cutoff_hz": {"start": 2, "stop": 20}},
@@ -68,13 +69,11 @@ QUESTIONS: tuple[tuple[str, str, Callable], ...] = (
         HAPTIC,
         pmw(wavesweep.zwidth, EVEN, ONE_WALL, for_hands="passive"),
     ),
-    (
-        "For ranges of mass and damping in `[for_all]`, one slice",
-        HAPTIC,
-        pmw(wavesweep.zwidth, EVEN, ONE_WALL, {"for_all": RANGES}),
-    ),
+    ("For two masses and two dampings in `[for_all]`", HAPTIC, pmw(wavesweep.zwidth, EVEN, ONE_WALL, {"for_all": LISTS})),
+    ("For ranges of mass and damping between them", HAPTIC, pmw(wavesweep.zwidth, EVEN, ONE_WALL, {"for_all": RANGES})),
     ("For frames of 17 and 34 ticks in any order, one slice", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING)),
-    ("Both at once, one slice", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING, {"for_all": FRAMES | RANGES})),
+    ("The same and two masses and dampings", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING, {"for_all": FRAMES | LISTS})),
+    ("The same and the ranges", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING, {"for_all": FRAMES | RANGES})),
     ("80 generations of 96 designs: `design`", HAPTIC, pmw(wavesweep.design, EVEN, ONE_WALL, {"design": WISHED}, jobs=1)),
 )
 

@@ -19,7 +19,6 @@ from wavesweep.program.analyses.own_design import is_an_end
 from wavesweep.program.number_words import (
     MOST_DIGITS,
     ends_in_words,
-    in_all_digits,
     rounded_down,
     rounded_up,
     span_in_words,
@@ -103,7 +102,7 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 def _limit(spec: Spec, limit: Facts) -> str:
     name = limit["name"]
     unit = _unit(spec, name)
-    at_value = f"{name} = {in_all_digits(limit['value'])}{unit}"
+    at_value = f"{name} = {limit['value']:g}{unit}"
     if not spec.drawing and spec.names.find(name).path not in spec.given:
         at_value += " (default)"
     unit_again = unit if len(unit) < 12 else ""  # a longer unit is not said twice in a line

@@ -23,7 +23,6 @@ from wavesweep.program.analyses.mode_in_the_way import (
 from wavesweep.program.analyses.poles import leading
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
-from wavesweep.program.number_words import in_all_digits
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.studies import FARTHEST_FACTOR
 from wavesweep.program.sweep.grid import own_loop
@@ -187,7 +186,7 @@ def _own_in_words(spec: Spec) -> str:
     """The spec's own numbers, those by name for which [for_all] has others, and messages in
     time; what below is of them."""
     axes = spec.for_all.axes if spec.for_all else ()
-    values = [f"{axis.name} = {in_all_digits(spec.values[axis.path])}" for axis in axes]
+    values = [f"{axis.name} = {spec.values[axis.path]:g}" for axis in axes]
     named = f" ({', '.join(values)})" if 0 < len(values) <= MOST_AXES else ""
     scopes = [question.scope for question in questions(spec)]
     late = any(each.frames.lost or each.frames.loss or each.messages for each in scopes)
