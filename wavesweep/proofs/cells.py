@@ -13,20 +13,21 @@ from wavesweep.checker.balls import Refused
 from wavesweep.proofs.forms import form_of
 
 WINDOW = 1e-9  # half of a window about a crossing, of its value
+NARROWEST = 1e-12  # relative: a cell below which nothing is proved
 AROUND = 0.02  # of half of a cell: half of the next cell about a crossing within it
 LOOKED_AT = np.linspace(-1, 1, 33)  # places of a cell at which eigenvalues are counted
-MOST_CELLS = 3000  # that are tried along a stretch
+MOST_CELLS = 1000  # that are tried along a stretch
 ORDER = 3  # of the matrices in doubles
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A cell from low to high. line: what the file says of it, None of a window."""
+    """A cell from low to high. line: what the file says of it."""
 
     low: float
     high: float
-    line: dict[str, Any] | None
-    outside: int = -1
+    line: dict[str, Any]
+    outside: int
 
 
 def exactly(value: float) -> Fraction:
@@ -75,53 +76,57 @@ def _written(matrix):
 def cells_along(
     family: file.Family, name: str, low: float, high: float, ends: Sequence[float]
 ) -> list[Cell]:
-    """Return the cells of a stretch in order. ends: crossings that are known. Errors: Refused."""
-    anchors = sorted(ends)
-    waiting = []
-    done = []
+    """Return the cells of a range in order, with gaps where none are found. ends: crossings that
+    are known."""
+    cells = []
     at = low
-    for end in anchors:
+    for end in sorted(ends):
         before, after = (end + sign * WINDOW * abs(end) for sign in (-1, 1))
         if at < before:
-            waiting.append((at, before))
-        done.append(Cell(before, after, None))
+            cells += _cells(family, name, (at, before), (low, high), [*ends])
         at = after
-    waiting.append((at, high))
+    cells += _cells(family, name, (at, high), (low, high), [*ends])
+    return sorted(cells, key=lambda cell: cell.low)
+
+
+def _cells(family, name, stretch, rims, anchors):
+    """The cells of a stretch without crossings that are known.
+
+    rims: ends of the whole range, which may be next to the circle. anchors: the known crossings.
+    """
+    low, high = rims
     at_rim = WINDOW * (high - low)
-    tried = 0
-    while waiting:
+    waiting = [stretch]
+    done = []
+    for _ in range(MOST_CELLS):
+        if not waiting:
+            break
         start, stop = waiting.pop()
-        tried += 1
-        if tried > MOST_CELLS:
-            raise Refused(f"more than {MOST_CELLS} cells")
         found = cell_of(family, {name: (start, stop)})
         if isinstance(found, Cell):
             done.append(found)
             continue
-        if stop - start <= at_rim and (start == low or stop == high):
-            done.append(Cell(start, stop, None))
-            continue
         crossing = _crossing(found, start, stop)
         if crossing is None:
             middle = _middle(start, stop, anchors)
-            if start == low or stop == high:  # which may be next to the circle there
+            if start == low or stop == high:
+                if stop - start <= at_rim:
+                    continue
                 middle = low + at_rim if start == low else high - at_rim
                 anchors.append(low if start == low else high)
-            if not start < middle < stop:
-                raise Refused(f"no form at {start}")
-            waiting += [(start, middle), (middle, stop)]
+            if stop - start > NARROWEST * max(abs(start), abs(stop)) and start < middle < stop:
+                waiting += [(middle, stop), (start, middle)]
             continue
         least = WINDOW * abs(crossing)
         half = max(AROUND * (stop - start) / 2, least)
         before = max(start, crossing - half)
         after = min(stop, crossing + half)
-        if half == least:
-            anchors.append(crossing)
-            done.append(Cell(before, after, None))
-        else:
-            waiting.append((before, after))
-        waiting += [piece for piece in ((start, before), (after, stop)) if piece[0] < piece[1]]
-    return sorted(done, key=lambda cell: cell.low)
+        anchors.append(crossing)
+        pieces = [(after, stop), (start, before)]
+        if half > least:
+            pieces.append((before, after))
+        waiting += [piece for piece in pieces if piece[0] < piece[1]]
+    return done
 
 
 def _crossing(terms, start, stop):
@@ -157,14 +162,13 @@ def _middle(start, stop, anchors):
 
 
 def stretches(cells: Sequence[Cell]) -> Iterator[list[Cell]]:
-    """Yield the runs of cells between windows with the same number of eigenvalues outside."""
+    """Yield the runs of cells without a gap and with the same number of eigenvalues outside."""
     run: list[Cell] = []
     for cell in cells:
-        if run and (cell.line is None or cell.outside != run[-1].outside):
+        if run and (cell.low, cell.outside) != (run[-1].high, run[-1].outside):
             yield run
             run = []
-        if cell.line is not None:
-            run.append(cell)
+        run.append(cell)
     if run:
         yield run
 
@@ -172,7 +176,7 @@ def stretches(cells: Sequence[Cell]) -> Iterator[list[Cell]]:
 def tree(name: str, cells: Sequence[Cell]) -> Iterator[dict[str, Any]]:
     """Yield the lines of neighbouring cells in the order of the file."""
     if len(cells) == 1:
-        yield cells[0].line or {"open": True}
+        yield cells[0].line
         return
     half = len(cells) // 2
     yield {"split": name, "at": repr(cells[half].low)}

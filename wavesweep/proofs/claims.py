@@ -42,7 +42,7 @@ def claim_of_point(tables: dict, numbers: Mapping[str, str]) -> tuple[int, Lines
     """Return how many modes of a loop are outside, and the lines; None without a form."""
     family, claim = _family(tables, numbers, {})
     found = cell_of(family, {})
-    if not isinstance(found, Cell) or found.line is None:
+    if not isinstance(found, Cell):
         return None
     return found.outside, [claim | {"outside": found.outside}, found.line]
 

@@ -145,9 +145,8 @@ def slack(form: Form, A: Sequence[np.ndarray]) -> float:
         for power in range(3, len(A) + 2):
             Y.append(sum((A[i] @ X[power - i] for i in range(len(A)) if power - i < 3), 0 * one))
     F = np.zeros((max(3, len(P) + 2 * max(len(X), len(Y)) - 2), *L.shape))
-    for terms, sign in ((np.array(X), 1), (np.array(Y), -1)):
-        after = _products(np.array(P), terms)
-        whole = _products(terms.mT, after)
+    for each, sign in ((np.array(X), 1), (np.array(Y), -1)):
+        whole = _products(each.mT, _products(np.array(P), each))
         F[: len(whole)] += sign * whole
     rest = np.abs(F[3:]).sum(0)
     control = np.stack([F[0] + F[1] + F[2], F[0] - F[2], F[0] - F[1] + F[2]])
