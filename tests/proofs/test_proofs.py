@@ -77,12 +77,13 @@ def test_every_row_of_walls_has_a_proof_to_its_ends(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_crossings_between_unstable_stretches_are_found_by_the_proof(tmp_path):
+def test_crossings_between_unstable_stretches_are_found_by_the_proof(tmp_path, capsys):
     spec = _written(tmp_path, SERVO, "stability-region", "--no-plot")
     proof = tmp_path / "out" / "stability-region.proof"
     assert checked_file(spec, proof)[0] == 0
     assert [line["outside"] for line in _lines(proof)[1:] if "claim" in line] == [0, 2]
     assert _run("verify", tmp_path / "out") == 0
+    assert "2 of 2 claims proved by the checker" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("gain", "outside"), [(20.0, 0), (900.0, 2)])

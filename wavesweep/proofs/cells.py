@@ -17,6 +17,7 @@ NARROWEST = 1e-12  # relative: a cell below which nothing is proved
 AROUND = 0.02  # of half of a cell: half of the next cell about a crossing within it
 LOOKED_AT = np.linspace(-1, 1, 33)  # places of a cell at which eigenvalues are counted
 MOST_CELLS = 1000  # that are tried along a stretch
+ON_CIRCLE = 1e-10  # from it: a mode that stays there
 ORDER = 3  # of the matrices in doubles
 
 
@@ -67,6 +68,15 @@ def cell_of(family: file.Family, box: dict[str, tuple[float, float]]) -> Cell | 
     if form.decreases(P, [(None, A, P)], found.turn):
         return Cell(low, high, line, signs.count(-1))
     return terms
+
+
+def stays_on_circle(family: file.Family, point: dict[str, tuple[float, float]]) -> bool:
+    """Return whether a mode is next to the unit circle at a point."""
+    terms = cell_of(family, point)
+    if isinstance(terms, Cell) or not terms:
+        return False
+    sizes = np.abs(np.linalg.eigvals(terms[0]))
+    return bool(np.abs(sizes - 1).min() < ON_CIRCLE)
 
 
 def _written(matrix):

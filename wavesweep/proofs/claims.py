@@ -9,9 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.checker import file
-from wavesweep.proofs.cells import Cell, cell_of, cells_along, exactly, stretches, tree
+from wavesweep.checker.balls import Refused
+from wavesweep.proofs.cells import (
+    Cell,
+    cell_of,
+    cells_along,
+    exactly,
+    stays_on_circle,
+    stretches,
+    tree,
+)
 from wavesweep.proofs.drifts import drifts_of
 
+PLACES = 0.31, 0.77  # of a range, at which a mode is looked for that is on the circle everywhere
 Lines = list[dict[str, Any]]
 Found = tuple[float, float, int]  # a stretch, and how many modes are outside
 
@@ -30,6 +40,12 @@ def claims_along(
     """
     sides = {name: (exactly(span[0]), exactly(span[1]))}
     family, claim = _family(tables, numbers, sides)
+    low, high = span
+    for place in PLACES:
+        if stays_on_circle(family, {name: (low + place * (high - low),) * 2}):
+            raise Refused(
+                "a mode stays next to the unit circle, as a drift does that is no simple ratio"
+            )
     for run in stretches(cells_along(family, name, *span, ends)):
         low = run[0].low
         high = run[-1].high

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.checker.__main__ import in_words
 from wavesweep.checker.balls import Refused
-from wavesweep.checker.file import spec_of
+from wavesweep.checker.file import check, spec_of
 from wavesweep.checker.reader.loops import Unreadable
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import SYMBOLS, Spec, sweep_axes
@@ -95,7 +96,8 @@ def with_proof(
     kinds = sorted({*table.columns.get("guarantee", table.columns.get("hand", []))} - {*OWN})
     if kinds:
         say(f"no proof file for rows of {', '.join(kinds)}")
-    return replace(table, facts={**table.facts, "proof": f"{table.kind}.proof"}, extra_files=more)
+    facts = {**table.facts, "proof": f"{table.kind}.proof", "proved_spec": text.decode()}
+    return replace(table, facts=facts, extra_files=more)
 
 
 def _slices(spec: Spec, columns: Columns) -> Iterator[tuple[dict[str, str], Columns]]:
@@ -154,3 +156,21 @@ def of_design(spec: Spec, source: str, overrides: Sequence[str], place: Path) ->
         f"{outside} modes outside the unit circle" if outside else "the spec's own design is stable"
     )
     return f"{place}: {said}, with its own numbers"
+
+
+def checked(proof: Path, spec: str) -> Iterator[tuple[str, bool]]:
+    """Yield what the checker says of a proof file about the text of a spec, and whether a claim, or
+    the file, is refused."""
+    proved = 0
+    refused = []
+    try:
+        with proof.open("rb") as opened:
+            for claim, why in check(spec.encode(), opened):
+                proved += not why
+                if why:
+                    refused.append(f"{proof}: refused: {in_words(claim)}: {why}")
+    except (Unreadable, OSError) as error:
+        yield f"{proof}: cannot be checked: {error}", True
+        return
+    yield from ((text, True) for text in refused)
+    yield f"{proof}: {proved} of {proved + len(refused)} claims proved by the checker", False

@@ -142,6 +142,8 @@ def _of_package(
     yield from ((text, True) for text in damaged)
     if not damaged:
         yield f"{package}: the files have the bytes and hashes of the package", False
+    if proof := facts.get("proof"):
+        yield from offered("of_table").checked(package.with_name(proof), facts["proved_spec"])
     try:
         again = _again(package, facts)
     except FAULTS as error:
