@@ -116,12 +116,12 @@ def _cells(family, name, stretch, rims, anchors):
         if isinstance(found, Cell):
             done.append(found)
             continue
+        if stop <= low + at_rim or start >= high - at_rim:
+            continue
         crossing = _crossing(found, start, stop)
         if crossing is None:
             middle = _middle(start, stop, anchors)
             if start == low or stop == high:
-                if stop - start <= at_rim:
-                    continue
                 middle = low + at_rim if start == low else high - at_rim
                 anchors.append(low if start == low else high)
             if stop - start > NARROWEST * max(abs(start), abs(stop)) and start < middle < stop:

@@ -8,6 +8,7 @@ import numpy as np
 
 SLOPES = 2  # degree of P(s)
 LEAST_SLACK = 0.05  # of a form that is given to the checker, whose errors take the rest
+LEAST_INDEPENDENT = 1e14  # condition of L from which on it says nothing
 ENOUGH = 0.3  # with which no other form is tried
 DIGITS = (4, 6, 9, 13, 17)  # of its entries, that are tried
 
@@ -29,9 +30,7 @@ def form_of(A: Sequence[np.ndarray]) -> Form | None:
     for found in _candidates(A[0]):
         with np.errstate(all="ignore"):
             form = _with_slopes(found, A)
-            if form is None:
-                continue
-            for digits in DIGITS:
+            for digits in DIGITS if form else ():
                 rounded = _rounded(form, digits)
                 if slack(rounded, A) > LEAST_SLACK:
                     return rounded
@@ -95,6 +94,8 @@ def _with_slopes(found, A) -> Form | None:
         return None
     L = L / np.abs(L).max()
     P = [L.T * signs @ L]
+    if not np.linalg.cond(L) < LEAST_INDEPENDENT:
+        return None
     inverse = np.linalg.inv(L)
     if len(A) > 1:
         for k in range(1, SLOPES + 1):
@@ -137,6 +138,8 @@ def slack(form: Form, A: Sequence[np.ndarray]) -> float:
     Y = list(A)  # A X
     if form.turn:
         turned = form.turn
+        if not np.linalg.cond(one + turned * A[0]) < LEAST_INDEPENDENT:
+            return -1.0
         X = [np.linalg.inv(one + turned * A[0])]
         for k in (1, 2):
             terms = [-turned * A[i] @ X[k - i] for i in range(1, min(k, len(A) - 1) + 1)]
