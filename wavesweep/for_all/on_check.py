@@ -40,7 +40,7 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
         yield 1, f"[for_all] leaves the spec's own {' and '.join(apart)} out"
     if damping := found.get("every_hand"):
         refuted = found["for_all"]["verdict"] == "refuted"
-        if not refuted:
+        if not refuted or damping.get("doubt") == "contradiction":
             yield 1.5, _every_hand(spec, damping)
         elif damping["needed"] is not None:  # nobody at the device is a passive hand as well
             yield 1.5, f"with every passive hand: {_enough(damping)}"
