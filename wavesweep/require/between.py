@@ -96,27 +96,29 @@ class Between:
     many: ClassVar[int] = 1000
     smooth: ClassVar[bool] = False
 
-    def between(self, column, p):
+    def between(self, column: np.ndarray, p: np.ndarray) -> tuple[Port, np.ndarray]:
         """The loops of columns at values p as they are seen between the input and the signal, and
         pivots."""
         own = self.columns[column]
         return loops_between(self.loops, self.along, self.drift, self.route, own, p)
 
-    def maps(self, column, p):
+    def maps(self, column: np.ndarray, p: np.ndarray) -> tuple[Bounded, Bounded, Bounded, Bounded]:
         """E less identity, G, O and T of a frame, each with a bound on its error."""
         return self.over_frame(self.between(column, p)[0], p.size)
 
-    def over_frame(self, port, size):
+    def over_frame(self, port: Port, size: int) -> tuple[Bounded, Bounded, Bounded, Bounded]:
         """The maps of so many frames."""
         return over_frame(port, self.kept, (size,), self.read)
 
-    def changes(self, column, p):
+    def changes(self, column: np.ndarray, p: np.ndarray) -> np.ndarray:
         """E less identity of frames, `(points, n, n)`."""
         port, _ = self.between(column, p)
         of_states = [e for e, *_ in of_ticks(port, self.kept, p.shape)]
         return in_a_row(port.kind.tolist(), of_states, Bounded.then).value
 
-    def label(self, column, low, high, bounds):
+    def label(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> np.ndarray:
         """GOOD, BAD or OPEN of panels, of what is within the intervals in which loops may be
         stable; BAD of the others."""
         stable = self.stable
@@ -130,7 +132,9 @@ class Between:
             label[inside] = self._labelled(column[inside], low[inside], high[inside], bounds)
         return label
 
-    def _labelled(self, column, low, high, bounds):
+    def _labelled(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> np.ndarray:
         try:
             return self.labelled(column, low, high, bounds)
         except IllPosedLoopError:  # of one panel at least
@@ -141,7 +145,7 @@ class Between:
                 [self._labelled(column[half], low[half], high[half], bounds) for half in halves]
             )
 
-    def worst(self, column, p):
+    def worst(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What `worst_at` tells of each value; NaN without a solution."""
         try:
             return self.worst_at(column, p)
@@ -151,7 +155,9 @@ class Between:
             halves = [self.worst(column, half) for half in np.array_split(p, 2)]
             return tuple(map(np.concatenate, zip(*halves, strict=True)))
 
-    def _about(self, column, low, high, bounds):
+    def _about(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> tuple[Port, tuple[int, int], np.ndarray]:
         """The loops in the middles of panels and on rims about them, `(panels * points)`, their
         numbers, and where they are known."""
         middle = (low + high) / 2
@@ -163,12 +169,12 @@ class Between:
         return port, p.shape, known
 
 
-def by_panel(pairs, shape):
+def by_panel(pairs: tuple[Bounded, ...], shape: tuple[int, int]) -> list[Bounded]:
     """Matrices of all points, and bounds on their errors, by panels and points of each."""
     return [pair.each(lambda matrix: matrix.reshape(*shape, *matrix.shape[1:])) for pair in pairs]
 
 
-def of_panels(pairs, at):
+def of_panels(pairs: list[Bounded], at: np.ndarray) -> list[Bounded]:
     """Those of some panels."""
     return [pair.part(at) for pair in pairs]
 

@@ -3,6 +3,7 @@ has to be below."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,7 @@ class Bound:
             damped = damped._replace(clocks=damped.clocks / frames)
         return replace(self, radius=self.radius ** (1 / frames), damped=damped)
 
-    def radius_of(self, period) -> np.ndarray:
+    def radius_of(self, period: np.ndarray) -> np.ndarray:
         """The radius of loops with these periods of a frame, in s.
 
         A mode z of a frame of T seconds is z^n after n frames. Its size is at most exp(-c) at the
@@ -108,7 +109,7 @@ class Bound:
                 )
         return np.minimum.reduce(radii)
 
-    def logarithms(self, period, omega) -> np.ndarray:
+    def logarithms(self, period: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they
         may be, `(..., 2)`."""
         ratio = self.damped.ratio if self.damped else 0.0
@@ -120,7 +121,7 @@ class Bound:
             sizes.append(np.maximum(spiral, np.log(gone)))
         return np.stack(sizes, -1) + 1j * theta[..., None]
 
-    def intervals(self, frames, span) -> Intervals:
+    def intervals(self, frames: Any, span: tuple[float, float]) -> Intervals:
         """The intervals in which every mode has the damping ratio, or is bounded in a loop that
         conserves."""
         from wavesweep.require.by_discs import along_by_discs
@@ -128,14 +129,15 @@ class Bound:
 
         if self.bounded:
             place = RequiredCircle()
-            turns = None
         else:
             place = self.damped.spiral(frames.period, frames.ticks)
-            turns = frames.turns if frames.ticks > 1 else None
         domain = Domain(span, frames.period, frames.bounds, frames.resolved)
-        return along_by_discs(frames.frames, frames.errors, turns, domain, place)
+        lines = not self.bounded and frames.ticks > 1
+        return along_by_discs(frames, domain, place, lines=lines)
 
-    def within_gain(self, gain, frames, span, stable: Intervals) -> Intervals:
+    def within_gain(
+        self, gain: Any, frames: Any, span: tuple[float, float], stable: Intervals
+    ) -> Intervals:
         """The intervals in which one of the gains is small enough, looked for where the loops may
         be stable."""
         from wavesweep.program.analyses.signals import routed
@@ -159,7 +161,7 @@ class Bound:
         find = along_time if in_time else along_gain
         return find(loops._replace(drawing=drawing), along, domain, route, gain, stable)
 
-    def beyond(self, delta, turns, period: float) -> np.ndarray:
+    def beyond(self, delta: np.ndarray, turns: np.ndarray, period: float) -> np.ndarray:
         """By how much eigenvalues less 1 of a loop miss what is required of modes, in the
         logarithm.
 
@@ -259,7 +261,7 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
     return " and ".join(filter(None, said))
 
 
-def _at_cut(margins):
+def _at_cut(margins: dict[str, float | str]) -> str:
     """The margins at a cut in words."""
     said = {
         "Ms": "Ms of at most {:.15g}",
@@ -273,7 +275,7 @@ def _at_cut(margins):
     return f"{words} at {margins['cut']}"
 
 
-def _band(gain):
+def _band(gain: dict[str, Any]) -> str:
     """The band of a gain in words, and of what it is."""
     band = " between {:.15g} and {:.15g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
     return f"{band} in the energy of all ticks"

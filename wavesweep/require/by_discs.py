@@ -1,12 +1,15 @@
 """Intervals in which the eigenvalues of a loop are where they have to be, along any number, by
 discs about them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 
-from wavesweep.engine.frames import blocks_of, level, pole_inside
+from wavesweep.engine.frames import Frames, blocks_of, level, pole_inside
 from wavesweep.engine.intervals import END_ROUNDING, SHARE_OF_SPAN, Intervals
 from wavesweep.require.disc_panels import (
     HALF_RIM,
@@ -21,15 +24,38 @@ from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
 
 
+class Family(Protocol):
+    """Loops of some columns along a number p, as `FramesAlong` has them; of one column or of each
+    value its own."""
+
+    def frames(self, number: np.ndarray, p: np.ndarray) -> Frames:
+        """At values, real or complex, of which the pivots are read."""
+
+    def errors(self, number: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Frames less identity `(n, r, r)`, and bounds on the errors of their entries."""
+
+    def turns(
+        self,
+        number: np.ndarray,
+        p: np.ndarray,
+        delta: np.ndarray,
+        radius: np.ndarray,
+        margin: float,
+    ) -> np.ndarray:
+        """What modes turn in a frame (rad), `(n, r, 3)`, see `FramesAlong.turns`."""
+
+
 def along_by_discs(
-    frames, errors, turns, domain: Domain, place: Spiral | RequiredCircle
+    family: Family,
+    domain: Domain,
+    place: Spiral | RequiredCircle,
+    *,
+    lines: bool,
 ) -> Intervals:
     """All intervals of a number p within a domain in which all eigenvalues are in their place, per
     column.
 
-    frames(column, p): `Frames` of these columns at these values, real or complex, of which the
-    pivots are read. errors(column, p): frames less identity, perhaps in other states, and bounds on
-    the errors of their entries. place: of the eigenvalues, see `discs`.
+    place: of the eigenvalues, see `discs`. lines: whether modes have other lines than their angles.
 
     All of a panel of p is in an interval, or none of it, if that follows from Gershgorin discs of
     the frames in the eigenvectors of that in the middle. The entries there are bounded by the
@@ -39,12 +65,18 @@ def along_by_discs(
     eigenvalues there.
     """
     columns = domain.period.size
-    loops, known = _loops_of(frames, errors, turns, domain.span, columns, place)
+    loops, known = _loops_of(family, lines, domain.span, columns, place)
     ends = Accuracy(END_ROUNDING, 256.0, END_ROUNDING * SHARE_OF_SPAN, np.full(columns, BEGUN))
     return along_panels(loops, known, domain, ends)
 
 
-def _loops_of(frames, errors, turns, span, columns, place):
+def _loops_of(
+    family: Family,
+    lines: bool,
+    span: tuple[float, float],
+    columns: int,
+    place: RequiredCircle | Spiral,
+) -> tuple[list[_LoopsInDiscs], np.ndarray]:
     """The loops by diagonal blocks, without states that are 0 at the end of every frame, and the
     columns with known frames."""
     # Of the span, where the structure of the frames is looked at.
@@ -52,7 +84,7 @@ def _loops_of(frames, errors, turns, span, columns, place):
         (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)
     )
     column = np.repeat(np.arange(columns), points.size)
-    E, _ = errors(column, np.tile(points, columns))
+    E, _ = family.errors(column, np.tile(points, columns))
     states = E.shape[-1]
     E = E.reshape(columns, points.size, states, states)
     finite = np.isfinite(E).all((-1, -2))
@@ -63,22 +95,20 @@ def _loops_of(frames, errors, turns, span, columns, place):
         same_block = block[:, None], block
         if nonzero[same_block].any():
             some = np.flatnonzero(known)
-            loops.append(_LoopsInDiscs(frames, errors, turns, some, states, block, place))
+            loops.append(_LoopsInDiscs(family, lines, some, states, block, place))
             place.refuse(E[finite][:, *same_block])
     return loops, known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LoopsInDiscs:
-    """A diagonal block of the frames, which have so many states, of some columns; frames, errors,
-    turns: of all columns.
+    """A diagonal block of the frames, which have so many states, of some columns.
 
     A judge of `panels`; place: of the eigenvalues.
     """
 
-    frames: object
-    errors: object
-    turns: object
+    family: Family
+    lines: bool
     columns: np.ndarray
     states: int
     block: np.ndarray
@@ -102,7 +132,7 @@ class _LoopsInDiscs:
 
     def at(self, column: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The frames less identity, `(n, r, r)`, and bounds on the errors of their entries."""
-        E, dE = self.errors(self.columns[column], p)
+        E, dE = self.family.errors(self.columns[column], p)
         order = self.order
         if E.shape[-1] != self.states:  # states that are there at some values alone
             unknown = np.full((p.size, order, order), np.nan)
@@ -118,8 +148,8 @@ class _LoopsInDiscs:
         middle = middle[:, None]
         rim = middle + radius[:, None] * HALF_RIM
         columns = self.columns[column][:, None]
-        inside = self.frames(columns, middle).pivots
-        pivots = self.frames(columns, rim).pivots.reshape(*rim.shape, -1)
+        inside = self.family.frames(columns, middle).pivots
+        pivots = self.family.frames(columns, rim).pivots.reshape(*rim.shape, -1)
         moving = (pivots != pivots[:, :1]).any((1, 2))
         poles = pole_inside(pivots, level(inside[:, None])) & moving
 
@@ -152,14 +182,22 @@ class _LoopsInDiscs:
         if inside.size:
             place = self.place.at(self.columns[column[inside]])
             lines = None
-            if self.turns:
+            if self.lines:
                 lines = partial(
                     self.lines_on_panels, column[inside], middle[inside], radius[inside]
                 )
             label[inside] = verdicts(E[inside], dE[inside], rims[inside], place, lines)
         return label
 
-    def lines_on_panels(self, column, middle, radius, delta, asked, of_discs=None):
+    def lines_on_panels(
+        self,
+        column: np.ndarray,
+        middle: np.ndarray,
+        radius: np.ndarray,
+        delta: np.ndarray,
+        asked: np.ndarray,
+        of_discs: np.ndarray | None = None,
+    ) -> np.ndarray:
         """What the modes of eigenvalues less 1 in discs about those in the middles of panels turn
         in a frame (rad) anywhere on the panels, `(n, r, 3)`; without discs in the middles alone.
 
@@ -182,7 +220,14 @@ class _LoopsInDiscs:
             )
         return turns
 
-    def told(self, columns, p, delta, asked, radius):
+    def told(
+        self,
+        columns: np.ndarray,
+        p: np.ndarray,
+        delta: np.ndarray,
+        asked: np.ndarray,
+        radius: np.ndarray,
+    ) -> np.ndarray:
         """What some modes at values turn, see `FramesAlong.turns`; asked: which, a mask. The
         others may have their angles."""
         turns = np.stack([np.abs(np.angle(1 + delta))] * 3, -1)
@@ -195,19 +240,19 @@ class _LoopsInDiscs:
             return turns
         order = np.argsort(~upper, axis=-1, kind="stable")[:, :most]
         of_order = (np.take_along_axis(array, order, 1) for array in (delta, radius))
-        lines = self.turns(columns, p, *of_order, SAFE)
+        lines = self.family.turns(columns, p, *of_order, SAFE)
         np.put_along_axis(turns, order[..., None], lines, 1)
         of_conjugate = np.take_along_axis(turns, conjugate[..., None], 1)
         return np.where((asked & ~upper)[..., None], of_conjugate, turns)
 
-    def worst(self, column, p):
+    def worst(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of each loop the eigenvalue less 1 that is farthest outside of its place, and by how
         much."""
         E, _ = self.at(np.full(p.size, np.searchsorted(self.columns, column)), p)
         finite = np.isfinite(E).all((-1, -2))
         delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
         place = self.place.at(np.full(p.size, column))
-        if self.turns:
+        if self.lines:
             asked = place.turning(delta)
             columns = np.full(p.size, column)
             alone = np.zeros(delta.shape)

@@ -1,9 +1,11 @@
 """Intervals of a number from panels of its span, each of which is in an interval, or not, as a
 whole; else it is halved."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -62,7 +64,7 @@ class Accuracy(NamedTuple):
     begun: np.ndarray
     slow: bool = False
 
-    def of(self, p, width):
+    def of(self, p: np.ndarray | float, width: float) -> np.ndarray | float:
         """How exact an end at p is, in a span of that width."""
         return self.exact * (np.abs(p) + SHARE_OF_SPAN * width)
 
@@ -128,13 +130,15 @@ class _Turned:
     def __init__(self, judge: Judge) -> None:
         self.judge = judge
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self.judge, name)
 
-    def label(self, column, low, high, bounds):
+    def label(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> np.ndarray:
         return self.judge.label(column, -high, -low, bounds)
 
-    def worst(self, column, p):
+    def worst(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.judge.worst(column, -p)
 
 
@@ -262,7 +266,9 @@ def _first_edges(judge, column, domain, accuracy):
     return edges[(edges >= low) & (edges <= high)]
 
 
-def _merged(column, panels, domain, accuracy):
+def _merged(
+    column: int, panels: list[tuple[np.ndarray, np.ndarray]], domain: Domain, accuracy: Accuracy
+) -> tuple[np.ndarray, np.ndarray]:
     """Low ends and labels of runs of panels: of several partitions of the span, each as sorted
     low ends and labels."""
     edges = np.unique(np.concatenate([low for low, _ in panels]))
@@ -291,7 +297,7 @@ def _merged(column, panels, domain, accuracy):
     return _runs(edges, label)
 
 
-def _runs(edges, label):
+def _runs(edges: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Neighbours with the same label as one."""
     new = np.append(True, label[1:] != label[:-1])
     return edges[new], label[new]
@@ -385,7 +391,7 @@ def _end(column, edge, gaps, judging, domain) -> _End:
         return _End(edge, np.nan, 0.0)
     low, high = gaps[edge]
 
-    def worst(p) -> _Worst:
+    def worst(p: float) -> _Worst:
         found = [judge.worst(column, np.array([p])) for judge in judging]
         delta, beyond = max(found, key=lambda each: each[1][0])
         return _Worst(delta[0], beyond[0])

@@ -1,8 +1,11 @@
 """Discs about the eigenvalues of matrices, and whether these are all in their place: within a
 spiral, or on the unit circle."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -51,13 +54,13 @@ class Spiral:
     turns: np.ndarray | None = None
     smooth: ClassVar[bool] = True
 
-    def at(self, columns) -> "Spiral":
+    def at(self, columns: np.ndarray) -> Spiral:
         """The same for some of the columns, by an index or a mask."""
         gone = self.gone[columns] if np.ndim(self.gone) else self.gone
         turns = None if self.turns is None else self.turns[columns]
         return replace(self, gone=gone, turns=turns)
 
-    def told(self, turns: np.ndarray) -> "Spiral":
+    def told(self, turns: np.ndarray) -> Spiral:
         """The same with what modes turn, `(n, r, 3)`."""
         return replace(self, turns=turns)
 
@@ -76,10 +79,10 @@ class Spiral:
         """The size up to which eigenvalues are taken together."""
         return min(ZERO_EIGENVALUES, float(np.min(self.least)) / 4)
 
-    def refuse(self, E) -> None:
+    def refuse(self, E: np.ndarray) -> None:
         """Every loop can be damped."""
 
-    def turning(self, delta) -> np.ndarray:
+    def turning(self, delta: np.ndarray) -> np.ndarray:
         """Of which eigenvalues `1 + delta` it matters what they turn: they have the ratio by
         their angles, and not by any turns."""
         with np.errstate(all="ignore"):
@@ -87,7 +90,7 @@ class Spiral:
             by_angle = size + self.c * np.abs(np.angle(1 + delta)) <= 0
             return by_angle & (size > np.log(self.least))
 
-    def beyond(self, delta, line=OWN):
+    def beyond(self, delta: np.ndarray, line: int = OWN) -> np.ndarray:
         """By how much eigenvalues `1 + delta` are outside, in the logarithm, by their own line,
         the lowest or the highest."""
         if self.turns is None:
@@ -100,11 +103,11 @@ class Spiral:
             of_gone = size - np.log(self.gone)
             return np.where(delta == -1, -np.inf, np.minimum(of_spiral, of_gone))
 
-    def _free(self, delta):
+    def _free(self, delta: np.ndarray) -> np.ndarray:
         """Eigenvalues less 1 that need no damping ratio, since they are real and below 0."""
         return self.pairs & (delta.imag == 0) & (delta.real < -1)
 
-    def room(self, delta):
+    def room(self, delta: np.ndarray) -> np.ndarray:
         """How large discs may be that are on one side."""
         z = np.abs(1 + delta)
         lowest = self.beyond(delta, LOWEST)
@@ -126,7 +129,7 @@ class Spiral:
             room = np.where(self._free(delta), 1 - z, room)
         return np.fmax.reduce([room, self.least - z, z - 1])
 
-    def label(self, delta, radius, room):
+    def label(self, delta: np.ndarray, radius: np.ndarray, room: np.ndarray) -> np.ndarray:
         """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`; room: see there."""
         z = 1 + delta
         clear = radius < room
@@ -153,11 +156,11 @@ class RequiredCircle:
     small: ClassVar[float] = ZERO_EIGENVALUES
     smooth: ClassVar[bool] = False
 
-    def at(self, columns) -> "RequiredCircle":  # noqa: ARG002
+    def at(self, columns: np.ndarray) -> RequiredCircle:  # noqa: ARG002
         """The same for all columns."""
         return self
 
-    def refuse(self, E) -> None:
+    def refuse(self, E: np.ndarray) -> None:
         """Raise UsageError for frames less identity, `(points, r, r)`, of a loop that does not
         conserve but for rounding."""
         for A in E + np.eye(E.shape[-1]):
@@ -173,18 +176,18 @@ class RequiredCircle:
                     "one that takes or gives energy; leave bounded out, and stable intervals are found"
                 )
 
-    def beyond(self, delta):
+    def beyond(self, delta: np.ndarray) -> np.ndarray:
         """By how much eigenvalues are outside."""
         return np.abs(1 + delta) - 1
 
-    def room(self, delta):
+    def room(self, delta: np.ndarray) -> np.ndarray:
         """How large discs may be that meet no other."""
         apart = np.abs(delta[:, :, None] - delta[:, None, :])
         own = np.arange(delta.shape[-1])
         apart[:, own, own] = np.inf
         return np.minimum(apart.min(-1) / 2.5, np.abs(1 + delta) / 2)
 
-    def label(self, delta, radius, _):
+    def label(self, delta: np.ndarray, radius: np.ndarray, _: np.ndarray) -> np.ndarray:
         """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`."""
         z = 1 + delta
         size = np.abs(z)
@@ -198,7 +201,13 @@ class RequiredCircle:
         return np.where(bad, BAD, np.where(good, GOOD, OPEN))
 
 
-def verdicts(E, dE, rims, place, lines=None):
+def verdicts(
+    E: np.ndarray,
+    dE: np.ndarray,
+    rims: np.ndarray,
+    place: Spiral | RequiredCircle,
+    lines: Callable[..., Any] | None = None,
+) -> np.ndarray:
     """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice
     the size about them.
 
@@ -244,7 +253,7 @@ def verdicts(E, dE, rims, place, lines=None):
     return np.where(known, np.where(label == OPEN, label_in_units, label), OPEN)
 
 
-def eigenvectors(E, small):
+def eigenvectors(E: np.ndarray, small: float) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues less 1 and eigenvectors; for several eigenvalues of I + E up to `small`, which
     may have too few of these, the vectors of a Schur form.
     """
@@ -264,7 +273,9 @@ def eigenvectors(E, small):
     return delta, V
 
 
-def _radii(delta, entries, place):
+def _radii(
+    delta: np.ndarray, entries: np.ndarray, place: Spiral | RequiredCircle
+) -> tuple[np.ndarray, np.ndarray]:
     """The radii of discs about the eigenvalues of panels whose matrices differ from these by such
     entries, `(n, r, r)`, in two units.
 
@@ -285,7 +296,9 @@ def _radii(delta, entries, place):
     return radius, in_units
 
 
-def _meeting(one, small, other, large):
+def _meeting(
+    one: np.ndarray, small: np.ndarray, other: np.ndarray, large: np.ndarray
+) -> np.ndarray:
     """Whether discs `(n, r)` meet another disc than that of their own number."""
     apart = np.abs(one[:, :, None] - other[:, None, :])
     meet = apart <= small[:, :, None] + large[:, None, :]
@@ -294,7 +307,7 @@ def _meeting(one, small, other, large):
     return meet.any(-1)
 
 
-def _with_others(delta, radius, some):
+def _with_others(delta: np.ndarray, radius: np.ndarray, some: np.ndarray) -> np.ndarray:
     """Some discs, a mask `(n, r)`, and all that are connected with them."""
     apart = np.abs(delta[:, :, None] - delta[:, None, :])
     meet = apart <= radius[:, :, None] + radius[:, None, :]

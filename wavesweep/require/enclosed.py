@@ -32,8 +32,8 @@ most u, and so is d_k at most `max_(k < S) |O (A - 1 - w) A^k| u/(-w)`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,7 +72,7 @@ class Enclosed(NamedTuple):
         return (self.high <= level) | (self.low > level)
 
 
-def _moved(values):
+def _moved(values: np.ndarray) -> np.ndarray:
     """By how much functions of the number, `(panels, points, ...)`, differ from their value in
     the middle on the panels."""
     if values.shape[1] == 1:
@@ -81,12 +81,12 @@ def _moved(values):
     return SAFE / 2 * np.sqrt((off.real**2 + off.imag**2).max(1))
 
 
-def _largest_on(values):
+def _largest_on(values: np.ndarray) -> np.ndarray:
     """The largest size of such functions on the panels."""
     return np.abs(values[:, 0]) + _moved(values)
 
 
-def _units(size):
+def _units(size: np.ndarray) -> np.ndarray:
     """Units in which states of such sizes are at most 1; those that never move have their own."""
     return np.where(size > 0, size, 1.0)
 
@@ -145,7 +145,7 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
     return Enclosed(low, np.where(np.isfinite(high), high, np.inf))
 
 
-def _summed(E, u):
+def _summed(E: np.ndarray, u: np.ndarray) -> np.ndarray:
     """`sum_k A^k diag(u^2) (A^k)'`, by doubling."""
     Y = u[:, :, None] ** 2 * np.eye(u.shape[-1])
     power = E
@@ -169,7 +169,9 @@ class _Rest(NamedTuple):
     off: np.ndarray
 
 
-def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | None) -> Enclosed:
+def _over_blocks(
+    E: Bounded, O: Bounded, start: Bounded, seen: _Step, level: float | None
+) -> Enclosed:
     """Return what is known of a value of the outputs that follow from states, whose columns are
     cases, block by block.
 
@@ -235,13 +237,13 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
         count = 2 * count
 
 
-def _all_shown(shown, power, u):
+def _all_shown(shown: np.ndarray, power: np.ndarray, u: np.ndarray) -> np.ndarray:
     """A bound on `sum_k |O A^k| u` over all k, from that of S blocks and one on A^S; NaN without."""
     q = ((power @ u[..., None])[..., 0] / u).max(-1)
     return (shown @ u[..., None])[..., 0] / np.where(q < 1, 1 - q, np.nan)[:, None]
 
 
-def _last_blocks(E, cost):
+def _last_blocks(E: np.ndarray, cost: int) -> tuple[np.ndarray, np.ndarray]:
     """The blocks after which nothing more is seen of each panel, and whether these are too many, of
     loops that are alike; cost: multiplications of one."""
     with np.errstate(all="ignore"):
@@ -272,7 +274,7 @@ class _Step:
     looked for from the step until all samples are within BAND, in place of the overshoot.
     """
 
-    def __init__(self, T: Bounded, steps, ends: Bounded, *, settling: bool) -> None:
+    def __init__(self, T: Bounded, steps: np.ndarray, ends: Bounded, *, settling: bool) -> None:
         self.settling = settling
         self.steps = steps
         self.final = ends[0].mean(-1)
@@ -288,11 +290,11 @@ class _Step:
         self.tick = 0
         self._take(T[0] @ np.tri(self.frame)[:, steps] / self.final[..., None, None])
 
-    def look(self, outputs) -> None:
+    def look(self, outputs: np.ndarray) -> None:
         ends = np.tile(self.ends, outputs.shape[-2] // self.frame)
         self._take(outputs / self.final[..., None, None] + ends[..., None])
 
-    def _take(self, shares) -> None:
+    def _take(self, shares: np.ndarray) -> None:
         """Take the next samples, as shares of the final value, `(panels, points, ticks, steps)`."""
         middle = shares[:, 0].real
         moved = _moved(shares)
@@ -328,7 +330,9 @@ class _Step:
         low = np.where(low_known, np.nan_to_num(low), 0.0)
         return Enclosed(low, np.where(high_known, high, np.inf), self.known & ~low_known)
 
-    def _of_bound(self, values, each_off):
+    def _of_bound(
+        self, values: np.ndarray, each_off: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The value of each panel by the bound on what samples are off, how much that is of the
         end, and whether it is known."""
         off = each_off.max(-1) + (1 + self.largest) * self.off
@@ -458,7 +462,7 @@ def step(
         ends = O @ end + T @ ones
         ends = ends.part(..., 0)
 
-        def found(method, at, *more):
+        def found(method: Callable[..., Any], at: np.ndarray, *more) -> Enclosed:
             seen = _Step(T.part(at), steps, ends.part(at), settling=settling)
             seen.known &= regular[at]
             return method(*(each.part(at) for each in (E, O, starts)), seen, *more)

@@ -21,7 +21,7 @@ the range, eigenvalues move along the circle, and pieces may be as wide as the r
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -132,7 +132,9 @@ class Range:
             pieces.append((0, self.low, 0.0))
         return np.array(pieces, PIECE)
 
-    def about(self, place, half):
+    def about(
+        self, place: np.ndarray, half: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The factor f about which factors f (1 + e) of pieces are, and e = t u + r with t of size
         1: the largest real u and the largest r.
 
@@ -164,11 +166,13 @@ class Factors(Between):
         """Of the pencil."""
         return self.kept.size + self.read.size
 
-    def over_frame(self, port, size):
+    def over_frame(self, port: Any, size: int) -> tuple[Any, Any, Any, Any]:
         """The maps of frames, of the ticks in which the signal is made."""
         return at_runs(port, self.kept, (size,), self.read)
 
-    def labelled(self, column, low, high, bounds):
+    def labelled(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> np.ndarray:
         label = np.full(column.size, OPEN)
         spent = self.work[column] > MOST_WORK
         label[spent] = LOST
@@ -215,7 +219,7 @@ class Factors(Between):
             self.kept_pieces[int(column[place]), "to", high[place]] = pieces
         return label
 
-    def worst_at(self, column, p):
+    def worst_at(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The largest eigenvalue with any of the factors, less 1, and by how much it is outside."""
         maps = self.maps(np.full(p.size, column), p)
         E, G, O, T = (matrix for matrix, _ in maps)
@@ -235,7 +239,7 @@ class Factors(Between):
         delta = np.array(delta)
         return delta, np.abs(1 + delta) - 1
 
-    def _left(self, column, low, high):
+    def _left(self, column: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """The pieces that are to be shown on panels: those that stay open on twice as wide ones,
         or the first."""
         pieces = [np.zeros(0, PIECE)]
@@ -248,7 +252,9 @@ class Factors(Between):
             pieces.append(of_panel)
         return np.concatenate(pieces)
 
-    def _shown(self, pieces, maps):
+    def _shown(
+        self, pieces: np.ndarray, maps: list[Any]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of pieces on their panels: whether no factor has an eigenvalue on the circle, whether
         that in the middle has none, and whether that has one outside."""
         points = 2 * maps[0].value.shape[1]
@@ -263,7 +269,9 @@ class Factors(Between):
         return tuple(np.concatenate(each) for each in zip(*shown, strict=True))
 
 
-def clear(maps, f, turn, u, r):
+def clear(
+    maps: list[Any], f: np.ndarray, turn: complex, u: np.ndarray, r: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Whether no eigenvalue is on the unit circle, for all numbers of discs and all factors of
     pieces; the same for the factors f in their middles; and whether these have one outside.
 
@@ -327,28 +335,36 @@ def clear(maps, f, turn, u, r):
     return fine & shown, fine & of_middle, outside
 
 
-def _with_factor(E, G, O, T, f):
+def _with_factor(
+    E: np.ndarray, G: np.ndarray, O: np.ndarray, T: np.ndarray, f: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """E of loops with factors f, and the map from their states to the inputs."""
     change = (f - 1)[:, None, None]
     to_inputs = solve(np.eye(T.shape[-1]) - change * T, change * O)
     return E + G @ to_inputs, to_inputs
 
 
-def _pencil(E, G, O, T, f):
+def _pencil(
+    E: np.ndarray, G: np.ndarray, O: np.ndarray, T: np.ndarray, f: np.ndarray
+) -> np.ndarray:
     """K of the module's text."""
     of_states = np.concatenate([E + 0 * f, G + 0 * f], -1)
     of_inputs = np.concatenate([(f - 1) * O, (f - 1) * T - np.eye(T.shape[-1])], -1)
     return np.concatenate([of_states, of_inputs], -2)
 
 
-def _pencil_sizes(dE, dG, dO, dT, change):
+def _pencil_sizes(
+    dE: np.ndarray, dG: np.ndarray, dO: np.ndarray, dT: np.ndarray, change: np.ndarray
+) -> np.ndarray:
     """Bounds on the errors of K by those of its parts."""
     of_states = np.concatenate([dE, dG], -1)
     of_inputs = change * np.concatenate([dO, dT], -1)
     return np.concatenate([of_states, of_inputs], -2)
 
 
-def _between(W, changes, V, f):
+def _between(
+    W: np.ndarray, changes: list[np.ndarray], V: np.ndarray, f: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """`W K V` and `W N V` of changes of E, G, O, T at points, `(n, points, ...)`."""
     dE, dG, dO, dT = changes
     n = dE.shape[-1]
@@ -359,7 +375,7 @@ def _between(W, changes, V, f):
     return of_states + (f - 1) * of_inputs, f * of_inputs
 
 
-def _room(d, slope, u):
+def _room(d: np.ndarray, slope: np.ndarray, u: np.ndarray) -> np.ndarray:
     """The least distance of `1 + d + slope t` from the circle, of all real t from -u to u.
 
     The square of the size less 1 is a parabola in t, least at its vertex and largest at an end.
@@ -374,7 +390,7 @@ def _room(d, slope, u):
     return np.abs(square) / (1 + np.sqrt(np.maximum(1 + square, 0.0)))
 
 
-def _halves(pieces):
+def _halves(pieces: np.ndarray) -> np.ndarray:
     """Both halves of each piece."""
     below = pieces.copy()
     above = pieces.copy()

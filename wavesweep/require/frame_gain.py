@@ -44,8 +44,10 @@ in its middle, since it is not singular in between. Where it may be singular, a 
 level, or below a lower one, decides as well.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -78,25 +80,25 @@ class Form(NamedTuple):
     sure = 1e-9  # of its terms, from which on its sign at an angle is known
 
     @property
-    def inputs(self):
+    def inputs(self) -> int:
         """Of the pencil."""
         return self.R.value.shape[-1]
 
-    def pencil(self):
+    def pencil(self) -> tuple[Bounded, Bounded]:
         """N - L, and L."""
         E, G, P, S, R, *_ = self
         one = Bounded.exact(np.eye(E.value.shape[-1]))
         K = Bounded.block([[E, 0, G], [P, E.mT, S], [S.mT, G.mT, R]])
         return K, Bounded.block([[one, 0, 0], [0, -(one + E.mT), 0], [0, -G.mT, R * 0.0]])
 
-    def singular(self, shape):
+    def singular(self, shape: tuple[int, int]) -> np.ndarray:
         """Whether a pole may be 1 in panels, if that matters."""
         if not self.at_rest:
             return np.zeros(shape[0], bool)
         E = self.E.value
         return poles_inside(determinants(E.reshape(*shape, *E.shape[1:]))[..., None])
 
-    def least(self, panels, theta):
+    def least(self, panels: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """The least eigenvalue of the form at angles, of the size of its terms, `(n, angles)`, 0
         where it is not known; panels: which, in whose middles."""
         middles = (matrix[panels * self.points].real for matrix, _ in self[:5])
@@ -132,18 +134,18 @@ class Joined(NamedTuple):
     inputs = 0  # that are left
     sure = SURE_SIGN
 
-    def pencil(self):
+    def pencil(self) -> tuple[Bounded, Bounded]:
         """N - L, and L."""
         one = Bounded.exact(np.eye(self.E.value.shape[-1]))
         K = Bounded.block([[self.E, -self.G], [-self.Q, -self.E.mT]])
         return K, Bounded.block([[one, self.G], [0, one + self.E.mT]])
 
-    def singular(self, shape):
+    def singular(self, shape: tuple[int, int]) -> np.ndarray:
         """Whether something that is eliminated may be singular in panels."""
         eliminated = np.stack(self.pivots, -1).reshape(*shape, -1)
         return ~np.isfinite(self.below) | poles_inside(eliminated)
 
-    def least(self, panels, theta):
+    def least(self, panels: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """What is positive at angles if the form is, as a share of its largest eigenvalue, `(n,
         angles)`.
 
@@ -240,7 +242,7 @@ class BoundedGain(Between):
         """Of the pencil."""
         return 2 * self.kept.size + (0 if self.long else self.read.size)
 
-    def off_at_rest(self, column, p):
+    def off_at_rest(self, column: np.ndarray, p: np.ndarray) -> np.ndarray:
         """By how much what comes of a constant input, and what goes to a constant output, differ
         from the level at rest."""
         E, G, O, T = (matrix for matrix, _ in self.maps(column, p))
@@ -251,7 +253,9 @@ class BoundedGain(Between):
         of_input = np.abs(H.mT @ w - signed).max((-1, -2))
         return np.maximum(of_output, of_input)
 
-    def labelled(self, column, low, high, bounds):
+    def labelled(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> np.ndarray:
         port, shape, judged = self._about(column, low, high, bounds)
         label, singular = self._at_level(1.0, column, port, shape, judged)
         for beside, kept in ((BESIDE_LEVEL, BAD), (1 / BESIDE_LEVEL, GOOD)):
@@ -261,7 +265,14 @@ class BoundedGain(Between):
                 label[again & (found == kept)] = kept
         return label
 
-    def _at_level(self, beside, column, port, shape, judged):
+    def _at_level(
+        self,
+        beside: float,
+        column: np.ndarray,
+        port: Any,
+        shape: tuple[int, int],
+        judged: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The labels of panels that are judged at the level times `beside`, and whether something
         may be singular in them."""
         frame = self._frame(beside, port, shape)
@@ -298,7 +309,7 @@ class BoundedGain(Between):
             label[at[at_one[alone]]] = BAD
         return label, singular
 
-    def worst_at(self, column, p):
+    def worst_at(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The point of the circle, less 1, at which the form is least, and by how much it is
         negative, of its terms."""
         port, _ = self.between(np.full(p.size, np.searchsorted(self.columns, column)), p)
@@ -312,7 +323,7 @@ class BoundedGain(Between):
         lowest = value.argmin(-1)
         return on_circle(theta[loop, lowest]), -value[loop, lowest]
 
-    def _frame(self, beside, port, shape):
+    def _frame(self, beside: float, port: Any, shape: tuple[int, int]) -> Form:
         """Frames at points of panels, at the level times `beside`, without their inputs if they
         are long."""
         if not self.long:
@@ -323,7 +334,7 @@ class BoundedGain(Between):
             eliminated = [of_tick(*each, square, shape[1]) for each in ticks]
             return in_a_row(port.kind.tolist(), eliminated, then)
 
-    def _form(self, port, shape):
+    def _form(self, port: Any, shape: tuple[int, int]) -> Form:
         """The form of all inputs of frames at points of panels."""
         points = shape[1]
         E, G, O, T = self.over_frame(port, np.prod(shape))
@@ -352,7 +363,9 @@ class BoundedGain(Between):
         return Form(E, G, P, S - (w_cA * f).mT, R + late, points, at_rest=True)
 
 
-def _in_even_units(ticks):
+def _in_even_units(
+    ticks: list[tuple[Bounded, Bounded, Bounded, Bounded]],
+) -> list[tuple[Bounded, Bounded, Bounded, Bounded]]:
     """Ticks with states in units, powers of two, in which their entries have similar sizes."""
     n = ticks[0][0][0].shape[-1]
     sizes = np.zeros((1, n + 1, n + 1))
@@ -370,7 +383,7 @@ def _in_even_units(ticks):
     return in_units
 
 
-def _angles(d, arc):
+def _angles(d: np.ndarray, arc: np.ndarray) -> np.ndarray:
     """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of
     eigenvalues d of the pencil next to the arc, and between these."""
     off = off_arc(d, arc)

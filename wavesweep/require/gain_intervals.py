@@ -5,6 +5,7 @@ number of a loop.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def along_gain(
     return attached(found, stable, SHARE_OF_SPAN * domain.width)
 
 
-def _reads(port):
+def _reads(port: Any) -> np.ndarray:
     """Whether the input is read in each tick of a frame."""
     return np.array([any((x != 0).any() for x in port.maps[kind][1::2]) for kind in port.kind])
 
@@ -96,7 +97,7 @@ def begun_at_low_end(gain, span):
     return np.maximum(begun, END_EXACTNESS)
 
 
-def _arc(wanted, ticks, period):
+def _arc(wanted: GainBound, ticks: int, period: np.ndarray) -> np.ndarray:
     """The angles of the ends of the band, `(columns, 2)`; ticks: of a frame; period: of it, s."""
     if wanted.band_hz is None:
         return np.tile([0.0, np.pi], (period.size, 1))

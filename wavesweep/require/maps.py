@@ -8,7 +8,9 @@ from wavesweep.engine.frames import Bounded, in_a_row, sum_rounding
 from wavesweep.engine.response import Port
 
 
-def over_frame(port: Port, kept, batch, read) -> tuple[Bounded, ...]:
+def over_frame(
+    port: Port, kept: np.ndarray, batch: tuple[int, ...], read: np.ndarray
+) -> tuple[Bounded, ...]:
     """E less identity, G, O and T of a frame, of some states, each with a bound on its error; read:
     the ticks whose inputs are looked at.
 
@@ -63,7 +65,9 @@ def over_frame(port: Port, kept, batch, read) -> tuple[Bounded, ...]:
     return tuple(pairs)
 
 
-def at_runs(port: Port, kept, batch, runs) -> tuple[Bounded, ...]:
+def at_runs(
+    port: Port, kept: np.ndarray, batch: tuple[int, ...], runs: np.ndarray
+) -> tuple[Bounded, ...]:
     """The same of the inputs and outputs in the ticks `runs` of a frame alone."""
     kinds = of_ticks(port, kept, batch)
     n = kept.size
@@ -76,7 +80,10 @@ def at_runs(port: Port, kept, batch, runs) -> tuple[Bounded, ...]:
     return in_a_row(order.tolist(), [*silent, *kinds], _joined)
 
 
-def _joined(first, second):
+def _joined(
+    first: tuple[Bounded, Bounded, Bounded, Bounded],
+    second: tuple[Bounded, Bounded, Bounded, Bounded],
+) -> tuple[Bounded, Bounded, Bounded, Bounded]:
     """The maps of some ticks and of those that follow."""
     E_1, G_1, O_1, T_1 = first
     E_2, G_2, O_2, T_2 = second
@@ -86,7 +93,7 @@ def _joined(first, second):
     return E_1.then(E_2), G, O, Bounded.block([[T_1, 0], [O_2 @ G_1, T_2]])
 
 
-def of_ticks(port: Port, kept, batch) -> list[tuple[Bounded, ...]]:
+def of_ticks(port: Port, kept: np.ndarray, batch: tuple[int, ...]) -> list[tuple[Bounded, ...]]:
     """E less identity, B, C and D of each kind of tick, of some states and the first output,
     each with a bound on its error."""
     rows = kept[:, None]

@@ -25,12 +25,12 @@ DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond its own ro
 WIDER_ARC = 1e-12  # rad, by which an arc is taken wider, since its ends are rounded
 
 
-def off_circle(d):
+def off_circle(d: np.ndarray) -> np.ndarray:
     """Distance of 1 + d from the circle."""
     return np.abs(2 * d.real + np.abs(d) ** 2) / (np.abs(1 + d) + 1)
 
 
-def off_arc(d, arc):
+def off_arc(d: np.ndarray, arc: np.ndarray) -> np.ndarray:
     """Distance of 1 + d from what the map makes of an arc; d: `(n, any)`; arc: its ends (rad),
     `(n, 2)`."""
     wider = np.clip(arc + WIDER_ARC * np.array([-1, 1]), 0, np.pi)
@@ -47,19 +47,21 @@ def off_arc(d, arc):
     return distance
 
 
-def _mapped(theta):
+def _mapped(theta: np.ndarray) -> np.ndarray:
     """Where the map takes angles of the circle, over where it takes z = 1."""
     z = np.exp(1j * theta)
     return (z - TURN) / (1 - np.conj(TURN) * z) / ONE
 
 
-def angles_of(d):
+def angles_of(d: np.ndarray) -> np.ndarray:
     """The angles (rad) of z next to which the eigenvalues are."""
     zeta = ONE * (1 + d)
     return np.abs(np.angle((zeta + TURN) / (1 + np.conj(TURN) * zeta)))
 
 
-def clear(K: Bounded, L: Bounded, rims, inputs, arc):
+def clear(
+    K: Bounded, L: Bounded, rims: tuple[np.ndarray, np.ndarray], inputs: int, arc: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Whether no eigenvalue of pencils is on an arc of the circle, for all numbers of discs; the
     eigenvalues in the middle.
 
@@ -76,13 +78,13 @@ def clear(K: Bounded, L: Bounded, rims, inputs, arc):
     dK, dL = (each.with_rounding(2 * N, of_complex=True) for each in (K, L))  # products of three
     K, L = K.value, L.value
 
-    def parts(K, L):
+    def parts(K: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """P and Q of `P - d Q`."""
         back = -np.conj(TURN)
         unit = 1 - np.conj(TURN)
         return np.where(last, K, RATE * K), states * (unit * L + back * K)
 
-    def sizes_of_parts(K, L):
+    def sizes_of_parts(K: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Those of their entries, of K and L with entries of these sizes."""
         back = abs(TURN)
         unit = abs(1 - TURN)
@@ -118,7 +120,7 @@ def clear(K: Bounded, L: Bounded, rims, inputs, arc):
         P_moved = np.concatenate([P_upper, P_lower], 1)
         Q_moved = np.concatenate([Q_upper, Q_lower], 1)
 
-        def bound(moved, off, error):
+        def bound(moved: np.ndarray, off: np.ndarray, error: np.ndarray) -> np.ndarray:
             change = SAFE / 2 * np.abs(_between(W, moved, V, inputs)).max(1)
             return change + np.abs(off) + np.abs(W) @ error @ np.abs(V)
 
@@ -130,7 +132,7 @@ def clear(K: Bounded, L: Bounded, rims, inputs, arc):
     return fine & dominated(H, room), delta
 
 
-def _between(W, parts, V, inputs):
+def _between(W: np.ndarray, parts: np.ndarray, V: np.ndarray, inputs: int) -> np.ndarray:
     """`W part V` of parts `(n, points, r, r)`, of whose three rows of blocks most numbers change
     few rows or columns."""
     N = V.shape[-1]
@@ -150,7 +152,7 @@ def _between(W, parts, V, inputs):
     return total
 
 
-def dominated(F, room) -> np.ndarray:
+def dominated(F: np.ndarray, room: np.ndarray) -> np.ndarray:
     """Whether diagonals of these sizes dominate matrices whose entries are at most F."""
     with np.errstate(all="ignore"):
         H = F / room[:, :, None]
@@ -162,7 +164,7 @@ def dominated(F, room) -> np.ndarray:
         return fine & (H @ weights < weights * (1 - DOMINANT_BY / 2)).all((1, 2))
 
 
-def _vectors(S):
+def _vectors(S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may
     have too few, a Schur basis."""
     from scipy.linalg import schur
@@ -174,7 +176,7 @@ def _vectors(S):
         place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
         near = np.abs(delta - place) <= SMALL_EIGENVALUES
 
-        def is_near(d, place=place):
+        def is_near(d: complex, place: complex = place) -> bool:
             return abs(d - place) <= SMALL_EIGENVALUES
 
         for at in np.flatnonzero(near.sum(-1) > 1):

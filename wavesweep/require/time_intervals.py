@@ -51,7 +51,12 @@ def refuse_long_frame(ticks: int, key: str) -> None:
 
 
 def along_time(
-    loops: Loops, along: str, domain: Domain, route, wanted: TimeBound, stable: Intervals
+    loops: Loops,
+    along: str,
+    domain: Domain,
+    route: tuple[str, str],
+    wanted: TimeBound,
+    stable: Intervals,
 ) -> Intervals:
     """All intervals of a number in which a value of the response is at most its level, within those
     in which the loops may be stable.
@@ -102,7 +107,7 @@ class InTime(Between):
         """Of the matrices of a panel, about."""
         return self.kept.size + self.read.size
 
-    def ends_at_zero(self, column, p) -> bool:
+    def ends_at_zero(self, column: np.ndarray, p: np.ndarray) -> bool:
         """Whether the response to a constant input ends at 0, at all of some values."""
         maps = self.maps(column, p)
         E, G, O, T = (matrix for matrix, _ in maps)
@@ -113,7 +118,9 @@ class InTime(Between):
         total = np.abs((through + shown).mean((-1, -2)))
         return bool((total <= NO_END * size.max((-1, -2))).all())
 
-    def labelled(self, column, low, high, bounds):
+    def labelled(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> np.ndarray:
         port, shape, judged = self._about(column, low, high, bounds)
         maps = by_panel(self.over_frame(port, judged.size * shape[1]), shape)
         for matrix, size in maps:
@@ -138,7 +145,7 @@ class InTime(Between):
             label[at[value.low > self.level]] = BAD
         return label
 
-    def worst_at(self, column, p):
+    def worst_at(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """The point z = 1, less 1, and by how much the value is beyond the level, of it, if that is
         known."""
         maps = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)

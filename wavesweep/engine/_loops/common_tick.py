@@ -38,7 +38,7 @@ def with_common_tick(
     return longer, {**values, **in_longer_ticks(drawing, values, ticks)}
 
 
-def _ticks(drawing, known):
+def _ticks(drawing: Drawing, known: dict[str, float]) -> tuple[int, tuple[str, ...]]:
     """How many ticks of a loop one could be, 0 if any number of them, and its relays; known: its
     numbers by name."""
     ticks = 0

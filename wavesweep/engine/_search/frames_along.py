@@ -132,7 +132,14 @@ class FramesAlong:
             return _frames(self.drift.removed_from(E), facts, p.shape)
         return None
 
-    def turns(self, number, p, delta, radius, margin: float) -> np.ndarray:
+    def turns(
+        self,
+        number: np.ndarray,
+        p: np.ndarray,
+        delta: np.ndarray,
+        radius: np.ndarray,
+        margin: float,
+    ) -> np.ndarray:
         """What modes turn in a frame (rad), `(n, r, 3)`: see `lines_in_discs`.
 
         p: `(n, points)`, in the middle of panels, and on circles about these. delta, radius:

@@ -100,7 +100,13 @@ def lines_of_each(
 
 
 def lines_in_discs(
-    drawing: Drawing, drift: MarginalModes, ticks: Ticks, points: int, delta, radius, margin: float
+    drawing: Drawing,
+    drift: MarginalModes,
+    ticks: Ticks,
+    points: int,
+    delta: np.ndarray,
+    radius: np.ndarray,
+    margin: float,
 ) -> np.ndarray:
     """What modes turn in a frame (rad): by the strongest line in the middle of a panel of a number,
     and by the lowest and the highest one that is it anywhere on the panel, `(n, r, 3)`.
@@ -259,7 +265,13 @@ class _FramesOnPanels(NamedTuple):
 
 
 def _turns_of_meeting(
-    frames: _FramesOnPanels, pairs, rows, delta, away, s, margin
+    frames: _FramesOnPanels,
+    pairs: np.ndarray,
+    rows: np.ndarray,
+    delta: np.ndarray,
+    away: np.ndarray,
+    s: np.ndarray,
+    margin: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of modes that meet their conjugates, panel and mode of those that are told, `(m, 2)`, and what
     they turn, `(m, 3)`, see `_turns_of_pair`.
@@ -295,7 +307,7 @@ def _turns_of_meeting(
     return pairs, turns
 
 
-def _with_lower_half(matrices, n, points):
+def _with_lower_half(matrices: np.ndarray, n: int, points: int) -> np.ndarray:
     """Matrices of n panels: in the middle, on the upper half of a circle about it, and on the
     lower one."""
     order = matrices.shape[-1]
@@ -304,7 +316,14 @@ def _with_lower_half(matrices, n, points):
     return np.concatenate([matrices, matrices[:, 1:].conj()], axis=1)
 
 
-def _turns_of(share, off_by, sure, possible, s, moved):
+def _turns_of(
+    share: np.ndarray,
+    off_by: np.ndarray,
+    sure: np.ndarray,
+    possible: np.ndarray,
+    s: np.ndarray,
+    moved: np.ndarray,
+) -> np.ndarray:
     """What modes turn by their strongest line, and by the lowest and the highest one that may be
     it, `(n, modes, 3)`.
 
@@ -385,7 +404,16 @@ class _Bordered(NamedTuple):
     change: np.ndarray
 
     @classmethod
-    def of(cls, E, dE, w, away, margin, beside, below) -> _Bordered:
+    def of(
+        cls,
+        E: np.ndarray,
+        dE: np.ndarray,
+        w: np.ndarray,
+        away: np.ndarray,
+        margin: float,
+        beside: np.ndarray,
+        below: np.ndarray,
+    ) -> _Bordered:
         """E, dE, w, away: see `_vectors_in_disc`. beside, below: b and c, `(n, k, size - k)` and `(n,
         size - k, k)`."""
         n, points, k, _ = E.shape
@@ -440,7 +468,9 @@ def _plane_in_disc(E, dE, w, away, margin):
     return bordered.inverses[..., :k, k:].swapaxes(2, 3), off[:, :k]
 
 
-def _vectors_in_disc(E, dE, w, away, margin):
+def _vectors_in_disc(
+    E: np.ndarray, dE: np.ndarray, w: np.ndarray, away: np.ndarray, margin: float
+) -> tuple[np.ndarray, ...]:
     """Of modes on panels, `(n, ...)`: right eigenvectors next to w + away for each frame less
     identity, `(n, points, k, circle)`, of product 1 with that of w in the middle; by how much
     rounding moves that one, `(n, k)`; how much states take part in the middle, and how much that
@@ -478,14 +508,14 @@ def _vectors_in_disc(E, dE, w, away, margin):
     return x, off_x[:, :k], takes, differs + of_x + of_y, in_disc
 
 
-def _residual(B, x, row, rounding):
+def _residual(B: np.ndarray, x: np.ndarray, row: int, rounding: np.ndarray) -> np.ndarray:
     """What is left of `B x = e`, e the unit vector of a row, at most."""
     right_side = np.eye(B.shape[-1])[row]
     left = np.abs(right_side - (B @ x[..., None])[..., 0])
     return (left + (rounding @ np.abs(x)[..., None])[..., 0])[..., None]
 
 
-def _enclosed(M, residual):
+def _enclosed(M: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """v with `residual + M v < v`, `(n, k)`; NaN where there is none.
 
     So a matrix with an approximate inverse C has one, if M bounds 1 less their product, and v how
@@ -499,7 +529,14 @@ def _enclosed(M, residual):
     return np.where(proved.all(1, keepdims=True), v, np.nan)[..., 0]
 
 
-def _shown_on_panels(frames: _FramesOnPanels, rows, vectors, s, in_disc, margin):
+def _shown_on_panels(
+    frames: _FramesOnPanels,
+    rows: np.ndarray,
+    vectors: tuple[np.ndarray, np.ndarray],
+    s: np.ndarray,
+    in_disc: np.ndarray,
+    margin: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """What states show in each tick in the middle of panels, `(n, modes, states, ticks)`, without
     the growth of the mode, and how far that may be off on the panels, as lengths of vectors over
     the ticks, `(n, modes, states)`.

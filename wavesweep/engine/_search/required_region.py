@@ -46,7 +46,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     return inside
 
 
-def _in_region(question, slices):
+def _in_region(question: Question, slices: Slices) -> Intervals:
     """The intervals in which every eigenvalue is in the region, by its own search."""
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
 

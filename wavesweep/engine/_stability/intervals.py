@@ -1,9 +1,11 @@
 """Stable intervals of columns and the places where nothing is known: from regions, joined, and
 as rows of a table."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +47,7 @@ class Intervals(Rows):
         return self.doubt == Doubt.NONE
 
 
-def intervals_of(r: Regions, doubt, period) -> Intervals:
+def intervals_of(r: Regions, doubt: np.ndarray, period: np.ndarray) -> Intervals:
     """Return runs of regions with no unstable eigenvalue, those that are not known, and an empty
     row for columns without any.
 
@@ -81,7 +83,9 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
     return _numbered(located.take(np.argsort(located.column, kind="stable")))
 
 
-def _empty(column, doubt, span=(np.nan, np.nan)) -> Intervals:
+def _empty(
+    column: np.ndarray, doubt: np.ndarray, span: tuple[float, float] = (np.nan, np.nan)
+) -> Intervals:
     """Rows of columns that have no stable interval; span: of which nothing is known."""
     size = column.size
     nothing = np.full(size, np.nan)
@@ -111,7 +115,7 @@ def _numbered(rows: Intervals) -> Intervals:
     return replace(rows, index=index, count=count[column])
 
 
-def doubts_of(regions: Regions, doubt) -> np.ndarray:
+def doubts_of(regions: Regions, doubt: np.ndarray) -> np.ndarray:
     """Return the gravest doubt of each column, of the given one and those of its regions.
 
     A region without a label leaves at least COUNTS.
@@ -283,7 +287,7 @@ class _Piece(NamedTuple):
     stable: bool
 
 
-def _by_column(intervals):
+def _by_column(intervals: Intervals) -> dict[int, tuple[list[Any], int]]:
     """Column -> its pieces, and its doubt."""
     columns = {}
     for place in range(intervals.column.size):
@@ -296,7 +300,7 @@ def _by_column(intervals):
     return dict(sorted(columns.items()))
 
 
-def _common_in_column(loops):
+def _common_in_column(loops: list[tuple[list[Any], int]]) -> tuple[list[_Piece], int]:
     """What the loops of a column have in common, and the doubt of that; loops: pieces and doubt
     of each."""
     certain = [pieces for pieces, doubt in loops if doubt == Doubt.NONE]
@@ -306,7 +310,7 @@ def _common_in_column(loops):
     return _of_all([pieces for pieces, _ in loops]), max(doubt for _, doubt in loops)
 
 
-def _of_all(loops):
+def _of_all(loops: list[list[_Piece]]) -> list[_Piece]:
     """What several lists of pieces have in common, in order."""
     shared = loops[0] if loops else []
     for pieces in loops[1:]:
@@ -315,7 +319,7 @@ def _of_all(loops):
     return shared
 
 
-def _overlap(first, second):
+def _overlap(first: _Piece, second: _Piece) -> _Piece | None:
     """The values that two pieces have in common, each end with its frequency, open if one is;
     None if there are none."""
     begins = max(first, second, key=lambda piece: piece.low)
