@@ -191,6 +191,7 @@ def test_what_messages_refute_does_not_depend_on_how_far_a_range_goes():
     assert np.isnan(nearest_pattern(found, 4.5, 5.0)[0])
 
 
+@pytest.mark.slow
 def test_a_channel_is_refuted_no_later_than_by_messages_that_are_all_late():
     """A message each 7 ticks that is 37 late is a dead time of 37 ticks and a hold of 7."""
     tables = two_ways(20)
@@ -229,6 +230,7 @@ def test_a_pattern_that_grows_between_numbers_at_which_it_decays_is_found():
     assert patterns.growth(found.at(8000.0), word) < 1
 
 
+@pytest.mark.slow
 def test_a_channel_that_sends_in_every_tick_is_proved_beside_a_range():
     """The register of its oldest message acts on nothing, in an enclosure too."""
     tables = {
