@@ -10,6 +10,7 @@ from copy import deepcopy
 import numpy as np
 from meaning.judge import compiled
 from meaning.required import Found
+from meaning.sets_rewritten import holds_as_channels, mass_as_inertia, ratio_as_rate, steps_as_seconds
 from meaning.specs import Draw, controller, drawing, toml
 
 from wavesweep.checker.reader.classes import written_out
@@ -167,9 +168,9 @@ def delays_as_dead_times(tables: dict, draw: Draw) -> dict:
 
 OF_DRAWINGS: tuple[Callable[[dict, Draw], dict], ...] = (
     names_inlined, classes_as_copies, names_given, minus_through_a_block, numbers_as_expressions, blocks_as_classes,
-    outputs_seen, order_shuffled, one_value_listed,
+    outputs_seen, order_shuffled, one_value_listed, steps_as_seconds, mass_as_inertia, holds_as_channels,
 )  # fmt: skip
-OF_CONTROLLERS = (one_value_listed, defaults_written, delays_as_dead_times)
+OF_CONTROLLERS = (one_value_listed, defaults_written, delays_as_dead_times, ratio_as_rate)
 
 
 def _whole(name: str) -> str:
