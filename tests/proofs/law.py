@@ -44,7 +44,7 @@ def fate(text: str, folder: Path) -> str:
         return f"not read: {error}"
     except Refused as error:
         return f"no form: {str(error)[:12]}"
-    if end := end_without_proof(rows, [stretch for stretch, _ in found]):
+    if end := end_without_proof(rows, [stretch for stretch, _ in found], span):
         return f"ANOTHER END {end}"
     place = folder / "law.proof"
     write(place, source, [lines for _, lines in found])

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
 OWN = ("", "spec", "operator")  # rows of the spec's own loop
-SAME_END = 4 * WINDOW  # relative: of a row and its proof
+SAME_END = 4 * WINDOW  # of an end or of the range: how far a row and its proof may differ
 
 
 def text_of(source: str) -> bytes:
@@ -82,7 +82,7 @@ def with_proof(
                 unproved[str(error)] += 1
                 continue
             claims += [lines for _, lines in found]
-            missing = end_without_proof(rows, [stretch for stretch, _ in found])
+            missing = end_without_proof(rows, [stretch for stretch, _ in found], span)
             proved += not missing
             unproved[f"other ends than {along.name} = {missing:.10g}"] += bool(missing)
         write(folder / f"{table.kind}.proof", text, claims)
@@ -127,12 +127,14 @@ def ends_of(rows: Columns, span: tuple[float, float]) -> list[float]:
     return np.unique(ends[(ends > span[0] + away) & (ends < span[1] - away)]).tolist()
 
 
-def end_without_proof(rows: Columns, stretches: Sequence[Found]) -> float:
+def end_without_proof(
+    rows: Columns, stretches: Sequence[Found], span: tuple[float, float]
+) -> float:
     """Return an end of an interval that no stable stretch has; 0 if all have one."""
     for low, high in zip(rows["low"], rows["high"], strict=True):
         if np.isnan(low):
             continue
-        near = SAME_END * max(abs(low), abs(high))
+        near = SAME_END * max(abs(low), abs(high), span[1] - span[0])
         if not any(
             outside == 0 and abs(start - low) <= near and abs(stop - high) <= near
             for start, stop, outside in stretches
