@@ -73,7 +73,6 @@ QUESTIONS: tuple[tuple[str, str, Callable], ...] = (
     ("For ranges of mass and damping between them", HAPTIC, pmw(wavesweep.zwidth, EVEN, ONE_WALL, {"for_all": RANGES})),
     ("For frames of 17 and 34 ticks in any order, one slice", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING)),
     ("The same and two masses and dampings", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING, {"for_all": FRAMES | LISTS})),
-    ("The same and the ranges", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING, {"for_all": FRAMES | RANGES})),
     ("80 generations of 96 designs: `design`", HAPTIC, pmw(wavesweep.design, EVEN, ONE_WALL, {"design": WISHED}, jobs=1)),
 )
 

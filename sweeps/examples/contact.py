@@ -74,15 +74,17 @@ def main(folder):
     walls, runs = figure.subplots(1, 2, width_ratios=[1, 2])
     reach = 1.15 * readings.max()
     walls.plot([-1, 0, reach], [0, 0, reach], label="max(0, y)", color="C0")
-    walls.plot([-1, *bouncing[0], reach], [0, *bouncing[1], bouncing[1][-1]], label="the one of the table", color="C1")
+    walls.plot(
+        [-1, *bouncing[0], reach], [0, *bouncing[1], bouncing[1][-1]], label="the one of the table", color="C1", linestyle="--"
+    )
     walls.set(xlabel="y = K x + B v (N)", ylabel="force (N)", ylim=(-0.1, 1.3 * forces.max()))
     time = np.arange(FRAMES) * PERIOD
-    for stiffness, wall, colour, name in (
-        (beyond, bouncing, "C1", f"{beyond:.0f} N/m, the one of the table"),
-        (inside, bouncing, "C2", f"{inside:.0f} N/m, the one of the table"),
-        (inside, clip, "C0", f"{inside:.0f} N/m, max(0, y)"),
+    for stiffness, wall, look, name in (
+        (beyond, bouncing, "C1--", f"{beyond:.0f} N/m, the one of the table"),
+        (inside, bouncing, "C2:", f"{inside:.0f} N/m, the one of the table"),
+        (inside, clip, "C0-", f"{inside:.0f} N/m, max(0, y)"),
     ):
-        runs.step(time, march(stiffness, wall, push, *start), colour, where="post", label=name, linewidth=0.9)
+        runs.step(time, march(stiffness, wall, push, *start), look, where="post", label=name, linewidth=1.1)
     runs.set(
         xlabel="time (s)", ylabel="force (N)", title=f"proved to {contact.high:.0f} N/m; linear limit {linear.high:.0f} N/m"
     )
