@@ -76,6 +76,7 @@ CHANGED = {  # specs of which the same forms prove nothing
     "results that are lost": SPEC.replace("[for_all]", "[for_all]\nlost = 1"),
     "other delays": SPEC.replace("[for_all]", '[for_all]\n"environment.delay" = { values = [1, 4], varying = true }'),
     "a range of masses": SPEC.replace("[for_all]", '[for_all]\n"device.mass" = { start = 0.05, stop = 0.2 }'),
+    "two masses in a list": SPEC.replace("[for_all]", '[for_all]\n"device.mass" = [0.05, 0.2]'),
     "two masses": SPEC.replace("[for_all]", '[for_all]\n"device.mass" = { values = [0.05, 0.2] }'),
 }
 

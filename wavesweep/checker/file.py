@@ -142,6 +142,8 @@ def _schedules(tables: dict, claim: Claim, member: dict):
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker")
+    if claim.claim == "modes":
+        return own, {None: {"": ("", None, None)}}, None
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
     messages = for_all.has_messages(loop)
@@ -150,9 +152,9 @@ def _schedules(tables: dict, claim: Claim, member: dict):
             "frames that vary beside messages that are late or lost have no proof here"
         )
     random = claim.claim == "mean square"
-    if claim.claim != "modes" and messages:
+    if messages:
         return for_all.messages_at_random(loop) if random else for_all.messages_of(loop)
-    if claim.claim != "modes" and vary:
+    if vary:
         return for_all.frames_of(allowed, loop_with, random)
     if random:
         raise Unreadable("the spec has no chances")
@@ -328,7 +330,7 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         raise Refused("no mode is said to be outside, so nothing is refuted")
     members: list[dict] = [{}]
     try:
-        allowed = for_all.read(tables, balls.exact)
+        allowed = for_all.read({} if claim.claim == "modes" else tables, balls.exact)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise Unreadable(f"[for_all] cannot be read: {error!r}") from None
     claim.in_touch = bool(tables.get("for_all", {}).get("contact"))

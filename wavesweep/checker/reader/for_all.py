@@ -59,6 +59,8 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
             found.lost = _whole(exact(given))
         elif name == "loss":
             found.loss = given
+        elif isinstance(given, list):
+            _of_number(found, path, {"values": given}, exact)
         elif not isinstance(given, dict) or name == "tick":
             raise Unreadable(f"for_all.{name} has no proof here")
         elif given.get("varying") and path not in (RATIO, DELAY) and "controller" in tables:
