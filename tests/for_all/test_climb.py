@@ -130,7 +130,9 @@ def test_the_nearest_value_that_fails_is_found_where_numbers_matter_only_togethe
     assert np.abs(found.point) == pytest.approx(0.3603, abs=0.02)
 
 
-@pytest.mark.parametrize("keys", [LOST, AT_CHANCE, EVERY_N], ids=["lost", "at random", "frames"])
+@pytest.mark.parametrize(
+    "keys", [LOST, LOST | {"every": 3}, AT_CHANCE, EVERY_N], ids=["lost", "lost of three ticks", "at random", "frames"]
+)
 def test_members_in_a_batch_have_the_frames_of_each_alone(keys):
     spec = load(delay(LARGE, keys, **({"n": FRAMES} if keys is EVERY_N else {})))
     rules = Rules.of(spec)
