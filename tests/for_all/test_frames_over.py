@@ -1,8 +1,11 @@
 """Frames over cells of numbers: which side a cell is divided along."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from wavesweep.engine._sets.taylor_models import monomials
 from wavesweep.engine.sets import Side, UnresolvedError
 from wavesweep.engine.switched import FramesOver, constant_frames
 from wavesweep.for_all import ranges
@@ -54,6 +57,22 @@ def test_cells_that_are_enclosed_together_are_what_each_of_them_is_alone():
         assert found.matrices.terms == pytest.approx(alone.matrices.terms, rel=1e-13, abs=1e-16)
         assert found.matrices.rest == pytest.approx(alone.matrices.rest, rel=1e-6)
         assert found.due == pytest.approx(alone.due, rel=1e-6)
+
+
+def test_frames_in_units_that_turn_with_numbers_are_those_of_members_in_these_units():
+    frames = frames_of_spring()
+    cell = np.array([[0.14, 55.0], [0.2, 90.0]])
+    units, about = np.array([[0.0, 9.0, -4.0], [0.01, 0.0, 0.02]]), np.array([0.2, 60.0])
+    (found,) = replace(frames, units=units, about=about).over(cell[None])
+    exponents = monomials(2, found.matrices.order)[0]
+    for share in ([0.0, 0.0], [-1.0, 1.0], [1.0, 1.0], [0.4, -0.7]):
+        member = cell.mean(0) + np.array(share) * np.ptp(cell, axis=0) / 2
+        (alone,) = frames.over(np.array([[member, member]]))
+        sizes = np.exp((member - about) @ units)
+        exact = sizes[:, None] * alone.matrices.terms[0, 0] / sizes
+        value = np.tensordot(np.prod(np.array(share) ** exponents, axis=1), found.matrices.terms[:, 0], 1)
+        assert (np.abs(value - exact) <= found.matrices.rest[0] + 1e-11).all()
+    assert found.matrices.rest.max() < 1e-4
 
 
 def test_what_is_proved_and_what_is_open_is_the_whole_box():
