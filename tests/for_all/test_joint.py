@@ -104,6 +104,11 @@ def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_
         assert all(shrink(norms, *family.enclosed(x), family.follows) for norms, x in ends)
 
 
+def test_a_proof_and_a_refutation_that_are_cheap_to_bring_together_are_nearer_than_was_asked():
+    found = bracket(scaled(PAIR), 0.5, (0.5, 0.65), 0.01)
+    assert found.refuted_above * (1 - 3e-4) < found.high < 1 / GOLDEN < found.refuted_above
+
+
 def test_a_slow_oscillation_is_pumped_by_a_pattern_of_many_matrices():
     """A turn by 1/29.43, and one that decays and is wider by m along one axis: this one comes at the phases at which it grows.
 
