@@ -49,7 +49,7 @@ def covered(
     and the last forms.
 
     centre: forms at the start. least: the shortest stretch, relative to the number or to the rest of
-    the way. work: operations after which this ends; most: stretches. report: is called with each
+    the way. work: operations of what leads on, after which this ends; most: stretches. report: is called with each
     number that is reached, and the percentage of the way.
     """
     stretches: list[ProvedStretch] = []
@@ -62,10 +62,9 @@ def covered(
         target = goal
         ahead = centre
         norms = None
-        while not norms and ahead.work < work:
+        while not norms:
             try:
-                begun = replace(centre, work=ahead.work)
-                ahead, x = advanced(begun, search.at, end, target)
+                ahead, x = advanced(centre, search.at, end, target)
                 ahead = ahead.rounded()
             except np.linalg.LinAlgError:  # singular to rounding
                 break
