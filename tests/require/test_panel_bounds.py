@@ -14,7 +14,7 @@ from wavesweep.require.bound import Bound
 from wavesweep.require.by_discs import _LoopsInDiscs
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.discs import Spiral
-from wavesweep.require.enclosed import mean_square
+from wavesweep.require.enclosed import _SlowMode, _with_slow_mode, mean_square
 from wavesweep.require.frame_gain import _exceeds
 from wavesweep.require.gain_bound import GainBound
 
@@ -149,3 +149,28 @@ def test_a_mean_square_is_enclosed_whatever_entries_are_within_their_errors():
         value = sum(((output @ each) ** 2).sum() for each in powers) + (T**2).sum()
         assert found.low[0] <= value <= found.high[0]
     assert found.high[0] < 1.1 * value
+
+
+def test_outputs_beside_a_slow_mode_are_off_by_no_more_than_is_said():
+    """A mode of 1 - 1e-4 and a turn by 0.9, of members whose entries are off by all that they may be, frame by frame."""
+    r = np.random.default_rng(6)
+    units = np.eye(3) + 0.2 * r.normal(size=(3, 3))
+    turn = 0.9 * np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
+    A = units @ np.block([[np.eye(1) * (1 - 1e-4), np.zeros((1, 2))], [np.zeros((2, 1)), turn]]) @ np.linalg.inv(units)
+    O, start = r.normal(size=(1, 3)), r.normal(size=(3, 1))
+    points = np.ones((1, 1 + HALF_RIM.size, 1, 1))
+    there, mode = _SlowMode.of(points * (A - np.eye(3)))
+    assert there.tolist() == [0]
+    shown = []
+    seen = SimpleNamespace(look=lambda outputs: shown.append(outputs[0, 0, 0, 0].real), value=lambda rest: rest)
+    for of_A, of_O, of_start in ((1e-9, 0.0, 0.0), (0.0, 1e-9, 0.0), (0.0, 0.0, 1e-9)):
+        shown.clear()
+        pairs = (A - np.eye(3), of_A), (O, of_O), (start, of_start)
+        rest = _with_slow_mode(*(Bounded(points * each, points * size * np.abs(each)) for each, size in pairs), seen, mode)
+        most = 0.0
+        for _ in range(40):
+            E, row, state = (each * (1 + size * r.choice([-1.0, 1.0], each.shape)) for each, size in pairs)
+            for output in shown:
+                most = max(most, abs((row @ state).item() - output))
+                state = state + E @ state
+        assert 1e-11 < most <= rest.off_so_far[0, 0]
