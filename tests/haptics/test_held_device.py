@@ -1,0 +1,29 @@
+"""Which mass of a drawing is the device that a hand holds."""
+
+import pytest
+
+from wavesweep.haptics.held_loop import device_of
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
+
+
+@pytest.mark.parametrize(
+    ("force", "displacement", "held"),
+    [
+        ("hand - h.y", "tool.x", "tool"),
+        ("0.5*hand - h.y", "tool.x", None),
+        ("hand - h.y", "2*tool.x", None),
+    ],
+    ids=["a mass", "half the force", "twice the position"],
+)
+def test_a_device_is_a_mass_with_all_of_the_force_and_the_position_itself(force, displacement, held):
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "block": {
+            "tool": {"type": "mass", "mass": 0.1, "damping": 1.0},
+            "h": {"type": "hold", "every": 2},
+        },
+        "wire": {"h.u": "100*tool.x", "tool.f": force},
+        "ports": {"hand": {"force": "hand", "displacement": displacement, "reaction": "h.y"}},
+    }
+    assert device_of(own_loop(load(tables)).drawing) == held
