@@ -151,8 +151,8 @@ def bracket_over(
     """
     first = loops.sides[0]
     above = _worst(loops, start, limits[1])
-    reached = above.x if above.word else limits[1]
-    limits = max(limits[0], first.zero + FROM_ZERO * (reached - first.zero)), limits[1]
+    of_span = limits
+    limits = _from_zero(of_span, above, first.zero)
     below = Refuted()
     if (loops.growth.of(np.insert(loops.starts, 0, limits[0], axis=1)) >= 1).any():
         below = _worst(loops, start, limits[0])
@@ -190,6 +190,7 @@ def bracket_over(
             break
         above = _met(loops, found, start, above)
         rounds = rounds - 1
+    limits = _from_zero(of_span, above, first.zero)  # of what the proof has met on its way up
     lowest = max(limits[0], first.zero + begins * (high - first.zero))
     goal = max(lowest, _goal(below, limits[0], start))
     if start < high and goal < start:
@@ -201,6 +202,12 @@ def bracket_over(
     if high == low:
         return WorstBracket(np.nan, np.nan, below, above, open_)
     return WorstBracket(low, high, below, above, open_)
+
+
+def _from_zero(limits, above, zero):
+    """The limits without the least part of what is refuted, for a number that begins at 0."""
+    reached = above.x if above.word else limits[1]
+    return max(limits[0], zero + FROM_ZERO * (reached - zero)), limits[1]
 
 
 def _stretches(layer):
