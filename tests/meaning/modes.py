@@ -93,7 +93,7 @@ def _needs_a_ratio(z, decay, unit, period, wanted) -> bool | None:
 
 def _strongest_line(machine, z, vector) -> float | None:
     """rad/s of the line with most of the energy in the states of plants, in mean of their shares; None if two are as strong."""
-    moving = [machine.memory[name] for name in machine.schedule.motion]
+    moving = [machine.memory[name] for name in machine.schedule.motion.writes]
     seen = []
     state = vector.astype(complex)
     for kind, number, flow in machine.steps():

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -211,7 +212,8 @@ wish = { z_width = { at_least = 0.3 }, felt = { at_least = 300 } }
     units = {field["name"]: field.get("unit") for field in package["resources"][0]["schema"]["fields"]}
     assert (units["high"], units["felt_high"]) == ("N/mm", "N/m")
     _, out, err = wavesweep("why", "mine.toml", "--no-plot")
-    assert f"felt there: {1e3 * end:.6g} N/m" in out + err
+    felt = float(re.findall(r"felt there: ([\d.]+) N/m", out + err)[-1])
+    assert felt <= 1e3 * end < felt + 1e-3  # rounded into what is stable
     _, out, err = wavesweep("design", "mine.toml", "--no-plot")
     assert f"z_width {math.floor(1e5 * end) / 1e5:g} N/mm, felt {math.floor(1e5 * end) / 1e2:g} N/m" in out + err
 

@@ -39,7 +39,7 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     if apart:
         yield 1, f"[for_all] leaves the spec's own {' and '.join(apart)} out"
     if damping := found.get("every_hand"):
-        refuted = found["for_all"]["verdict"] == "refuted"
+        refuted = found.get("for_all", {}).get("verdict") == "refuted"
         if not refuted or damping.get("doubt") == "contradiction":
             yield 1.5, _every_hand(spec, damping)
         elif damping["needed"] is not None:  # nobody at the device is a passive hand as well

@@ -244,7 +244,7 @@ def walls_of(spec: Spec) -> MeasuredWalls | None:
 
 def _turns(spec: Spec) -> bool:
     """Whether the hand of a spec turns."""
-    return bool(spec.drawing and spec.drawing.hand and spec.drawing.hand.turns)
+    return bool(spec.drawing and spec.drawing.turns)
 
 
 def response_of(spec: Spec) -> FrequencyResponse | None:

@@ -14,12 +14,19 @@ def radius_without_wall(spec: Spec) -> float | None:
     """The spectral radius per frame of the spec's loop with its wall's numbers 0, if it is unstable
     then; None if it is not, or not known to be, or has no wall."""
     from wavesweep.engine.errors import IllPosedLoopError
+    from wavesweep.engine.poles import radius_of
     from wavesweep.program.sweep.grid import own_loop
 
     if not spec.wall:
         return None
+    loop = own_loop(spec).changed(dict.fromkeys(spec.wall, 0.0))
     try:
-        radius = float(own_loop(spec).changed(dict.fromkeys(spec.wall, 0.0)).radii()[0])
+        rough = radius_of(*loop.frames_with_reliability(loop.drift()))
+        if not (
+            rough > 1 + ROUNDED
+        ).all():  # also with drifts from frame to frame, which take longer to find
+            return None
+        radius = float(loop.radii()[0])
     except IllPosedLoopError:
         return None
     return radius if 1 + ROUNDED < radius < float("inf") else None
