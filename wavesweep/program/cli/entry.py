@@ -282,6 +282,8 @@ def _exit_code(error: BaseException, as_json: bool) -> int:
     if isinstance(error, click.ClickException):
         if isinstance(error, click.NoSuchOption) and error.option_name in MOVED:
             error = click.UsageError(f"{error.option_name} {MOVED[error.option_name]}", error.ctx)
+        elif isinstance(error, click.NoSuchOption) and error.option_name == "--proof" and error.ctx:
+            error = click.UsageError(_no_proof_file(error.ctx), error.ctx)
         error.message = printable(error.message)  # type: ignore[misc] # click shows it
         code, line = error.exit_code, error.format_message()
         with suppress(OSError):
@@ -293,6 +295,16 @@ def _exit_code(error: BaseException, as_json: bool) -> int:
         with suppress(OSError):
             show_json({"error": line.removeprefix("Error: "), "exit_code": code})
     return code
+
+
+def _no_proof_file(context: click.Context) -> str:
+    """What is said of --proof beside a command that writes no proof file."""
+    writing = [
+        name
+        for name in COMMANDS
+        if any("--proof" in option.opts for option in command_of(name).params)
+    ]
+    return f"--proof: no proof file for {context.info_name}; those that write one are {', '.join(writing)}"
 
 
 def _line(error: BaseException) -> tuple[int, str]:
