@@ -218,18 +218,37 @@ def test_a_cluster_is_lost_when_it_has_been_without_workers_for_long_and_never_w
 
 
 def test_threads_that_start_workers_leave_the_streams_and_the_environment_as_they_were():
-    """Each start lends stdout, stderr and a variable of the whole process to what it starts."""
-    before = os.fstat(1).st_ino, os.fstat(2).st_ino, os.environ.get("PYTHONSAFEPATH")
+    """Other threads print meanwhile; variables of the whole process are lent to what is started."""
+
+    def streams():
+        return os.fstat(1).st_ino, os.fstat(2).st_ino
+
+    before = streams(), dict(os.environ)
 
     def start():
         for _ in range(20):
             with started_here():
                 time.sleep(1e-4)
+                assert streams() == before[0]
 
     with ThreadPoolExecutor(4) as pool:
         for done in [pool.submit(start) for _ in range(4)]:
             done.result()
-    assert (os.fstat(1).st_ino, os.fstat(2).st_ino, os.environ.get("PYTHONSAFEPATH")) == before
+    assert (streams(), dict(os.environ)) == before
+
+
+@pytest.mark.slow
+def test_workers_write_nothing_also_when_their_program_is_killed():
+    program = (
+        "import os, signal\n"
+        "from wavesweep.program.sweep.pools import in_parallel\n"
+        "for _ in in_parallel(2, [(os.system, 'echo from a worker; echo so >&2')] * 4):\n"
+        "    pass\n"
+        "print('killed', flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("killed\n", "")
 
 
 def test_a_folder_without_room_is_named(monkeypatch, tmp_path):

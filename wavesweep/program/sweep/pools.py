@@ -5,7 +5,6 @@ import atexit
 import os
 import shutil
 import signal
-import sys
 import tempfile
 import threading
 import time
@@ -30,9 +29,10 @@ from wavesweep.program.platform_compat import (
     why_no_processes,
 )
 
-# no module of the current folder, which Python would otherwise prefer to the standard library
-SAFE_PATH = "PYTHONSAFEPATH"
-_STARTING = threading.Lock()  # one start at a time: it lends what the whole process has
+# Of the environment of a start. Python would otherwise prefer modules of the current folder to the
+# standard library.
+LENT = {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "ignore"}
+_STARTING = threading.Lock()  # one start at a time: the environment is that of the whole process
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
 
@@ -94,9 +94,14 @@ def settle_in(parent: int, folder: Path) -> None:
     """Make this process a worker of the process `parent`: signals and warnings are left to it, and
     both end together, with the folder of what was not taken.
 
-    Memory that is freed is kept. The watch begins before the first task: if the parent was killed
+    Memory that is freed is kept. Stdout and stderr are the null device: a program that reads from
+    the parent waits for no worker. The watch begins before the first task: if the parent was killed
     while this process was starting, a pool's worker would wait for minutes for its next task.
     """
+    null = os.open(os.devnull, os.O_WRONLY)
+    for number in (1, 2):
+        os.dup2(null, number)
+    os.close(null)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
     keep_memory()
@@ -163,29 +168,18 @@ def started_here() -> Iterator[None]:
     nothing of the current folder.
 
     A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write
-    a traceback. A signal that arrives meanwhile is delivered afterwards. Stdout and stderr of these
-    processes are the null device: a program that reads from this process waits for no other, and no
-    worker complains if this process is killed.
+    a traceback. A signal that arrives meanwhile is delivered afterwards. Joblib's tracker of
+    semaphores warns of nothing if this process is killed.
     """
     with _STARTING:
-        before, waiting = os.environ.get(SAFE_PATH), block(STOPPING) if MASKS else ()
-        null, saved = (
-            os.open(os.devnull, os.O_WRONLY),
-            {number: os.dup(number) for number in (1, 2)},
-        )
+        before = {name: os.environ.get(name) for name in LENT}
+        waiting = block(STOPPING) if MASKS else ()
         try:
-            os.environ[SAFE_PATH] = "1"
-            for stream in filter(None, (sys.stdout, sys.stderr)):
-                stream.flush()
-            for number in saved:
-                os.dup2(null, number)
+            os.environ.update(LENT)
             yield
         finally:
-            for number, copy in saved.items():
-                os.dup2(copy, number)
-                os.close(copy)
-            os.close(null)
-            os.environ.pop(SAFE_PATH)
-            os.environ.update({SAFE_PATH: before} if before is not None else {})
+            for name, value in before.items():
+                os.environ.pop(name)
+                os.environ.update({name: value} if value is not None else {})
             if MASKS:
                 block_only(waiting)
