@@ -22,7 +22,7 @@ from wavesweep.engine._monodromy.cut import LinearFractional
 from wavesweep.engine.rows import distinct_rows, selected
 from wavesweep.haptics.controller_page import keys_of_page, wall_cut
 from wavesweep.program.spec import sweep_axes
-from wavesweep.program.sweep.grid import groups, make_grid
+from wavesweep.program.sweep.grid import make_grid
 
 COLUMNS = (25, 50, 100, 200)
 FILE = Path(__file__).with_name("references.json")
@@ -121,13 +121,14 @@ def bundles(spec: Spec) -> tuple[Bundle, ...]:
     Columns that differ in the damping of the wall alone have one loop.
     """
     axis, others = sweep_axes(spec, "K_VE")
-    grid = make_grid(spec, others, axis.path)
-    changes = grid.loop_values(np.arange(grid.loops))
+    grid = make_grid(spec, others, axis.path, rates=False)
+    loops = range(grid.loops)
+    changes = grid.loop_values(loops)
     B = np.broadcast_to(changes.get("environment.B_VE", spec.values["environment.B_VE"]), grid.loops)
     column = np.empty(grid.loops, int)
     column[grid.slice_of(np.arange(grid.size))] = np.arange(grid.size)
     found = []
-    for members, values in groups(spec, changes, grid.loops):
+    for members, values in grid.groups(loops):
         others = {path: v for path, v in values.items() if np.ndim(v) and path != "environment.B_VE"}
         first, owner = distinct_rows(others, members.size)
         cut = wall_cut(selected(values, first)).as_batch(first.size)

@@ -355,7 +355,6 @@ def job_of(spec: Spec) -> Job:
         DESIGNS,
         grid,
         chunks,
-        {},
         record_of(wanted.wishes),
         {"records": "designs", "stop": stop},
         study,

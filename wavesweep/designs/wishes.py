@@ -151,7 +151,7 @@ def _where_solvable(
 
 def _batches(spec, points: Points, most: int = POINTS_AT_ONCE):
     """Yield the indices of at most `most` points of one structure at a time, and their loops."""
-    for members, loops in drawn_groups(spec, points.changes, points.size, {}):
+    for members, loops in drawn_groups(spec, points.changes, points.size):
         for start in range(0, members.size, most):
             batch = slice(start, start + most)
             yield members[batch], loops.some(batch)

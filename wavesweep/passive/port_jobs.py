@@ -15,13 +15,12 @@ from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import (
     Grid,
-    drawn_groups,
     loops_of,
     make_grid,
     own_loop,
     refuse_rows,
 )
-from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
+from wavesweep.program.sweep.job import Chunks, Job, JobKind
 from wavesweep.program.sweep.running import Run, gather, stretches
 
 # the keys that the channel depends on; all others are outside its ports
@@ -45,15 +44,14 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
 
     The different channels of the grid have no rows of their own.
     """
-    grid = make_grid(spec, axes, apart=False)
+    grid = make_grid(spec, axes, apart=False, rates=False)
     refuse_rows("passivity", grid.size)
-    resolved = resolve_all(grid)
+    grid.resolve_all()
     pair = spec.drawing and spec.drawing.environment
     port = Job(
         PORTS,
         grid,
         Chunks(grid.loops, 1, 32, 1),  # loops in a chunk: up to a second or two
-        resolved,
         PAIR if pair else PORT,
         {"records": "ports"},
     )
@@ -62,7 +60,7 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     names = {axis.path: axis.name for axis in grid.loop_axes}
     # Combinations of the values that decide how a loop is built, whose frames are seen before the
     # work.
-    for key, values in islice(resolved.items(), 200):
+    for key, values in islice(grid.resolved.items(), 200):
         loops = loops_of(spec, values)
         ticks = loops.drawn().ticks
         if ticks > LONGEST_MAP:
@@ -77,20 +75,18 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     if not sends_waves(spec):
         return {"port": port}
     inside = channels_of(grid)
+    inside.resolve_all()
     # Channels in a chunk, each of which takes about a millisecond.
     chunks = Chunks(inside.loops, 1, 256, 1)
     return {
-        "channel": Job(
-            WAVES, inside, chunks, resolve_all(inside), CHANNEL, {"records": "channels"}
-        ),
+        "channel": Job(WAVES, inside, chunks, CHANNEL, {"records": "channels"}),
         "port": port,
     }
 
 
 def _task(of_loops, job, chunk):
     """What computes the records of a chunk; of_loops: gives the fields for loops of one drawing."""
-    groups = drawn_groups(job.grid.spec, job.loop_values(chunk), len(chunk.loops), job.resolved)
-    return partial(_records, of_loops, tuple(groups), job.dtype)
+    return partial(_records, of_loops, job.grid.drawn(numbers=chunk.loops), job.dtype)
 
 
 def _records(of_loops, parts, dtype):
@@ -154,9 +150,9 @@ def curves(spec: Spec, axes) -> Iterator[dict[str, np.ndarray]]:
     `port_rows.curve`."""
     from wavesweep.passive.port_rows import curve
 
-    grid = make_grid(spec, axes)
+    grid = make_grid(spec, axes, rates=False)
     of_loop = {}
-    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
+    for members, loops in grid.drawn(numbers=range(grid.loops)):
         held = held_loop(loops)
         for at, member in enumerate(members.tolist()):
             of_loop[member] = curve(held.at(at))
@@ -218,6 +214,7 @@ def channels_of(grid: Grid) -> Grid:
         grid.spec,
         tuple(axis for axis, is_read in zip(grid.loop_axes, read, strict=True) if is_read),
         apart=False,
+        rates=False,
     )
 
 

@@ -23,15 +23,16 @@ from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
 from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.program.sweep.grid import (
+    CHECKED,
     FAST,
     Grid,
+    Group,
     drawn_groups,
     frames_per_clock,
     make_grid,
     own_loop,
 )
 from wavesweep.program.sweep.job import (
-    CHECKED,
     FEWEST,
     MOST,
     MOST_DRAWN,
@@ -41,8 +42,6 @@ from wavesweep.program.sweep.job import (
     Chunks,
     Job,
     JobKind,
-    resolve_all,
-    some_loops,
 )
 
 # Seconds per slice and squared order, measured: one polynomial per slice; dominance, along any
@@ -125,6 +124,16 @@ class IntervalQuery:
         """The range of the axis."""
         return float(self.axis.start), float(self.axis.stop)
 
+    def drawn_along(self, spec: Spec) -> str:
+        """The path along which loops are made, see `drawn_groups`; none if drawn ones keep their
+        own ticks, as for a gain, for the lines of modes, or for what has `own_ticks`."""
+        if self.guarantee:
+            in_own_ticks = self.guarantee.own_ticks
+        else:
+            bound = self.require and self.require.bound
+            in_own_ticks = bound and (bound.gains or bound.damped)
+        return "" if spec.drawing and in_own_ticks else self.axis.path
+
     @property
     def identity(self) -> dict[str, object]:
         """What the records depend on besides the spec."""
@@ -136,31 +145,25 @@ class IntervalQuery:
         return along | {"guarantee": repr(self.guarantee)}
 
 
-def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: IntervalQuery) -> Job:
+def interval_job(grid: Grid, chunks: Chunks, asked: IntervalQuery) -> Job:
     """The job of what is asked; guarantees have records of their own."""
     dtype = RECORD if asked.guarantee is None else asked.guarantee.dtype
-    return Job(INTERVALS, grid, chunks, resolved, dtype, asked.identity, asked)
+    return Job(INTERVALS, grid, chunks, dtype, asked.identity, asked)
 
 
 def _task(job, chunk):
-    query, path = job.asked, job.asked.axis.path
+    query = job.asked
     if query.guarantee is None:
         return searches_of(job, chunk).records
-    changes = job.loop_values(chunk)
-    number = "" if job.grid.spec.drawing and query.guarantee.own_ticks else path
-    groups = tuple(
-        drawn_groups(
-            job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=number
-        )
-    )
-    return partial(loop_by_loop, groups, path, query.span, query.guarantee)
+    loops = job.grid.drawn(query.drawn_along(job.grid.spec), chunk.loops)
+    return partial(loop_by_loop, loops, query.axis.path, query.span, query.guarantee)
 
 
 def searches_of(job: Job, chunk: Chunk, *, felt: bool = True) -> Searches:
     """The searches for the intervals of the loops of a chunk; felt: see `HowSearched`."""
-    changes = job.loop_values(chunk)
     how = HowSearched(felt=felt, checked=job.grid.loops <= CHECKED, prover=ball_prover)
-    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, how)
+    loops = job.grid.drawn(job.asked.drawn_along(job.grid.spec), chunk.loops)
+    return _searches(job.grid.spec, job.asked, loops, how)
 
 
 def ball_prover(
@@ -286,42 +289,33 @@ class HowSearched(NamedTuple):
 
 
 def _searches(
-    spec: Spec,
-    asked: IntervalQuery,
-    changes,
-    size: int,
-    resolved,
-    how: HowSearched,
+    spec: Spec, asked: IntervalQuery, loops: Iterable[Group], how: HowSearched
 ) -> Searches:
-    """The searches for the intervals of `size` loops of the spec.
-
-    changes: path -> value of each loop; resolved: see `groups`.
-    """
+    """The searches for the intervals of loops of the spec."""
     by_bound: dict = {}
-    path = asked.axis.path
     require = asked.require
-    number = _varied(spec, path, require)
-    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=number):
-        bound = require and require.bound.over(frames_per_clock(spec, loops))
-        by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
+    for members, alike in loops:
+        bound = require and require.bound.over(frames_per_clock(spec, alike))
+        by_bound.setdefault((alike.drawing, bound), []).append((members, alike.read))
     searches = []
-    for (drawing, bound), alike in by_bound.items():
-        groups = tuple((members, Loops(drawing, loops.values)) for members, loops in alike)
+    for (drawing, bound), several in by_bound.items():
+        groups = tuple((members, Loops(drawing, alike.values)) for members, alike in several)
         at_port = FELT_AT_ENDS if how.felt else None
         known = how.checked or not spec.drawing
         searches.append(
-            Search(path, asked.span, groups, how.felt, known, how.prover, bound, at_port, RECORD)
+            Search(
+                asked.axis.path,
+                asked.span,
+                groups,
+                how.felt,
+                known,
+                how.prover,
+                bound,
+                at_port,
+                RECORD,
+            )
         )
     return Searches(tuple(searches))
-
-
-def _varied(spec, path, require):
-    """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is
-    asked for, or the lines of modes are, in its own ticks."""
-    in_own_ticks = require and (require.bound.gains or require.bound.damped)
-    if spec.drawing and in_own_ticks:
-        return ""
-    return path
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
@@ -340,28 +334,22 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         others = [loop_axis.path for loop_axis in grid.loop_axes]
         if spec.builds(axis.path, [axis.path, *others]):
             raise UsageError(no_axis(spec, axis.name))
-    resolved = resolve_all(grid, rates=True)
+    grid.resolve_all()
+    from_rates = spec.uneven or axis.path == FAST
     for end in query.span:
-        if _unsuitable(spec, axis.path, end) or spec.uneven or axis.path == FAST:
+        if from_rates or _unsuitable(spec, axis.path, end):
             spec.with_values({axis.path: end})
     if spec.drawing:
         refuse_singular(spec, spec.drawing)
-    index = some_loops(grid)
-    changes = grid.loop_values(index)
-    number = _varied(spec, axis.path, require)
-    drawn = drawn_groups(spec, changes, index.size, resolved, rates=True, along=number)
-    groups = [loops for _, loops in drawn]
-    for loops in groups:
+    drawn = grid.drawn(query.drawn_along(spec))
+    for _, loops in drawn:
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
         loops.domain(axis.path, query.span)
-    found = []
-    if index.size <= REMEMBERED_LOOPS:
-        orders = _orders_of_few(spec, query, changes, index.size, resolved)
-        found = [(order, Way.CUT) for order in orders]
+    found = _orders_of_few(spec, query, drawn)
     if not found:
         # Loops of a sweep whose way is looked for.
-        found = [_order_of(spec, loops.some([0]), axis) for loops in groups[:8]]
+        found = [_order_of(spec, loops.some([0]), axis) for _, loops in drawn[:8]]
     orders, ways = zip(*found, strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
@@ -370,9 +358,8 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         most = MOST_SLOW
     # Of about SECONDS_OF_CHUNK each; `most` slices keep an error of the cost small.
     together = int(np.clip(SECONDS_OF_CHUNK / cost, FEWEST, most))
-    return interval_job(
-        grid, Chunks(grid.loops, 1, together, 1), resolved, replace(query, way=way, cost=cost)
-    )
+    chunks = Chunks(grid.loops, 1, together, 1)
+    return interval_job(grid, chunks, replace(query, way=way, cost=cost))
 
 
 def _unsuitable(spec, path, value):
@@ -385,18 +372,19 @@ def _unsuitable(spec, path, value):
 
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:
     """The job of the intervals that are guaranteed for hands or numbers."""
-    return interval_job(job.grid, job.chunks, job.resolved, replace(job.asked, guarantee=guarantee))
+    return interval_job(job.grid, job.chunks, replace(job.asked, guarantee=guarantee))
 
 
-def _orders_of_few(spec, asked, changes, size, resolved):
-    """States of loops that are all cut at the number, as their search cuts them, which remembers
-    them; otherwise nothing."""
+def _orders_of_few(spec, asked, drawn):
+    """States of few loops that are all cut at the number, as their search cuts them, which
+    remembers them, and that way; otherwise nothing."""
+    if sum(members.size for members, _ in drawn) > REMEMBERED_LOOPS:
+        return []
     with suppress(IllPosedLoopError, *FAILURES):
-        how = HowSearched(checked=True)
-        searches = _searches(spec, asked, changes, size, resolved, how).searches
+        searches = _searches(spec, asked, drawn, HowSearched(checked=True)).searches
         opened = [slices.opened for search in searches for _, slices in search.opened_groups()]
         if all(loops and loops.loops.cut for loops in opened):
-            return [loops.loops.cut.order for loops in opened]
+            return [(loops.loops.cut.order, Way.CUT) for loops in opened]
     return []
 
 
@@ -474,8 +462,8 @@ def at_points(
     """
     count = len(next(iter(points.values())))
     asked = IntervalQuery(axis, require=require)
-    checked = HowSearched(**how, checked=True)
-    records = _searches(spec, asked, points, count, None, checked).records()
+    loops = drawn_groups(spec, points, count, rates=True, along=asked.drawn_along(spec))
+    records = _searches(spec, asked, loops, HowSearched(**how, checked=True)).records()
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names}
     columns["doubt"] = words(records["doubt"])
     return columns | columns_of_ends(records)

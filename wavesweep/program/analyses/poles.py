@@ -17,7 +17,7 @@ from wavesweep.engine.poles import (
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
+from wavesweep.program.sweep.grid import make_grid, own_loop
 
 # distance from the unit circle, up to which a pole is on it: it is known to rounding
 ON_CIRCLE = 1e-6
@@ -39,9 +39,8 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
     """
     refuse_singular(spec, own_loop(spec).drawing)
     grid = make_grid(spec, (axis,) if axis else ())
-    values = grid.loop_values(np.arange(grid.loops))
     blocks = {}
-    for members, loops in drawn_groups(spec, values, grid.loops, rates=True):
+    for members, loops in grid.drawn(numbers=range(grid.loops)):
         by_loop = _of_batch(loops.read, members.size)
         axes = grid.axis_columns(members)
         for place, (at, columns) in enumerate(zip(members.tolist(), by_loop, strict=True)):

@@ -17,8 +17,8 @@ from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.columns import SPARED, Columns, complex_columns
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.spec.studies import refuse_beyond_half
-from wavesweep.program.sweep.grid import drawn_groups, keys_of, loops_of, make_grid, refuse_rows
-from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
+from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, refuse_rows
+from wavesweep.program.sweep.job import Chunks, Job, JobKind
 from wavesweep.program.sweep.running import in_memory
 
 PARTS = ("re", "im", "abs", "deg")
@@ -77,15 +77,15 @@ def response_job(
     more than FREQUENCIES_OF_CHUNK, a part of those of one curve.
     """
     read, frequency = keys_of(spec) if read is None else read, np.asarray(frequency_hz, float)
-    grid = make_grid(spec, axes, read=read, apart=False)
+    grid = make_grid(spec, axes, read=read, apart=False, rates=False)
     refuse_rows("bode", grid.size * frequency.size)
     _refuse_aliases(grid, frequency)
-    resolved = resolve_all(grid, "bode")
+    grid.resolve_all("bode")
     points = frequency.size
     if spec.drawing:
         ticks = _ticks_drawn(spec, at_hand=route is None)
     else:
-        ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
+        ticks = max(steps_of(values[RATIO])[0] for values in grid.resolved.values())
     if 0 < points <= FREQUENCIES_OF_CHUNK:
         curves = RESPONSES_OF_CHUNK // ticks // points
     else:
@@ -99,12 +99,11 @@ def response_job(
             TRANSFERS,
             grid,
             chunks,
-            resolved,
             TRANSFER,
             {"records": "transfer", "route": list(route)},
             query,
         )
-    return Job(RESPONSES, grid, chunks, resolved, RESPONSE, {"records": "responses"}, query)
+    return Job(RESPONSES, grid, chunks, RESPONSE, {"records": "responses"}, query)
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
@@ -131,9 +130,7 @@ def _refuse_aliases(grid, frequency):
 
 def _task(job, chunk):
     spec, groups = job.grid.spec, []
-    for members, loops in drawn_groups(
-        spec, job.loop_values(chunk), len(chunk.loops), job.resolved
-    ):
+    for members, loops in job.grid.drawn(numbers=chunk.loops):
         read = {path: value for path, value in loops.values.items() if path in loops.drawing.reads}
         groups.append(
             (members, Loops(loops.drawing, read), None if spec.drawing else loops.values[RATIO])

@@ -12,7 +12,7 @@ from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys import show
 from wavesweep.engine.loop import Loops
-from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
+from wavesweep.program.sweep.grid import make_grid, own_loop
 
 if TYPE_CHECKING:
     from wavesweep.engine.response import Lifted, Port
@@ -37,9 +37,7 @@ def radius_over(spec, axes) -> np.ndarray:
     """
     grid = make_grid(spec, axes)
     radii = np.empty(grid.loops)
-    for members, loops in drawn_groups(
-        spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True
-    ):
+    for members, loops in grid.drawn(numbers=range(grid.loops)):
         if spec.drawing:
             loops.refuse_unsuitable()
         one_rate = not spec.drawing and loops.drawn().ticks == 1

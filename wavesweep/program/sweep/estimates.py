@@ -31,7 +31,8 @@ def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
         return
     place = next(folder for folder in kept.absolute().parents if folder.is_dir())
     present = kept.stat().st_size if kept.is_file() else 0
-    need, free = sum(map(expected_bytes, jobs)) - present, free_bytes(place)
+    need = sum(map(expected_bytes, jobs)) - present
+    free = free_bytes(place)
     if need > free:
         raise UsageError(
             f"{kept.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
@@ -99,7 +100,7 @@ def _samples(job):
     wide = min(chunks.points, enough)
     deep = max(1, enough // wide)
     if (
-        2 * len(job.resolved) > chunks.loops
+        2 * len(job.grid.resolved) > chunks.loops
     ):  # nearly every loop is drawn for itself, and few of them show the time
         deep = min(deep, 8)  # loops of a sample that share no drawing
     small = cut_otherwise(job, deep=deep, wide=wide)

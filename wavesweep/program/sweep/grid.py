@@ -1,18 +1,24 @@
 """The grid of a sweep: the product of its axes, and its loops in groups of one structure."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.errors import UsageError
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
 from wavesweep.haptics.controller_page import keys_of_page, loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
 FAST = "rates.fast_hz"
+Group = tuple[np.ndarray, Loops]  # members, and these as loops of one drawing
+Changes = Mapping[str, np.ndarray]  # path -> value of each loop
+# loops whose numbers are checked before anything is computed; those of more are checked chunk by
+# chunk
+CHECKED = 100_000
 MOST_GRID_ROWS = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
 # combinations of axes that the loop is drawn anew for, each of which is checked before the work
 # begins
@@ -24,28 +30,24 @@ class Grid:
     """The combinations of `axes` in their order, the first slowest.
 
     A combination is a loop, its values on the axes `loop_axes`. The loop reads no other axis, so
-    combinations that differ only in the others are the same loop, one slice of the sweep.
+    combinations that differ only in the others are the same loop, one slice of the sweep. Along
+    `plain` ones floats of one drawing vary; for each combination of the others the spec is resolved
+    anew, once, and `resolved` has its values.
     """
 
     spec: Spec
     axes: tuple[Axis, ...]
     loop_axes: tuple[Axis, ...]
+    plain: frozenset[str]  # paths of axes
+    size: int  # number of combinations
+    loops: int  # number of loops, all of which are computed
     arrays: Mapping[str, np.ndarray] = field(repr=False)  # path of each axis -> its values
+    resolved: dict = field(repr=False, default_factory=dict)
 
     @property
     def ignored(self) -> tuple[Axis, ...]:
         """Axes that the controller does not read."""
         return tuple(axis for axis in self.axes if axis not in self.loop_axes)
-
-    @property
-    def size(self) -> int:
-        """Number of combinations."""
-        return _count(self.axes)
-
-    @property
-    def loops(self) -> int:
-        """Number of loops, all of which are computed."""
-        return _count(self.loop_axes)
 
     def loop_values(self, index) -> dict[str, np.ndarray]:
         """Path -> values of the loops `index` (flat, in the order of the loop axes)."""
@@ -54,6 +56,54 @@ class Grid:
             axis.path: self.arrays[axis.path][digit]
             for axis, digit in zip(self.loop_axes, digits, strict=True)
         }
+
+    @property
+    def checked(self) -> Sequence[int]:
+        """The numbers of all loops or, if they are very many, of CHECKED ones from the first to the
+        last."""
+        if self.loops <= CHECKED:
+            return range(self.loops)
+        return np.unique(np.linspace(0, self.loops - 1, CHECKED).astype(int))
+
+    def drawn(self, along: str = "", numbers: Sequence[int] | None = None) -> tuple[Group, ...]:
+        """Loops of the grid by their numbers, by default the `checked` ones, in groups of one
+        drawing, whose members count from 0 in `numbers`; along: see `drawn_groups`."""
+        wanted = self.checked if numbers is None else numbers
+        return tuple(_drawn(self.spec, self.groups(wanted), along))
+
+    def groups(self, numbers: Sequence[int]) -> Iterator[tuple[np.ndarray, dict]]:
+        """Yield (members, values) of loops of the grid, see `groups`."""
+        return _alike(self.spec, self.loop_values(numbers), len(numbers), self.plain, self.resolved)
+
+    def resolve_all(self, table: str = "sweep") -> None:
+        """Resolve the spec for every combination of the axes for which that is done anew.
+
+        Errors: UsageError if a combination, or numbers of one of the `checked` loops, make no loop.
+        """
+        axes = [axis for axis in self.loop_axes if axis.path not in self.plain]
+        for values in product(*(axis.values for axis in axes)):
+            changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
+            try:
+                _resolve(self.spec, changes, self.resolved)
+            except SpecError as error:
+                named = ", ".join(
+                    f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True)
+                )
+                raise UsageError(
+                    f"[{table}]: every combination is computed, and {named} makes no loop: {error}"
+                ) from error
+        if self.spec.drawing:
+            self._refuse_unsuitable()
+
+    def _refuse_unsuitable(self) -> None:
+        """Raise UsageError if the numbers of one of the `checked` loops make no loop, with the
+        place of the axis if there is only one."""
+        for _, values in self.groups(self.checked):
+            try:
+                Loops(self.spec.drawing, values).refuse_unsuitable()
+            except UsageError as error:
+                place = self.loop_axes[0].place.location() if len(self.loop_axes) == 1 else ""
+                raise UsageError(f"{place}: {error}" if place else str(error)) from error
 
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination (flat indices)."""
@@ -80,11 +130,20 @@ def keys_of(spec: Spec) -> frozenset[str]:
     return keys_of_page(spec.values)
 
 
-def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
+def make_grid(
+    spec: Spec,
+    axes,
+    along: str | None = None,
+    read=None,
+    *,
+    apart: bool = True,
+    rates: bool = True,
+) -> Grid:
     """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
     read: the keys that the controller reads, if they are known already. apart: whether slices
     follow each other as their combinations do; if not, those of one drawing follow each other.
+    rates: see `groups`.
     """
     read = keys_of(spec) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -100,12 +159,14 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
         for axis in axes
         if _is_read(axis.path, read) or axis.path in ("rates.ratio", "rates.slow_hz")
     ]
-    drawn = [axis for axis in used if not is_plain(spec, axis.path)]
+    plain = plain_paths(spec, [axis.path for axis in used], rates=rates)
+    anew = [axis for axis in used if axis.path not in plain]
     _refuse_too_many(
-        "combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN_ANEW
+        "combinations of the axes that the loop is drawn anew for", anew, MOST_DRAWN_ANEW
     )
-    loop = tuple(used if apart else sorted(used, key=lambda axis: axis not in drawn))
-    return Grid(spec, tuple(axes), loop, {axis.path: np.asarray(axis.values) for axis in axes})
+    loop = tuple(used if apart else sorted(used, key=lambda axis: axis.path in plain))
+    arrays = {axis.path: np.asarray(axis.values) for axis in axes}
+    return Grid(spec, tuple(axes), loop, plain, _count(axes), _count(loop), arrays)
 
 
 def refuse_rows(table: str, rows: int) -> None:
@@ -144,47 +205,54 @@ def _digits(axes, index):
 
 
 def groups(
-    spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None, *, rates: bool = False
+    spec: Spec, changes: Changes, size: int, *, rates: bool = False
 ) -> Iterator[tuple[np.ndarray, dict]]:
     """Yield (members, values): indices into the `size` loops, and flat values with arrays for those
     in which they differ.
 
-    changes: path -> value per loop. Loops of one group differ in floats only. If such a float is
-    zero in one of them, it is zero in all, since a zero may take a branch out of the drawing. Whole
-    numbers and keys that others derive from go through the spec, once per distinct combination.
-    resolved: a dict that remembers these from call to call. rates: whether the loops of a group may
-    have different fast rates.
+    Loops of one group differ in floats only. If such a float is zero in one of them, it is zero in
+    all, since a zero may take a branch out of the drawing. Whole numbers and keys that others
+    derive from go through the spec, once per distinct combination. rates: whether the loops of a
+    group may have different fast rates.
     """
-    structural = {
-        path: column
-        for path, column in changes.items()
-        if not is_plain(spec, path, changes if rates else None)
-    }
-    plain = {path: column for path, column in changes.items() if path not in structural}
-    for members, settled in _by_structure(
-        spec, structural, size, {} if resolved is None else resolved
-    ):
-        zeros = [column[members] == 0 for column in plain.values()]
-        for alike in distinct(zeros, members.size):
-            index = members[alike]
-            yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
+    return _alike(spec, changes, size, plain_paths(spec, changes, rates=rates), {})
 
 
 def drawn_groups(
-    spec: Spec,
-    changes: Mapping[str, np.ndarray],
-    size: int,
-    resolved=None,
-    *,
-    rates: bool = False,
-    along: str = "",
-) -> Iterator[tuple[np.ndarray, Loops]]:
+    spec: Spec, changes: Changes, size: int, *, rates: bool = False, along: str = ""
+) -> Iterator[Group]:
     """Yield (members, loops): `groups`, each as loops with all numbers of the spec.
 
     along: path of a number that is varied in every loop in addition to the changes, as that of an
     axis of intervals.
     """
-    for members, values in groups(spec, changes, size, resolved, rates=rates):
+    return _drawn(spec, groups(spec, changes, size, rates=rates), along)
+
+
+def _alike(spec, changes, size, plain, resolved):
+    """Yield the groups of loops; plain: paths of the floats that may differ in a group. resolved:
+    the spec's values by what goes through the spec, which is filled."""
+    through_spec = {path: column for path, column in changes.items() if path not in plain}
+    varied = {path: column for path, column in changes.items() if path in plain}
+    for members in distinct(list(through_spec.values()), size):
+        first = {path: column[members[0]].item() for path, column in through_spec.items()}
+        settled = _resolve(spec, first, resolved)
+        zeros = [column[members] == 0 for column in varied.values()]
+        for alike in distinct(zeros, members.size):
+            index = members[alike]
+            yield index, {**settled, **{path: column[index] for path, column in varied.items()}}
+
+
+def _resolve(spec, changes, resolved):
+    """The values of the spec with changes that go through it; resolved: those that are known."""
+    key = tuple(changes.items())
+    if key not in resolved:
+        resolved[key] = dict((spec.with_values(changes) if changes else spec).values)
+    return resolved[key]
+
+
+def _drawn(spec, groups, along):
+    for members, values in groups:
         drawing = loops_of(spec, values, along).drawing
         yield from Loops(drawing, values).built_alike(members)
 
@@ -219,6 +287,11 @@ def frames_per_clock(spec: Spec, loops: Loops) -> float:
     return loops.values["rates.ratio"] / loops.drawn().ticks
 
 
+def plain_paths(spec: Spec, changes: Iterable[str], *, rates: bool) -> frozenset[str]:
+    """Those of the changed paths along which floats of one drawing vary; rates: see `groups`."""
+    return frozenset(path for path in changes if is_plain(spec, path, changes if rates else None))
+
+
 def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:
     """Whether the key may have an array of floats in place of its value.
 
@@ -230,12 +303,3 @@ def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:
     else:
         building = spec.builds(path, changes)
     return not building and isinstance(spec.values.get(path), float)
-
-
-def _by_structure(spec, structural, size, resolved):
-    for alike in distinct(list(structural.values()), size):
-        first = {path: column[alike[0]].item() for path, column in structural.items()}
-        key = tuple(first.items())
-        if key not in resolved:
-            resolved[key] = dict((spec.with_values(first) if first else spec).values)
-        yield alike, resolved[key]

@@ -3,24 +3,19 @@ chunks for workers."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.keys import show
-from wavesweep.engine.loop import Loops
-from wavesweep.program.sweep.grid import Grid, groups, is_plain, own_loop
+from wavesweep.program.sweep.grid import Grid, own_loop
 from wavesweep.program.sweep.pools import Task
 
 # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs
 # more
 SECONDS_OF_CHUNK = 0.3
-# loops whose numbers are checked before anything is computed; those of more are checked chunk by
-# chunk
-CHECKED = 100_000
 # slices of a chunk; each costs some 16 ms by itself, and with twice as many a worker takes 70 MB more
 FEWEST, MOST = 16, 8192
 MOST_DRAWN = 256  # of drawn loops
@@ -56,16 +51,16 @@ class Chunks:
     points: int
     deep: int
     wide: int
+    across: int = field(init=False)  # number of chunks of the points of a loop
+
+    def __post_init__(self):
+        object.__setattr__(self, "across", -(-self.points // self.wide))
 
     def __len__(self) -> int:
-        return -(-self.loops // self.deep) * self._across
-
-    @property
-    def _across(self):
-        return -(-self.points // self.wide)
+        return -(-self.loops // self.deep) * self.across
 
     def __getitem__(self, number: int) -> Chunk:
-        down, across = divmod(number, self._across)
+        down, across = divmod(number, self.across)
         loops = range(down * self.deep, min((down + 1) * self.deep, self.loops))
         points = range(across * self.wide, min((across + 1) * self.wide, self.points))
         return Chunk(number, loops, points, loops.start * self.points + points.start)
@@ -85,7 +80,7 @@ class Chunks:
     def of(self, slices) -> np.ndarray:
         """Number of the chunk that each slice is in."""
         loop, point = np.divmod(slices, self.points)
-        return loop // self.deep * self._across + point // self.wide
+        return loop // self.deep * self.across + point // self.wide
 
 
 def fields_of(job: "Job", combination: np.ndarray, records: np.ndarray) -> Mapping[str, np.ndarray]:
@@ -121,27 +116,23 @@ class JobKind:
 class Job:
     """Records for every slice of a grid, cut into chunks, and the columns that they make.
 
-    resolved: the spec's values for each combination of those axes that are whole numbers or that
-    other keys derive from. dtype: of the records, whose field `slice` counts from 0 in the chunk.
-    identity: what the records depend on besides the spec, the versions and the chunks, JSON-able.
-    asked: what the kind needs besides. total: number of slices if it is not that of the chunks.
+    dtype: of the records, whose field `slice` counts from 0 in the chunk. identity: what the
+    records depend on besides the spec, the versions and the chunks, JSON-able.
+    asked: what the kind needs besides. slices: number of those that are computed, all of the
+    chunks unless it is given.
     """
 
     kind: JobKind
     grid: Grid
     chunks: Chunks
-    resolved: dict
     dtype: np.dtype
     identity: Mapping[str, object]
     asked: Any = None
-    total: int | None = None
+    slices: int = 0
 
-    @property
-    def slices(self) -> int:
-        """Number of slices that are computed."""
-        if self.total is None:
-            return self.chunks.loops * self.chunks.points
-        return self.total
+    def __post_init__(self):
+        if not self.slices:
+            object.__setattr__(self, "slices", self.chunks.loops * self.chunks.points)
 
     @property
     def size(self) -> int:
@@ -162,10 +153,6 @@ class Job:
     def columns(self, combination: np.ndarray, records: np.ndarray) -> Mapping[str, np.ndarray]:
         """The table's columns for records of these combinations, one for each record."""
         return self.kind.columns(self, combination, records)
-
-    def loop_values(self, chunk: Chunk) -> dict[str, np.ndarray]:
-        """Path -> values of the loops of a chunk."""
-        return self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
 
 
 def cut_otherwise(job: Job, **sizes: int) -> Job:
@@ -225,51 +212,3 @@ def _unsolvable(job, chunk):
         for axis in job.grid.axes
         if axis.path in values
     )
-
-
-def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dict:
-    """The spec's values for each combination of the axes that go through the spec; rates: see
-    `groups`.
-
-    Errors: UsageError if a combination makes no loop, or if numbers of `some_loops` make none.
-    """
-    paths = [axis.path for axis in grid.loop_axes] if rates else None
-    axes = [axis for axis in grid.loop_axes if not is_plain(grid.spec, axis.path, paths)]
-    resolved = {}
-    for values in product(*(axis.values for axis in axes)):
-        changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
-        try:
-            resolved[tuple(changes.items())] = dict(
-                (grid.spec.with_values(changes) if changes else grid.spec).values
-            )
-        except SpecError as error:
-            named = ", ".join(
-                f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True)
-            )
-            raise UsageError(
-                f"[{table}]: every combination is computed, and {named} makes no loop: {error}"
-            ) from error
-    if grid.spec.drawing:
-        _refuse_unsuitable_loops(grid, resolved)
-    return resolved
-
-
-def _refuse_unsuitable_loops(grid, resolved):
-    """Raise UsageError if the numbers of one of `some_loops` make no loop, with the place of the
-    axis if there is only one."""
-
-    index = some_loops(grid)
-    place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""
-    for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
-        try:
-            Loops(grid.spec.drawing, values).refuse_unsuitable()
-        except UsageError as error:
-            raise UsageError(f"{place}: {error}" if place else str(error)) from error
-
-
-def some_loops(grid: Grid) -> np.ndarray:
-    """The numbers of all loops or, if they are very many, of CHECKED ones from the first to the
-    last."""
-    if grid.loops <= CHECKED:
-        return np.arange(grid.loops)
-    return np.unique(np.linspace(0, grid.loops - 1, CHECKED).astype(int))
