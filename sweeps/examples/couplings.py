@@ -17,7 +17,14 @@ import wavesweep
 
 FELT, TRIED = 200.0, 2000.0  # N/m: at rest, and the stiffest wall that is tried
 FREQUENCIES, DAMPINGS = np.geomspace(0.2, 50, 120), np.linspace(0, 10, 21)
-KINDS = {"dc": "k", "dc-lm": "C0", "dc-vc": "C1", "dc-vc-lm": "C2", "pmw": "C3", "pmw-lm": "C4"}
+KINDS = {  # the colour of each, and its line
+    "dc": ("k", "-"),
+    "dc-lm": ("C0", (0, (5, 1))),
+    "dc-vc": ("C1", (0, (5, 1, 1, 1))),
+    "dc-vc-lm": ("C2", (0, (2, 1))),
+    "pmw": ("C3", (0, (5, 1, 1, 1, 1, 1))),
+    "pmw-lm": ("C4", (0, (1, 1))),
+}
 
 
 def loop(kind, wall):
@@ -39,15 +46,15 @@ def excess(kind, wall):
 
 figure = Figure((7.2, 3.2), layout="constrained")
 left, right = figure.subplots(1, 2)
-for kind, colour in KINDS.items():
+for kind, (colour, line) in KINDS.items():
     wall = brentq(lambda each, kind=kind: excess(kind, each), FELT / 2, 1e5)
     rows = loop(kind, wall).response(FREQUENCIES)
     said = f"{kind}: wall of {wall:.0f} N/m" + ("" if rows.stable.all() else ", unstable")
-    left.loglog(rows.frequency_hz, rows.impedance_abs, color=colour, label=said, linestyle="-" if rows.stable.all() else ":")
+    left.loglog(rows.frequency_hz, rows.impedance_abs, color=colour, label=said, linestyle=line)
     found = loop(kind, wall).stable_intervals("K_VE", (0.0, TRIED), B_VE=DAMPINGS)
     found = found[found.low == 0]
-    right.plot(found.B_VE, found.felt_high, color=colour, linestyle="--" if kind == "dc" else "-", zorder=2 + (kind == "dc"))
+    right.plot(found.B_VE, found.felt_high, color=colour, linestyle=line)
 left.set(xlabel="frequency (Hz)", ylabel="transmitted impedance (N/m)")
 right.set(xlabel="damping of the wall (N·s/m)", ylabel=f"stiffest felt at rest (N/m),\nof walls to {TRIED:g} N/m", ylim=0)
-figure.legend(loc="outside upper center", ncols=2, fontsize=7)
+figure.legend(loc="outside upper center", ncols=2, fontsize=7, handlelength=3)
 figure.savefig(Path(sys.argv[1]) / "couplings.png", dpi=150)

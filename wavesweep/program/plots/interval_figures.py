@@ -12,7 +12,7 @@ from wavesweep.capabilities import offered
 from wavesweep.program.analyses.claim_words import nothing
 from wavesweep.program.analyses.plane_columns import PlaneCurve, incomplete, smooth_axes
 from wavesweep.program.columns import Columns, axes_of, joined, whose_column
-from wavesweep.program.plots.figure_layout import MOST_BARS, best_of, best_row, lay_out, rows_with
+from wavesweep.program.plots.figure_layout import best_of, best_row, lay_out, rows_with
 from wavesweep.program.plots.interval_legend import (
     BEST,
     LIMIT,
@@ -35,6 +35,7 @@ from wavesweep.program.plots.labels import (
 from wavesweep.program.plots.member_panels import (
     HALF_BAR,
     Member,
+    bar_names,
     damping_of,
     draw_bars,
     member_curves,
@@ -141,7 +142,7 @@ def _draw(shown: Shown) -> Any:
     across = _panels_in_a_row(len(panels), bars=bars)
     down = ceil(len(panels) / across)
     usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
-    with figure(usual, _height(shown, across, down)) as canvas:
+    with figure(usual, _height(shown, across, down, wide(usual))) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         inches = (wide(usual) / across, canvas.get_figheight() / down)
         reached = list(shown.view)
@@ -178,17 +179,14 @@ def _panels_in_a_row(number: int, *, bars: bool) -> int:
     return 2 if number in (2, 4) or is_narrow() else 3
 
 
-def _height(shown: Shown, across: int, down: int) -> float:
-    """The height of all panels, in inches: that of a plot, or of its bars, few or many."""
-    height = 2.5 if across == down == 1 else 2.3 * down  # inches
-    if shown.layout.x is not None:
-        return height
-    bars = len(shown.layout.bars)
-    if is_narrow():  # names of bars have two lines
-        return down * (0.75 + 0.3 * bars)
-    if bars <= MOST_BARS:
-        return min(height, down * (0.75 + 0.26 * bars))
-    return height + 0.12 * down * max(0, bars - MOST_BARS)
+def _height(shown: Shown, across: int, down: int, width: float) -> float:
+    """The height of all panels, in inches: that of a plot, or of its bars with the lines of their
+    names. width: of the figure."""
+    if shown.layout.x is None:
+        names = bar_names(shown.members(shown.columns), width)
+        lines = max(name.count("\n") + 1 for name in names)
+        return down * (0.75 + len(names) * (0.13 * lines + 0.09))
+    return 2.5 if across == down == 1 else 2.3 * down
 
 
 def _scale_values(shown: Shown, grid: np.ndarray, view: tuple[float, float]) -> None:

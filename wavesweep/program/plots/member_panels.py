@@ -30,7 +30,6 @@ from wavesweep.program.plots.style import (
     Look,
     distinct_look,
     family_looks,
-    is_narrow,
     paler,
 )
 from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
@@ -238,6 +237,13 @@ def _draw_stable_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any)
         axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, **edge)
 
 
+def bar_names(members: Sequence[Member], width: float) -> list[str]:
+    """The names at the left of bars, in lines that take a third of a figure of this width,
+    inches."""
+    letters = int(4.6 * width)
+    return [fill(member.name, letters) for member in members]
+
+
 def draw_bars(axes: Any, members: Sequence[Member]) -> None:
     """Draw a bar per stable interval, a line of bars per member, named at the left.
 
@@ -257,9 +263,7 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
             _draw_stable_bar(axes, place, where(rows, row), colour)
-    # Letters of a line of a bar's name; of what is guaranteed 14.
-    short = 24 if is_narrow() else 60
-    names = [fill(member.name, 14 if member.guarantee else short) for member in members]
+    names = bar_names(members, axes.figure.get_figwidth())
     if any(names):
         axes.set_yticks(range(len(names)), names)
     else:

@@ -20,6 +20,7 @@ from wavesweep.engine.errors import UsageError
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
 DOTS_PER_INCH = 200
+LINE_OF_NOTES = 0.12  # inches
 PANELS_APART = 8.0  # points, at least, between those of neighbouring panels
 IDEAL = "black"
 DOUBTFUL = "#d62728"
@@ -164,6 +165,7 @@ def figure(width: float, height: float) -> Iterator[Any]:
             place.get_figure(root=True).draw_without_rendering()  # which gives panels their sizes
             for axes in place.axes:
                 _wrapped(axes)
+            _fit_notes(place)
             return
         height *= max(1.0, wide(width) / width) ** 0.5
         canvas = Figure(figsize=(wide(width), height), dpi=DOTS_PER_INCH, layout="constrained")
@@ -252,6 +254,8 @@ def _settle(canvas: Any) -> None:
         pad = _STYLE["figure.constrained_layout.w_pad"] + PANELS_APART / 2 / 72
         canvas.get_layout_engine().set(w_pad=pad)
     if again or close:
+        _lay_out(canvas)
+    if _fit_notes(canvas):
         _lay_out(canvas)
     canvas.set_layout_engine(None)  # with "none" `savefig` would draw it once more before
     for axes in canvas.axes:
@@ -399,23 +403,56 @@ def distinct_look(index: int) -> Look:
 
 def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
     """Write notes below the panels as one text, in which only their own breaks begin a line, and
-    above them the name of an axis that they share. The figure grows with the lines.
+    above them the name of an axis that they share. They are wrapped once panels have their widths.
 
     The notes are lines of the label of an axis, below an empty one: the layout makes room for that,
     and for nothing that is placed by hand.
     """
-    from textwrap import wrap
-
-    width = int(20 * canvas.get_figwidth())  # 20 letters of 7 points in an inch
-    notes: list[str] = []
-    if _CAPTION.get():
-        for paragraph in " ".join(filter(None, sentences)).splitlines():
-            notes += wrap(paragraph, width, break_on_hyphens=False)
+    notes = " ".join(filter(None, sentences)).splitlines() if _CAPTION.get() else []
     above = [axis] * bool(axis) + [""] * bool(axis and notes)
     lines = [*above, *notes]
     if lines:
-        canvas.set_figheight(canvas.get_figheight() + 0.12 * (len(lines) - bool(axis)))
+        canvas.set_figheight(canvas.get_figheight() + LINE_OF_NOTES * (len(lines) - bool(axis)))
         canvas.supxlabel("\n".join(lines), fontsize=7 if notes else 8)
+
+
+def _fit_notes(canvas: Any) -> bool:
+    """Wrap the notes below the panels to the width of these, with lines of about one length, and
+    whether there are any. The figure grows with the lines."""
+    notes = canvas._supxlabel  # noqa: SLF001 - matplotlib returns it once, as it is made
+    panels = [axes.bbox for axes in canvas.axes if axes.get_visible()]
+    if notes is None or not panels:
+        return False
+    left = min(panel.x0 for panel in panels)
+    right = max(panel.x1 for panel in panels)
+    before = notes.get_text().split("\n")
+    wrapped: list[str] = []
+    for paragraph in before:
+        room = right - left
+        lines = _lines_within(notes, paragraph, room)
+        narrower = lines
+        while len(narrower) == len(lines) > 1:
+            lines = narrower
+            room *= 0.95
+            narrower = _lines_within(notes, paragraph, room)
+        wrapped += lines
+    notes.set_text("\n".join(wrapped))
+    notes.set_x((left + right) / 2 / canvas.bbox.width)
+    canvas.set_figheight(canvas.get_figheight() + LINE_OF_NOTES * (len(wrapped) - len(before)))
+    return True
+
+
+def _lines_within(text: Any, paragraph: str, room: float) -> list[str]:
+    """The lines of a paragraph that are as long (pixels) as there is room, set as `text` is."""
+    lines = [""]
+    for word in paragraph.split(" "):
+        longer = f"{lines[-1]} {word}".lstrip(" ")
+        text.set_text(longer)
+        if lines[-1] and text.get_window_extent().width > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
 
 
 def warn_above(canvas: Any, text: str) -> None:
