@@ -66,7 +66,7 @@ CAPABILITIES = (
         tables=("simulate",),
         kinds=("simulate", "simulate-response"),
         library=("simulate", "Loop.simulate", "Loop.plot_simulate", "DrawnLoop.simulate"),
-        offers=("keys", "on_check", "section"),
+        offers=("controller_group", "keys", "on_check", "section"),
     ),
     Capability(
         "passive",

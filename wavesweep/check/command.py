@@ -59,6 +59,12 @@ if TYPE_CHECKING:
     help="Factor from that column to s, e.g. duration=0.001 from ms.",
 )
 @click.option(
+    "--controller",
+    metavar="NAME",
+    help="Say also what one controller of the loop reads and gives, and what it assumes of the rest: wires, blocks, rates, numbers. "
+    "NAME is a block, as of export --controller.",
+)
+@click.option(
     "--proof",
     is_flag=True,
     help="Write check.proof as well: that the spec's own design is stable, or how many modes are not, with a proof that `python -m "
@@ -84,6 +90,7 @@ def check(
     out: str | None,
     strict: bool,
     proof: bool,
+    controller: str | None,
     overrides: tuple[str, ...],
 ) -> int:
     """Judge a spec's own design, and say what to do next.
@@ -121,14 +128,15 @@ def check(
     list(asked("on_check", "refuse", loaded))
     figures = _pictures(loaded) if plot else []
     places = _places(figures, out, loaded, overrides, proof)
+    around = _around(loaded, controller) if controller else []
     of_proof = places.pop("proof", None)
     judged = _judged(loaded, run, overrides, whole, progress("at work on the verdict"))
     progress("summing up")
     files = [str(path) for path in _drawn(loaded, places)]
     if verbosity().as_json:
-        _show_json(loaded, judged, files)
+        _show_json(loaded, judged, files, around)
     if not _is_silent():  # some lines are computed as they are shown
-        _show(judged.lines(whole))
+        _show([*chain.from_iterable(map(_within, around)), *judged.lines(whole)])
     if files and not _is_silent():
         say(f"Wrote {', '.join(files)}")
     if of_proof:
@@ -245,7 +253,7 @@ def _show(lines: Iterable[str]) -> int:
     return len(text.splitlines())
 
 
-def _show_json(spec: Spec, judged: _Judged, files: Sequence[str]) -> None:
+def _show_json(spec: Spec, judged: _Judged, files: Sequence[str], around: Sequence[str]) -> None:
     from wavesweep.program.cli.messages import show_json
 
     summary = {
@@ -259,6 +267,8 @@ def _show_json(spec: Spec, judged: _Judged, files: Sequence[str]) -> None:
     }
     if files:
         summary["files"] = files
+    if around:
+        summary["controller"] = around
     show_json(summary)
 
 
@@ -439,6 +449,16 @@ def _needed() -> ModuleType:
             "--frames: expected the capability frame_times, found that it is not there"
         )
     return module
+
+
+def _around(spec: Spec, controller: str) -> list[str]:
+    """What a controller assumes of the rest. Errors: UsageError if nothing says it, or for a name that none has."""
+    module = offered("controller_group")
+    if module is None:
+        raise click.UsageError(
+            "--controller: expected the capability simulation, found that it is not there"
+        )
+    return [f"  {line}" for line in module.assumed_of_rest(spec, module.group_of(spec, controller))]
 
 
 def _drawn(spec: Spec, places: Mapping[str, Path]) -> Iterator[Path]:

@@ -230,7 +230,7 @@ class March:
         from rest at x (m)."""
         loop = self.loop
         lengths = tick_lengths(self.effects, loop.tick, len(force))
-        late, results = self._lateness(len(force))
+        late, results = self.draw_lateness(len(force))
         names = loop.shown | {name: name for name in self.watched}
         rows, touched, last, stopped = self._rows(names.values(), force.tolist(), lengths, x, units)
         count = len(rows)
@@ -276,7 +276,7 @@ class March:
             lacking.add("late")
         return frozenset(lacking)
 
-    def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
+    def draw_lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is
         last in each tick.
 

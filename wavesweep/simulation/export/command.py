@@ -15,6 +15,7 @@ from wavesweep.program.cli.options import PATH, folder, override, overwriting
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.claims import Claim
+    from wavesweep.program.spec import Spec
 
 
 @click.command("export")
@@ -29,11 +30,24 @@ if TYPE_CHECKING:
     help="Floats in place of doubles; make check then holds each tick against the same in doubles, within a bound that follows "
     "from how often it rounds, and counts the changes that are too small for floats.",
 )
-@folder("Folder for the files [default: results/<spec's name>/c].")
+@click.option(
+    "--controller",
+    "controller",
+    metavar="NAME",
+    help="Only one controller of the loop: NAME is a block, which takes the blocks of its rate with it that wires connect, or blocks "
+    "with commas between. One C function makes its step, in its own period; make check runs it inside the whole loop.",
+)
+@folder("Folder for the files [default: results/<spec's name>/c, of one controller c-<its name>].")
 @overwriting("Replace existing files.")
 @override
 def export(
-    spec: str, to: str, floats: bool, out: str | None, overwrite: bool, overrides: tuple[str, ...]
+    spec: str,
+    to: str,
+    floats: bool,
+    controller: str | None,
+    out: str | None,
+    overwrite: bool,
+    overrides: tuple[str, ...],
 ) -> None:
     """Write the controller as C, with test vectors: what was analysed is what runs.
 
@@ -41,13 +55,15 @@ def export(
     struct, without allocation and without a mathematical library; each operation is that of
     simulate, so all numbers are the same to the last bit. The device is the host's: example.c shows
     a host. vectors.csv has the experiment of the spec's [simulate] table, and make check compiles
-    the controller, runs the vectors and compares every bit.
+    the controller, runs the vectors and compares every bit. With --controller NAME it is NAME.h and
+    NAME.c, and the header says what was analysed around it.
 
     If one of the files exists, they are replaced only with --overwrite.
 
     \b
-    Example:
+    Examples:
       wavesweep export sweeps/paper/fig4.toml --to c --out controller
+      wavesweep export servo.toml --controller speed --out speed
     """
     from wavesweep.program import results
     from wavesweep.program import spec as specs
@@ -63,14 +79,25 @@ def export(
     from wavesweep.program.cli.messages import say, show_json
     from wavesweep.simulation.experiment import linear_loop
     from wavesweep.simulation.export import dead_times_of, exported, floats_in_words, terms_of
+    from wavesweep.simulation.export.one_controller import exported_controller
     from wavesweep.simulation.from_spec import claim_of, hand_force
     from wavesweep.simulation.table import unstable
 
     started = time.perf_counter()
     loaded = specs.load(spec, overrides)
-    folder = Path(out or own_folder([loaded.name], overrides) / to)
+    if controller is None:
+        folder = Path(out or own_folder([loaded.name], overrides) / to)
+    else:
+        if floats:
+            raise click.UsageError("--controller: expected no --float beside it, found both")
+        folder = Path(out or own_folder([loaded.name], overrides) / f"{to}-{controller}")
     results.refuse_unusable(folder)
-    program = exported(loaded, floats=floats)
+    told: list[str] = []
+    if controller is None:
+        program = exported(loaded, floats=floats)
+    else:
+        told = _analysed_around(loaded, controller)
+        program = exported_controller(loaded, controller, told)
     paths = [folder / name for name in program]
     refuse_other_things(*paths)
     refuse_inputs(loaded.files, *paths)
@@ -81,7 +108,7 @@ def export(
     simulated = loaded.asking("simulate")
     linear = linear_loop(simulated)
     wanted = len(hand_force(simulated).force)
-    outputs = terms_of(loaded)
+    outputs = {} if controller else terms_of(loaded)
     claim = claim_of(loaded)
     seconds = time.perf_counter() - started
     facts = {
@@ -106,12 +133,15 @@ def export(
         "files": [str(path) for path in paths],
         "seconds": round(seconds, 3),
     }
+    if controller:
+        facts["controller"] = told
     if verbosity().as_json:
         show_json(facts)
     elif not verbosity().quiet:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
         compares = "each tick with doubles, within its roundings" if floats else "every bit"
+        compares += " of one inside the whole loop" if controller else ""
         check = f"`make -C {quote(str(folder))} check` compares {compares}"
         say(f"{loaded.name}, {loaded.kind}: vectors of {facts['ticks']} ticks; {check}")
         for line, warning in _lines(facts, claim):
@@ -120,17 +150,39 @@ def export(
         say(f"Wrote {', '.join(names)} in {seconds:.2f} s")
 
 
+def _analysed_around(spec: Spec, controller: str) -> list[str]:
+    """What is known of the loop of a controller, and what this assumes of the rest, in lines."""
+    from wavesweep.capabilities import offered
+    from wavesweep.program.analyses.claim_words import verdict_lines
+    from wavesweep.program.analyses.claims import asks_more
+    from wavesweep.program.analyses.own_design import own_design, own_lines
+    from wavesweep.program.cli.messages import progress
+    from wavesweep.simulation.controller_group import assumed_of_rest, group_of
+
+    around = [*assumed_of_rest(spec, group_of(spec, controller))]
+    found = own_design(spec)
+    own, *_ = own_lines(spec, found)
+    judging = offered("verdict")
+    if judging is None or not asks_more(spec):
+        return [own, *around]
+    found |= judging.further(spec, found, progress("at work on the verdict"))
+    asked = verdict_lines(judging.of_spec(spec, found), f"{spec.name}, {spec.kind}")
+    return [*asked, f"  own numbers: {own.partition(': ')[2]}", *around]
+
+
 def _lines(facts: Mapping[str, Any], claim: Claim) -> Iterator[tuple[str, bool]]:
     """Lines about the program and its vectors, and whether each is a warning."""
     for port, computed in facts["computed"].items():
         terms = _coefficients(facts["terms"][port])
         yield f"computed from samples, in C: {port} = {computed}{terms}", False
+    for line in facts.get("controller", ()):
+        yield line, False
     ticks = facts["ticks"]
     wanted = facts["wanted_ticks"]
     if ticks < wanted:
         ends = f"the vectors end after {ticks} of {wanted} ticks, where the run stops"
         yield f"{ends}; simulate says why", True
-    if facts["assumes"]:
+    if facts["assumes"] and "controller" not in facts:
         yield f"assumes: {facts['assumes']}", False
     if claim.scope.run:
         from wavesweep.program.analyses.claim_words import claimed

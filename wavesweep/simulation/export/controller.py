@@ -223,13 +223,18 @@ def _programs(
         if key not in numbers and len(numbers) < MOST_PROGRAMS:
             programs.append(ticks.program(*key))
         table.append(numbers.setdefault(key, len(numbers)))
-    terms = sum(len(line[1]) for program in programs for line in lines_of(program))
-    if terms > MOST_PRODUCTS or len(numbers) > MOST_PROGRAMS:
-        size = f"{terms} in {len(numbers)}"
-        raise UsageError(
-            f"export: expected at most {MOST_PRODUCTS} terms in {MOST_PROGRAMS} kinds of ticks, found {size}"
-        )
+    refuse_large(programs, len(numbers))
     return programs, table
+
+
+def refuse_large(programs: Sequence[Program], kinds: int) -> None:
+    """Raise UsageError for programs of more terms, or for more kinds of ticks, than C is written
+    for."""
+    terms = sum(len(line[1]) for program in programs for line in lines_of(program))
+    if terms > MOST_PRODUCTS or kinds > MOST_PROGRAMS:
+        raise UsageError(
+            f"export: expected at most {MOST_PRODUCTS} terms in {MOST_PROGRAMS} kinds of ticks, found {terms} in {kinds}"
+        )
 
 
 def lines_of(program: Program) -> list[Line]:

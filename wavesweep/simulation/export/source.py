@@ -161,10 +161,12 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
     """The texts for the templates' names. entry: the signal from outside that the example gives."""
     loop = own.loop
     kinds, ticks = _phases(own, steps)
-    functions = [tick_function(index, program, own) for index, program in enumerate(own.programs)]
+    names = [own.places[name] for name in own.ticks.places]
+    functions = [tick_function(index, program, names) for index, program in enumerate(own.programs)]
     in_drawing = bool(spec.drawing)
     texts = {
         "entry": f"{entry} = 1 from rest" if in_drawing else "pushed with 1 N from rest",
+        "header": "controller.h",
         "title": "A controller that a spec draws" if in_drawing else f"The controller {spec.kind}",
         "version": __version__,
         "name": comment(spec.name),
@@ -175,11 +177,11 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
         "count": len(own.outputs),
         "programs": "\n".join(functions),
         "operations": operations_of(functions),
-        "kinds": _listed(kinds),
+        "kinds": listed(kinds),
         "phases": len(ticks),
-        "table": _listed(own.table),
+        "table": listed(own.table),
         "sets": len(own.table) // len(own.ticks.sets),
-        "cases": "\n".join(_case(index) for index in reversed(range(len(functions)))),
+        "cases": "\n".join(branch(index) for index in reversed(range(len(functions)))),
         "sums": "\n".join(_sums(spec, own)),
         "places": "\n".join(f"    {name}," for name in own.places.values()),
     }
@@ -189,7 +191,7 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
     return texts | _steps(steps) if steps else texts
 
 
-def _case(index: int) -> str:
+def branch(index: int) -> str:
     """The branch of a switch that runs a program; the first one is that of all other values."""
     label = f"case {index}" if index else "default"
     return f"    {label}:\n        tick_{index}(s);\n        break;"
@@ -269,10 +271,10 @@ def _steps(steps: Steps) -> dict[str, Any]:
         "lengths": fill(lengths, 110, subsequent_indent=" *   "),  # letters of a line
         "nominal": over,
         "longest": longest,
-        "length_of": _listed([places.get(ticks, -1) for ticks in range(longest + 1)]),
+        "length_of": listed([places.get(ticks, -1) for ticks in range(longest + 1)]),
         "before": steps.frames.ticks[-1],
         "usual": "WS_NEXT" if steps.usual == NEXT_SLOW_STEP else steps.usual,
-        "pattern": _listed(steps.frames.ticks),
+        "pattern": listed(steps.frames.ticks),
         "pattern_count": len(steps.frames.ticks),
     }
 
@@ -351,7 +353,7 @@ def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
         "groups": len(results),
         "most": max((len(result.signals) for result in results), default=1),
         "ring": max((count for row in newer for count in row), default=0) + 2,
-        "behind": ",\n    ".join(f"{{{_listed(row)}}}" for row in newer),
+        "behind": ",\n    ".join(f"{{{listed(row)}}}" for row in newer),
         "zero_groups": ", ".join(str(int(result.zero)) for result in results),
         "messages": ", ".join(str(int(bool(result.channel))) for result in results),
         "told": ", ".join(str(int(result.touches)) for result in results),
@@ -361,7 +363,7 @@ def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
     }
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def listed(numbers: Sequence[int]) -> str:
     """Numbers with commas, NUMBERS_IN_A_LINE in a line."""
     lines = []
     for start in range(0, len(numbers), NUMBERS_IN_A_LINE):

@@ -2,19 +2,22 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from wavesweep.simulation.export.controller import ExportedController
 from wavesweep.simulation.export.text import factor
 from wavesweep.simulation.tick_sums import Line, Program
 
 
-def tick_function(number: int, program: Program, own: ExportedController) -> str:
+def tick_function(
+    number: int, program: Program, names: Sequence[str], between: Sequence[str] = ()
+) -> str:
     """Return a program as a function: a sum for each line, which begins with 0 and adds product
-    after product, within limits."""
-    names = [own.places[name] for name in own.ticks.places]
+    after product, within limits.
+
+    names: of the places in C. between: lines before those of `second`, in place of a wall.
+    """
     lines = list(_summed(program, program.first, names))
     if program.wall:
         lines.append(f"    meet(s, {factor(program.wall.yields)}, {factor(program.wall.slows)});")
-        lines += _summed(program, program.second, names)
+    lines += [*between, *_summed(program, program.second, names)]
     writes = _kept(program, names)
     head = ["    double *const z = s->z;"]
     for source, first, last in program.moves:
@@ -24,7 +27,7 @@ def tick_function(number: int, program: Program, own: ExportedController) -> str
         writes.append(f"    z[{first}] = z[{names[source]}];")
     if writes:
         lines += ["    { /* what is kept */", *(f"    {line}" for line in writes), "    }"]
-    body = "\n".join([*head, *lines])
+    body = "\n".join([*head, *lines] if lines else ["    (void)s;"])
     return f"static void tick_{number}(ws_state *s)\n{{\n{body}\n}}\n"
 
 
