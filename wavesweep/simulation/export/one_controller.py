@@ -48,7 +48,7 @@ def exported_controller(spec: Spec, name: str, about: Sequence[str]) -> dict[str
     flags = {"sent": bool(run.sent), "single": False}
     values = {
         "title": f"The controller {comment(name)}",
-        "header": f"{stem}.h",
+        "own_header": f"{stem}.h",
         "stem": stem,
         "version": __version__,
         "name": comment(spec.name),

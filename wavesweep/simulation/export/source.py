@@ -166,7 +166,7 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
     in_drawing = bool(spec.drawing)
     texts = {
         "entry": f"{entry} = 1 from rest" if in_drawing else "pushed with 1 N from rest",
-        "header": "controller.h",
+        "own_header": "controller.h",
         "title": "A controller that a spec draws" if in_drawing else f"The controller {spec.kind}",
         "version": __version__,
         "name": comment(spec.name),

@@ -1,10 +1,10 @@
-/* The whole loop as it was analysed, linear and under the input of vectors.csv, with the controller of $header in it: every
+/* The whole loop as it was analysed, linear and under the input of vectors.csv, with the controller of $own_header in it: every
  * bit of what this reads and gives is compared with the same loop as `wavesweep` runs it. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "$header"
+#include "$own_header"
 
 /* The numbers of the loop. */
 enum {

@@ -1,7 +1,7 @@
-/* $title; see $header. Written by wavesweep $version. */
+/* $title; see $own_header. Written by wavesweep $version. */
 #include <float.h>
 
-#include "$header"
+#include "$own_header"
 
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
 #error "the compiler may reorder arithmetic: compile controller.c without -ffast-math, -Ofast and their parts"
