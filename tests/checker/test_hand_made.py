@@ -59,7 +59,7 @@ REFUSED = {  # lines that do not show what they claim
     "a cut of another number": [BELOW, {"split": "j", "at": "0.5"}, WITHIN, WITHIN],
     "another state": [BELOW | {"states": ["@turn x0", "@turn y"]}, WITHIN],
     "a state less": [BELOW | {"states": ["@turn x0"]}, {"L": [["1"]], "signs": "+"}],
-    "a drift that is none": [BELOW | {"drifts": [{"@turn x0": "1"}], "states": ["@turn x1"]}, {"L": [["1"]], "signs": "+"}],
+    "a drift that is none": [BELOW | {"drifts": [["@turn x0"]], "states": ["@turn x1"]}, {"L": [["1"]], "signs": "+"}],
     "open": [BELOW, {"open": True}],
     "another number": [BELOW | {"sides": {}, "numbers": {"k": "0.9"}}, WITHIN],
 }
@@ -147,9 +147,45 @@ slow = { type = "lowpass", a = "g" }
 
 def test_a_drift_is_set_aside_if_every_equation_keeps_it(tmp_path):
     claim = {"claim": "modes", "outside": 0, "sides": {"g": ["0.1", "1"]}, "states": ["@slow y"]}
-    drift = {"@free integral": "1", "free.y": "1", "@held free.y": "1"}
     cells = [{"split": "g", "at": "0.4"}, {"L": [["1"]], "signs": "+"}, {"L": [["1"]], "signs": "+"}]
-    code, words = checked(tmp_path, DRIFTING, [claim | {"drifts": [drift]}, *cells])
+    code, words = checked(tmp_path, DRIFTING, [claim | {"drifts": [["@free integral", "free.y", "@held free.y"]]}, *cells])
     assert code == 0
     assert "the only mode is inside the unit circle, stable (1 drift set aside, which nothing opposes)" in words
-    assert checked(tmp_path, DRIFTING, [claim | {"drifts": [drift | {"slow.y": "1"}]}, *cells])[0] == 1
+    assert checked(tmp_path, DRIFTING, [claim | {"drifts": [["@free integral"]]}, *cells])[0] == 1
+
+
+# The integral of one - two: both rest at g times the integral, whatever g is.
+BALANCED = """
+rates.tick_hz = 1000
+numbers = { g = 0.5, h = 0.5 }
+[block]
+free = { type = "integrator", method = "implicit" }
+one = { type = "lowpass", a = "0.5" }
+two = { type = "lowpass", a = "sqrt(2*h)/4*sqrt(2*h)/h" }
+[wire]
+"free.u" = "one.y - two.y"
+"one.u" = "g*free.y"
+"two.u" = "g*free.y"
+"""
+OUTPUTS = [f"{at}{name}.y" for name in ("free", "one", "two") for at in ("", "@held ")]
+IN_BALANCE = ["@free integral", *OUTPUTS, "@one y", "@two y"]
+LEFT = {"claim": "modes", "outside": 0, "sides": {"g": ["0.1", "1"]}, "states": ["@one y", "@two y"]}
+CONSTANT = {"L": [["1", "0"], ["0", "1"]], "signs": "++"}
+
+
+@pytest.mark.parametrize(
+    ("wire", "drift", "why"),
+    [
+        ("g*free.y", IN_BALANCE, ""),
+        ("(sin(h)**2 + cos(h)**2)*g*free.y", IN_BALANCE, ""),
+        ("g*free.y", IN_BALANCE[:-2], "not every equation keeps the drift of @free integral"),
+        ("g*free.y", ["free.y", "@free integral", *IN_BALANCE[2:]], "a drift of free.y, which is no memory of its own"),
+        ("1.000000001*g*free.y", IN_BALANCE, "not every equation keeps"),
+        ("sqrt(g*h)*sqrt(g/h)*free.y", IN_BALANCE, "not every equation keeps"),
+    ],
+)
+def test_shares_of_a_drift_follow_from_numbers(wire, drift, why, tmp_path):
+    spec = BALANCED.replace('"two.u" = "g*free.y"', f'"two.u" = "{wire}"')
+    code, words = checked(tmp_path, spec, [LEFT | {"drifts": [drift]}, CONSTANT])
+    assert code == bool(why)
+    assert why in words

@@ -1,7 +1,5 @@
 """Forms for proof files at single values, by numpy: P - A'PA = U with Stein's equation."""
 
-from fractions import Fraction
-
 import numpy as np
 
 from wavesweep.checker import balls, file
@@ -15,8 +13,7 @@ def matrix_of(family: file.Family, kind: str = "") -> np.ndarray:
 
 def at_value(spec: str, number: str, value: str, drifts=()) -> list[dict]:
     """A claim on how many modes are outside with a number at a value, and its cell."""
-    kept = [{name: Fraction(share) for name, share in drift.items()} for drift in drifts]
-    claim = file.Claim("modes", {number: balls.decimal(value)}, {}, 0, kept)
+    claim = file.Claim("modes", {number: balls.decimal(value)}, {}, 0, list(drifts))
     family = file.family_of(file.spec_of(spec.encode()), claim)
     cell, outside = form_of(matrix_of(family))
     first = {"claim": "modes", "numbers": {number: value}, "outside": outside, "drifts": list(drifts), "states": family.states}

@@ -168,6 +168,9 @@ class Ring:
         _, co, si = _exp_cos_sin(c)
         return self._taylor(h, b, [si, co, negative(si), negative(co)], ONE)
 
+    def tangent(self, a):
+        return self.multiply(self.sine(a), self.reciprocal(self.cosine(a)))
+
     def _taylor(self, h, b, derivatives, largest):
         """A function whose derivatives at c are these in turn, and nowhere on |h| <= b larger than `largest`."""
         if b > ONE:
@@ -236,7 +239,7 @@ def _log_near_one(m: int) -> int:
     return 2 * total
 
 
-def _pi():
+def _pi(_):
     """4 (4 arctan(1/5) - arctan(1/239))."""
     total = 0
     for factor, n in ((16, 5), (-4, 239)):
@@ -282,6 +285,10 @@ def _ring(sides: int) -> Ring:
 
 
 POINT = Cell({})
+
+
+def sum_of(_, a, b):
+    return add(a, b)
 
 
 class Number:
@@ -343,7 +350,7 @@ class Number:
             found = _exactly(total)
             if found is not None:
                 return found
-        return Number(None, lambda _, a, b: add(a, b), (self, other))
+        return Number(None, sum_of, (self, other))
 
     def __mul__(self, other):
         other = number(other)
@@ -453,7 +460,7 @@ def at_least(value, other) -> bool:
     return middle > 0
 
 
-pi = Number(None, lambda _: _pi())
+pi = Number(None, _pi)
 
 
 def sqrt(x) -> Number:
@@ -477,4 +484,4 @@ def sin(x) -> Number:
 
 
 def tan(x) -> Number:
-    return sin(x) / cos(x)
+    return Number(None, Ring.tangent, (number(x),))

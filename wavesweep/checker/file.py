@@ -1,6 +1,6 @@
 """The proof file, and what is checked of it.
 
-`NAME.proof` is a gzip of JSON lines. Numbers are decimal strings ("798.52"; of drifts also "1/3"), counts whole numbers. A field
+`NAME.proof` is a gzip of JSON lines. Numbers are decimal strings ("798.52"), counts whole numbers. A field
 that is not named here is refused, and nothing is taken from the file that follows from the spec. First a line
 
     {"format": "wavesweep proof 1", "sha256": of the bytes of the spec, "claims": 3}
@@ -13,7 +13,7 @@ and then each claim, a line, followed by the lines of its cells:
     sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges
     outside   of modes and refuted: how many modes are outside the unit circle, all over the sides
     open      true in place of it: a map, whose cells have any counts or none
-    drifts    [{name: share}]: directions of memory and variables that every equation keeps, exactly; they are set aside
+    drifts    [[name, ...]]: what takes part in a drift, which every equation keeps; first a memory that no other drift has
     states    names of the memory that is left, sorted: rows and columns of all forms
     word      of refuted: frames that are repeated for ever, by their letters
 
@@ -37,7 +37,7 @@ import gzip
 import hashlib
 import json
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -45,7 +45,8 @@ from typing import IO, Any
 
 from wavesweep.checker import balls, form
 from wavesweep.checker.balls import Cell, Refused, decimal
-from wavesweep.checker.frame import Frames, coordinates, is_drift, reduced, states_of, steps_of
+from wavesweep.checker.drifts import Form, drifts_of, reduced
+from wavesweep.checker.frame import Frames, states_of, steps_of
 from wavesweep.checker.reader import for_all, loop_of, unknown_key, with_numbers
 from wavesweep.checker.reader.controllers import SYMBOLS
 from wavesweep.checker.reader.loops import Unreadable
@@ -68,7 +69,7 @@ class Claim:
     numbers: dict[str, Fraction] = field(default_factory=dict)
     sides: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
     outside: int | None = None
-    drifts: list[dict[str, Fraction]] = field(default_factory=list)
+    drifts: list[list[str]] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
     word: list[str] = field(default_factory=list)
     shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
@@ -83,7 +84,7 @@ class Family:
     """
 
     frames: Frames
-    drifts: list[dict[str, Fraction]]
+    drifts: list[Form]
     states: list[str]
     moves: dict[Any, dict[str, tuple[str, Any, Any]]]
     start: Any
@@ -107,7 +108,7 @@ def spec_of(text: bytes) -> dict:
 def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     """The frames that a claim is about, from the spec; member: values of the listed numbers of [for_all]."""
     try:
-        schedules, moves, start = _schedules(tables, claim, member or {})
+        schedules, moves, start = schedules_of(tables, claim, member or {})
     except (
         AttributeError,
         IndexError,
@@ -118,19 +119,16 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     ) as error:
         # a value of a spec that is not of the kind that its key has: a text for a table, say
         raise Unreadable(f"the spec cannot be read: {error!r}") from None
-    for v in claim.drifts:
-        for schedule in schedules.values():
-            if not is_drift(schedule, v):
-                raise Refused(f"not every equation keeps the drift of {next(iter(v), 'nothing')}")
     words = steps_of(schedules)
     if claim.claim == "refuted" and "" not in words:
         words = {"": [step for kind in _repeated(moves, claim.word) for step in words[kind]]}
     frames = Frames(words)
-    drifts = coordinates(frames.live, claim.drifts)
+    middle = Cell({name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()})
+    drifts = drifts_of([*schedules.values()], claim.drifts, frames.live, middle)
     return Family(frames, drifts, states_of(frames, drifts), moves, start)
 
 
-def _schedules(tables: dict, claim: Claim, member: dict):
+def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     """Schedules of all kinds of frames, what may follow what, and the state in which a run begins."""
     values = {**claim.numbers, **member, **{name: balls.side(name) for name in claim.sides}}
 
@@ -280,11 +278,7 @@ def _expect(given, kind, what, length=None):
 
 
 def _fraction(given) -> Fraction:
-    top, _, bottom = _expect(given, str, "a number").partition("/")
-    below = decimal(bottom) if bottom else Fraction(1)
-    if not below:
-        raise Unreadable("a number over 0")
-    return decimal(top) / below
+    return decimal(_expect(given, str, "a number"))
 
 
 def _claim(line) -> Claim:
@@ -514,8 +508,10 @@ def _chain(family: Family, cell: Cell, line: dict, box):
 def _with_coordinates(claim: Claim, line: dict) -> Claim:
     drifts = []
     for given in _expect(line.get("drifts", []), list, "drifts"):
-        v = _expect(given, dict, "a drift")
-        drifts.append({name: _fraction(value) for name, value in v.items()})
+        names = [_expect(name, str, "a name") for name in _expect(given, list, "a drift")]
+        if not names or len(set(names)) < len(names):
+            raise Unreadable("a drift of nothing, or of a name twice")
+        drifts.append(names)
     states = [_expect(name, str, "a state") for name in _expect(line.get("states"), list, "states")]
     return replace(claim, drifts=drifts, states=states)
 

@@ -14,8 +14,6 @@ from wavesweep.checker.balls import (
     Number,
     Refused,
     add,
-    ball,
-    negative,
     number,
 )
 from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
@@ -288,60 +286,6 @@ def _without(rows, silent):
         for name, row in rows.items()
         if name not in silent
     }
-
-
-def is_drift(schedule: Schedule, v: dict[str, Fraction]) -> bool:
-    """Whether memory and variables in the proportions of v stay what they are: every equation holds for them, exactly."""
-    instants = [(instant, v) for instant in schedule.kinds.values()]
-    for instant, kept in (*instants, (schedule.motion, {})):  # a derivative is 0
-        for name, terms in instant.equations.items():
-            if _left(terms, v, v.get(name, Fraction(0))):
-                return False
-        for name, terms in instant.writes.items():
-            if _left(terms, v, kept.get(name, Fraction(0))):
-                return False
-    return True
-
-
-def _left(terms, v, value) -> Number:
-    total = number(-value)
-    for name, c in terms.items():
-        if name in v:
-            total = total + number(c) * v[name]
-    return total
-
-
-def reduced(cell: Cell, A, drifts) -> dict[str, dict[str, tuple]]:
-    """A matrix without the directions v with A v = v, in coordinates x - v x_k with a memory k of v; see `left_of`."""
-    A = {name: dict(row) for name, row in A.items()}
-    for v in drifts:
-        k = next(iter(v))
-        own = A.pop(k)
-        for name, row in A.items():
-            if name in v:
-                share = negative(ball(v[name]))
-                for column, c in own.items():
-                    term = cell.ring.multiply(share, c)
-                    row[column] = add(row[column], term) if column in row else term
-            row.pop(k, None)
-    return A
-
-
-def coordinates(live: set[str], drifts) -> list[dict[str, Fraction]]:
-    """Directions of drift over the memory, each with its memory k first, at which it is 1 and all later ones are 0."""
-    found: list[dict[str, Fraction]] = []
-    for given in drifts:
-        v = {name: share for name, share in given.items() if name in live}
-        for other in found:
-            share = v.pop(next(iter(other)), 0)
-            for name, c in list(other.items())[1:]:
-                v[name] = v.get(name, 0) - share * c
-        v = {name: share for name, share in sorted(v.items()) if share}
-        if not v:
-            raise Refused("a drift of nothing")
-        first = v[min(v)]
-        found.append({name: share / first for name, share in v.items()})
-    return found
 
 
 def states_of(frames: Frames, drifts) -> list[str]:

@@ -43,9 +43,7 @@ def claims_along(
     low, high = span
     for place in PLACES:
         if stays_on_circle(family, {name: (low + place * (high - low),) * 2}):
-            raise Refused(
-                "a mode stays next to the unit circle, as a drift does that is no simple ratio"
-            )
+            raise Refused("a mode stays next to the unit circle")
     for run in stretches(cells_along(family, name, *span, ends)):
         low = run[0].low
         high = run[-1].high
@@ -68,8 +66,12 @@ def _family(tables, numbers, sides):
     claim = file.Claim("modes", exact, sides, 0)
     claim.drifts = drifts_of(tables, claim)
     family = file.family_of(tables, claim)
-    drifts = [{name: str(share) for name, share in each.items()} for each in claim.drifts]
-    head = {"claim": "modes", "numbers": dict(numbers), "drifts": drifts, "states": family.states}
+    head = {
+        "claim": "modes",
+        "numbers": dict(numbers),
+        "drifts": claim.drifts,
+        "states": family.states,
+    }
     return family, head
 
 

@@ -1,79 +1,88 @@
 """What drifts in a loop, as the checker counts it: directions of its memory that every equation keeps."""
 
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
-from wavesweep.checker import balls, file, frame
-from wavesweep.checker.reader import loop_of, with_numbers
+from wavesweep.checker import balls, drifts, file, frame
+from wavesweep.checker.balls import Refused
 
-PLACES = Fraction(31, 100), Fraction(77, 100)  # of the sides, at which equations are looked at
+PLACES = [
+    Fraction(place, 1000) for place in (480, 1, 310, 770, 999)
+]  # of the sides, that are looked at
 SAME = 1e-11  # singular values up to which a direction is kept
-LEAST = 1e-9  # share of a direction
-LARGEST_DENOMINATOR = 10**6
+LEAST = 1e-12  # share of a direction
 
 
-def drifts_of(tables: dict, claim: file.Claim) -> list[dict[str, Fraction]]:
-    """Return the drifts of the own loop with the numbers and over the sides of a claim."""
-    values = {**claim.numbers, **{name: balls.side(name) for name in claim.sides}}
-    schedule = loop_of(with_numbers(tables, values), balls).schedule()
-    live = sorted(frame.Frames(frame.steps_of({"": schedule})).live)
-    rows = []
+def drifts_of(
+    tables: dict, claim: file.Claim, member: Mapping[str, Any] | None = None
+) -> list[list[str]]:
+    """Return what takes part in each drift of the loops of a claim, first a memory of its own. member:
+    values of listed numbers."""
+    kinds = file.schedules_of(tables, claim, member or {})[0]
+    schedules = [*kinds.values()]
+    live = frame.Frames(frame.steps_of(kinds)).live
+    cells = []
     for place in PLACES:
         point = {}
         for name, (low, high) in claim.sides.items():
             point[name] = (low + (high - low) * place,) * 2
-        rows += _equations(schedule, balls.Cell(point))
-    names = list(dict.fromkeys([*live, *(name for row in rows for name in row)]))
+        cells.append(balls.Cell(point))
+    unread: list[list[str]] = []
+    while True:
+        silent = {name for drift in unread for name in drift}
+        found = _next(drifts.at_rest(schedules, silent), live - silent, cells)
+        new = [drift for drift in found if drifts.is_unread(schedules, drift, live)]
+        if not new:
+            return unread + found
+        unread += new
+
+
+def _next(rows, live, cells):
+    """Yield drifts of equations at rest, as the checker solves them."""
+    others = {name for row in rows for name in row} - live
+    names = [*sorted(live), *sorted(others)]
+    kept = [_kept(rows, names, cell) for cell in cells]
+    found = []
+    for pivot, shares in _echelon(kept, len(live)):
+        drift = [names[pivot]]
+        drift += [names[at] for at in np.flatnonzero(shares > LEAST)]
+        try:
+            drifts.drift_of(rows, drift, cells[0])
+        except Refused:
+            continue
+        found.append(drift)
+    return found
+
+
+def _kept(rows, names, cell):
+    """Orthogonal directions of memory and variables that the equations at rest keep at a point."""
     column = {name: at for at, name in enumerate(names)}
     matrix = np.zeros((len(rows), len(names)))
     for at, row in enumerate(rows):
-        size = max(map(abs, row.values()), default=1.0) or 1.0
         for name, share in row.items():
-            matrix[at, column[name]] = share / size
-    _, values_of, directions = np.linalg.svd(matrix)
-    kept = directions[np.append(values_of, np.zeros(len(names) - len(values_of))) < SAME]
-    found = []
-    for direction in _echelon(kept, len(live)):
-        exact = {}
-        for name, share in zip(names, direction, strict=True):
-            if abs(share) > LEAST:
-                exact[name] = Fraction(float(share)).limit_denominator(LARGEST_DENOMINATOR)
-        if frame.is_drift(schedule, exact):
-            found.append(exact)
-    return found
+            matrix[at, column[name]] = share.value(cell)[1] / balls.ONE
+    matrix /= np.abs(matrix).max(axis=1, keepdims=True, initial=1e-300)
+    _, sizes, directions = np.linalg.svd(matrix)
+    return directions[np.append(sizes, np.zeros(len(names) - len(sizes))) < SAME]
 
 
-def _equations(schedule, cell):
-    """Yield what every equation of the instants and of the motion leaves of memory and variables."""
-    for instant, moves in (
-        *((each, False) for each in schedule.kinds.values()),
-        (schedule.motion, True),
-    ):
-        for kind in (instant.equations, instant.writes):
-            for name, terms in kind.items():
-                derivative = moves and kind is instant.writes
-                row = {} if derivative else {name: -1.0}
-                for other, share in terms.items():
-                    if not other.startswith("!"):
-                        value = balls.number(share).value(cell)[1] / balls.ONE
-                        row[other] = row.get(other, 0.0) + value
-                yield row
-
-
-def _echelon(kept, live):
-    """Directions of the memory, the first columns, in a row echelon form."""
-    kept = kept.copy()
-    found: list[np.ndarray] = []
-    for at in range(live):
-        if not len(kept):
-            break
-        pivot = int(np.argmax(np.abs(kept[:, at])))
-        if abs(kept[pivot, at]) < LEAST:
-            continue
-        direction = kept[pivot] / kept[pivot, at]
-        kept = np.delete(kept, pivot, 0)
-        kept = kept - kept[:, [at]] * direction
-        found = [each - each[at] * direction for each in found]
-        found.append(direction)
-    return found
+def _echelon(kept: Sequence[np.ndarray], live: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield a memory of each drift, of the first columns, that no other has, and its largest shares."""
+    count = len(kept[0])
+    if any(len(each) != count for each in kept):
+        return
+    # Memory whose share comes nowhere near 0, as against its share in the middle.
+    sizes = np.array([np.linalg.norm(each[:, :live], axis=0) for each in kept])
+    away = (sizes / np.maximum(sizes[0], LEAST)).min(axis=0)
+    pivots: list[int] = []
+    for at in np.argsort(-away, kind="stable").tolist():
+        if np.linalg.matrix_rank(kept[0][:, [*pivots, at]], tol=LEAST) > len(pivots):
+            pivots.append(at)
+    if len(pivots) == count:
+        shares = [np.abs(np.linalg.solve(each[:, pivots], each)) for each in kept]
+        largest = np.max(shares, axis=0)
+        largest[:, pivots] = 0
+        yield from zip(pivots, largest, strict=True)

@@ -272,7 +272,10 @@ class Controller:
                     wave: self.arithmetic.sqrt(2 * self.b) / self.b,
                     "slow F": -1 / self.b,
                 }
-                equations["slow wave"] = {wave: 1, "slow F": -self.arithmetic.sqrt(2 / self.b)}
+                equations["slow wave"] = {
+                    wave: 1,
+                    "slow F": -self.arithmetic.sqrt(2 * self.b) / self.b,
+                }
                 new = {"F": "slow F", "w": "slow wave", "x_s": "slow place"}
         for name in self.results():
             equations[f"new {name}"] = {new[name]: 1}
@@ -366,7 +369,7 @@ class Controller:
             "u_l": self.arithmetic.sqrt(2 * self.b) / self.b,
             "local F": -1 / self.b,
         }
-        equations["v_l"] = {"u_l": 1, "local F": -self.arithmetic.sqrt(2 / self.b)}
+        equations["v_l"] = {"u_l": 1, "local F": -self.arithmetic.sqrt(2 * self.b) / self.b}
         self.filter(equations, writes, "lp2", "v_l", "lp2 out")
         writes["@v_2"] = {"lp2 out": 1}
 

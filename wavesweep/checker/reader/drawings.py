@@ -671,7 +671,7 @@ class Drawing:
         else:
             force = self.into(name, "f")
             equations[f"{name}.v"] = form(scaled(root / b, come), scaled(-1 / b, force))
-            equations[f"{name}.out"] = form(come, scaled(-self.arithmetic.sqrt(2 / b), force))
+            equations[f"{name}.out"] = form(come, scaled(-self.arithmetic.sqrt(2 * b) / b, force))
 
     def run_avatar(self, name, equations, writes):
         self.moved(name, equations, writes, self.into(name, "f"))
@@ -681,7 +681,7 @@ class Drawing:
         self.moved(name, equations, writes, force)
 
     def moved(self, name, equations, writes, force):
-        """v = (sqrt(2b) in - f)/b, out = in - sqrt(2/b) f, and x from v."""
+        """v = (sqrt(2b) in - f)/b, out = in - sqrt(2b)/b f, and x from v."""
         b = self.value(name, "b")
         method = self.method(name, "integration", "implicit")
         step = self.period(name)
@@ -690,7 +690,7 @@ class Drawing:
         equations[f"{name}.v"] = form(
             scaled(self.arithmetic.sqrt(2 * b) / b, come), (-1 / b, f"{name} f")
         )
-        equations[f"{name}.out"] = form(come, (-self.arithmetic.sqrt(2 / b), f"{name} f"))
+        equations[f"{name}.out"] = form(come, (-self.arithmetic.sqrt(2 * b) / b, f"{name} f"))
         before = f"@{name} x"
         half = method == "trapezoidal"
         equations[f"{name}.x"] = form((1, before), (step / 2 if half else step, f"{name}.v"))

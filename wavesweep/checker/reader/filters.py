@@ -27,27 +27,24 @@ def butterworth(order: int, warped, side: str, arithmetic) -> list[tuple]:
         aside = warped * turn
         size = along * along + aside * aside
         inverse = [[along / size, aside / size], [-aside / size, along / size]]
-        sections.append(_bilinear(A, [0, 1], low, last, warped, inverse, arithmetic))
+        sections.append(_bilinear(A, [0, 1], low, last, warped, inverse))
     if order % 2:
         share = 1 if side == "low" else -1
         inverse = [[1 / (1 + warped)]]
-        sections.append(
-            _bilinear([[-1]], [1], [share], 0 if side == "low" else 1, warped, inverse, arithmetic)
-        )
+        sections.append(_bilinear([[-1]], [1], [share], 0 if side == "low" else 1, warped, inverse))
     return sections
 
 
-def _bilinear(A, B, C, D, a, inverse, arithmetic):
+def _bilinear(A, B, C, D, a, inverse):
     """C (s - A)^-1 B + D with s = (z - 1)/(z + 1)/a; inverse: (1 - a A)^-1."""
     places = range(len(B))
     right = [[int(at == other) + a * A[at][other] for other in places] for at in places]
-    root = arithmetic.sqrt(2 * a)
     moved = [dot(inverse[at], B) for at in places]
     seen = [dot(C, [inverse[at][other] for at in places]) for other in places]
     turned = [
         [dot(inverse[at], [right[of][other] for of in places]) for other in places] for at in places
     ]
-    return turned, [root * x for x in moved], [root * x for x in seen], D + a * dot(C, moved)
+    return turned, [2 * a * x for x in moved], seen, D + a * dot(C, moved)
 
 
 def order_and_cutoff(edges: dict, warped, side: str, arithmetic) -> tuple[int, object]:

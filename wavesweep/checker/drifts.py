@@ -1,0 +1,136 @@
+"""Drifts: directions of memory and variables that every equation keeps, so that nothing opposes a motion along them.
+
+A file names what takes part in one, first a memory whose share is 1. The shares of the others follow from the equations.
+"""
+
+from collections.abc import Container, Iterable
+
+from wavesweep.checker.balls import Cell, Number, Refused, add, negative, number
+from wavesweep.checker.identities import Identities
+from wavesweep.checker.reader.loops import Schedule
+
+Form = dict[str, Number]
+
+
+def drifts_of(
+    schedules: list[Schedule], given: Iterable[list[str]], live: set[str], middle: Cell
+) -> list[Form]:
+    """The shares over the memory of each drift in all kinds of frames, first those of a memory of its own.
+
+    middle: of the sides; there no divisor may be 0, so that one is 0 at places without an inside alone, and what holds elsewhere
+    holds there too. A sum that nothing reads is a drift although it goes on with another one.
+    """
+    found: list[Form] = []
+    silent: set[str] = set()
+    for names in given:
+        v = drift_of(at_rest(schedules, silent), names, middle)
+        if is_unread(schedules, names, live):
+            silent.update(names)
+        found.append({name: share for name, share in v.items() if name in live})
+    for v, names in zip(found, given, strict=True):
+        if names[0] not in v or sum(names[0] in other for other in found) > 1:
+            raise Refused(f"a drift of {names[0]}, which is no memory of its own")
+    return found
+
+
+def drift_of(equations: list[Form], names: list[str], middle: Cell) -> Form:
+    """The shares of a drift. Refused, unless every equation holds for them whatever the sides are."""
+    identities = Identities()
+    first, *others = names
+    rows = [{name: c for name, c in row.items() if name in names} for row in equations]
+    left = [dict(row) for row in rows]
+    unknown = set(others)
+    steps: list[tuple[str, Form]] = []
+    while unknown:
+        row, name = _next(left, unknown, identities)
+        own = row.pop(name)
+        solved = {other: -c / own for other, c in row.items()}
+        row.clear()
+        for each in left:
+            if name in each:
+                share = each.pop(name)
+                for other, c in solved.items():
+                    each[other] = each[other] + share * c if other in each else share * c
+        steps.append((name, solved))
+        unknown.discard(name)
+    v = {first: number(1)}
+    for name, solved in reversed(steps):
+        v[name] = _sum(c * v[other] for other, c in solved.items())
+    for share in v.values():
+        share.value(middle)
+    if not all(identities.vanishes(_sum(c * v[name] for name, c in row.items())) for row in rows):
+        raise Refused(f"not every equation keeps the drift of {first}")
+    return v
+
+
+def _next(rows, unknown, identities) -> tuple[Form, str]:
+    """An equation of as few unknowns as there are, and one of them whose coefficient is not 0."""
+    for row in sorted(rows, key=lambda row: sum(name in unknown for name in row)):
+        named = sorted(unknown.intersection(row), key=lambda name: (len(row[name].parts), name))
+        for name in named:
+            if not identities.vanishes(row[name]):
+                return row, name
+            del row[name]
+    raise Refused(f"no equation says the share of {min(unknown)} in a drift")
+
+
+def is_unread(schedules: Iterable[Schedule], drift: list[str], live: set[str]) -> bool:
+    """Whether it is one memory and what is made of that alone, as a sum that is only shown, which nothing else reads."""
+    names = set(drift)
+    return live.intersection(names) == {drift[0]} and all(
+        name in names or names.isdisjoint(terms)
+        for schedule in schedules
+        for instant in (*schedule.kinds.values(), schedule.motion)
+        for equations in (instant.equations, instant.writes)
+        for name, terms in equations.items()
+    )
+
+
+def at_rest(schedules: Iterable[Schedule], silent: Container[str] = ()) -> list[Form]:
+    """What is left of each equation at rest, where memory stays as it is and derivatives are 0; each but once.
+
+    silent: names whose own equations do not count, as nothing else reads them.
+    """
+    found: dict[frozenset, Form] = {}
+    for schedule in schedules:
+        for instant in (*schedule.kinds.values(), schedule.motion):
+            for written, equations in ((False, instant.equations), (True, instant.writes)):
+                for name, terms in equations.items():
+                    if name in silent:
+                        continue
+                    row = {other: number(c) for other, c in terms.items() if other[0] != "!"}
+                    if not (written and instant is schedule.motion):
+                        row[name] = row.get(name, number(0)) - 1
+                    row = {other: c for other, c in row.items() if c}
+                    found.setdefault(
+                        frozenset((other, _content(c)) for other, c in row.items()), row
+                    )
+    return list(found.values())
+
+
+def _content(c: Number):
+    """The same for two numbers if they are the same by what they are made of."""
+    return c if c.exact is None else frozenset(c.exact.items())
+
+
+def _sum(terms: Iterable[Number]) -> Number:
+    total = number(0)
+    for term in terms:
+        total = total + term
+    return total
+
+
+def reduced(cell: Cell, A, drifts: list[Form]) -> dict[str, dict[str, tuple]]:
+    """A matrix without the directions v with A v = v, in coordinates x - v x_k with the memory k of v."""
+    A = {name: dict(row) for name, row in A.items()}
+    for v in drifts:
+        k = next(iter(v))
+        own = A.pop(k)
+        for name, row in A.items():
+            if name in v:
+                share = negative(v[name].value(cell))
+                for column, c in own.items():
+                    term = cell.ring.multiply(share, c)
+                    row[column] = add(row[column], term) if column in row else term
+            row.pop(k, None)
+    return A
