@@ -1,5 +1,7 @@
 """Summaries of long tables count the same in blocks as at once."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from wavesweep.passive.table import passivity
 from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.in_common import InCommon
 from wavesweep.program.tables.interval_sentences import Sentences
 from wavesweep.program.tables.interval_summary import LoopSummary
 from wavesweep.program.tables.response_table import responses
@@ -67,9 +70,11 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     tally.add(columns)
     largest = tally.numbers()["largest"]
     assert (largest["from"], largest["at"], largest["equal_rows"]) == (0.0, {"b": 2.0}, 2)
-    assert Sentences(tally.numbers()).extremes()[1:] == []
+    assert Sentences(tally.numbers()).extremes()[1:] == [
+        "stable K_VE for all of them: 0 to 500 N/m (at b = 1 N*s/m) and 700 (at b = 1 N*s/m) to 1000 N/m (at b = 1 N*s/m)"
+    ]
     tally.add({name: column[:2] for name, column in columns.items()} | {"high": np.array([500.0, 2000.0])})
-    whole, largest = Sentences(tally.numbers()).extremes()
+    whole, largest, _ = Sentences(tally.numbers()).extremes()
     assert "2000 N/m (stable from 700 on) at b = 1" in largest
     assert whole.startswith("stable for every K_VE from 0 up to 1000 N/m at b = 2")
     felt = "stiffest wall as the hand feels it at rest"
@@ -102,3 +107,65 @@ def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
     tally = LoopSummary(OWN)
     tally.add(columns)
     assert Sentences(tally.numbers()).extremes() == [said]
+
+
+def rows_of(slices):
+    """The columns of slices of an axis b, each with its intervals; of the last one a place is open."""
+    rows = []
+    for b, intervals in enumerate(slices):
+        for number, (low, high) in enumerate(intervals or [(np.nan, np.nan)]):
+            rows.append((float(b), len(intervals), number, low, high, 0, np.nan, np.nan))
+    rows[-1] = (*rows[-1][:5], 1, 20.3, 20.6)
+    names = ("b", "intervals", "interval", "low", "high", "open_places", "open_low", "open_high")
+    columns = dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))
+    return {"b": columns.pop("b"), "along": np.full(len(rows), "K", object)} | columns
+
+
+@pytest.mark.parametrize("block", [1, 3, 1000])
+@pytest.mark.parametrize("seed", range(4))
+def test_what_slices_have_in_common_are_the_places_that_each_has(block, seed):
+    """Held against places that are looked at in each, with any rows in a block."""
+    rng = np.random.default_rng(seed)
+    slices = [np.sort(rng.uniform(0, 40, 2 * rng.integers(1, 4))).reshape(-1, 2) for _ in range(4)]
+    slices = [[(max(a - 10, 0.0), min(b + 10, 40.0)) for a, b in each] for each in slices]
+    slices = [[each[0], *(own for before, own in pairwise(each) if own[0] > before[1])] for each in slices]
+    columns = rows_of(slices)
+    common = InCommon()
+    for start in range(0, columns["low"].size, block):
+        common.add({name: column[start : start + block] for name, column in columns.items()})
+    found = common.numbers((0.0, 40.0))["intervals"]
+    looked_at = np.linspace(0.001, 39.999, 20_001)
+    inside = ~((looked_at >= 20.3) & (looked_at <= 20.6))
+    for each in slices:
+        inside &= np.any([(low <= looked_at) & (looked_at <= high) for low, high in each], axis=0)
+    assert (inside == np.any([(each["low"] <= looked_at) & (looked_at <= each["high"]) for each in found], axis=0)).all()
+    for each in found:
+        for end in ("low", "high"):
+            at = each[f"{end}_at"]
+            ends = [own for pair in slices[int(at["b"])] for own in pair] if at else (0.0, 40.0)
+            assert each[end] in (*ends, 20.3, 20.6)
+
+
+@pytest.mark.parametrize(
+    ("slices", "said"),
+    [
+        ([[(0, 10)], [(2, 8)], [(3, 40)]], "stable K for all of them: 3 (at b = 2 N*s/m) to 8 (at b = 1 N*s/m)"),
+        ([[(0, 10)], [], [(3, 40)]], "no stable K for all of them: none (at b = 1 N*s/m)"),
+        (
+            [[(0, 10)], [(0, 20)], [(30, 40)]],
+            "no stable K for all of them: up to 10 (at b = 0 N*s/m), and from 30 (at b = 2 N*s/m) on",
+        ),
+        ([[(0, 10), (20, 40)], [(12, 18)], [(0, 40)]], "no stable K for all of them"),
+        ([[(0, 10)]], None),
+        ([[], []], None),
+    ],
+)
+def test_what_all_have_is_said_or_what_rules_it_out(slices, said):
+    columns = rows_of(slices)
+    n = columns["low"].size
+    columns["certified"], columns["doubt"] = np.ones(n, bool), np.full(n, "", object)
+    columns |= known(n) | {name: np.full(n, np.nan) for name in ("felt_low", "felt_high", "high_omega")}
+    tally = LoopSummary(OWN, axes={"b": (0.0, 1.0, 2.0)})
+    tally.add(columns)
+    lines = [" ".join(line.split()) for line in Sentences(tally.numbers()).extremes() if "all of them" in line]
+    assert lines == ([said] if said else [])

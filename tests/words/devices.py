@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 from words.explanations import hold_columns
 from words.law import QUIET, said_by, unfolded
-from words.sentences import PROVED, N, Run, are_ends, hold, hold_share, is_cell, near, of_members, shape
+from words.sentences import PROVED, N, Run, are_ends, hold, hold_in_common, hold_share, is_cell, near, of_members, shape
 
 from wavesweep.program.spec.writing import as_toml
 
@@ -293,6 +293,12 @@ def largest_wall(run, how, high, low, B, others, fails, by):
         tried = run.case.dampings if B is None else [B]
         return any(refuted(run.case, by, float(fails), each) for each in tried)
     return low is None or low >= run.case.inside(B or 0.0, run.word)[0]
+
+
+@shape(r"\s*(no )?(stable|proved) K_VE for all of them:? ?(.*)", "zwidth")
+def walls_in_common(run, none, how, said):
+    rows = [each for each in run.rows if each.get("guarantee", "spec") == run.word]
+    return (none is not None) == (not hold_in_common(rows, "B_VE", said))
 
 
 @shape(rf"\s*(stable|proved) for every K_VE from {N} up to {N} N/m{AT_B}", "zwidth")

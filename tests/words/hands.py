@@ -13,6 +13,7 @@ import pandas
 from scipy.linalg import expm
 from words.explanations import hold_columns
 from words.law import said_by, unfolded
+from words.sentences import hold_in_common
 
 T = 0.001  # s
 N = r"(\d[\d.]*(?:e[+-]?\d+)?)"
@@ -117,6 +118,9 @@ def hold_lines(lines, table, claims):
             if named := re.search(rf"by a hand of {N} kg, {N} N\*s/m, {N} N/m", line):
                 columns = rows[["high_hand_mass", "high_hand_damping", "high_hand_stiffness"]]
                 assert np.isclose(columns.astype(float), [*map(float, named.groups())], rtol=5e-4).all(axis=1).any(), line
+        elif found := re.fullmatch(r"  (no )?(?:stable|proved) K_VE for all of them:? ?(.*)", line):
+            rows = table[table["hand"] == hand].to_dict("records")
+            assert (found[1] is not None) == (not hold_in_common(rows, "B_VE", found[2])), line
         elif found := re.fullmatch(rf"  (?:all {N} rows|the only row is) (certified|not certified \(sampled bounds\))", line):
             rows = table[table["hand"] == hand]
             assert len(rows) == float(found[1] or 1)

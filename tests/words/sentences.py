@@ -558,6 +558,30 @@ def every(run, what, low, high, c, more):
     )
 
 
+@shape(rf"\s*(no )?({WHAT}) for all of them(?: is known)?:? ?(.*)", "stability-region")
+def in_common(run, none, what, said):
+    rows = [each for each in run.rows if each.get("guarantee", "spec") == run.word]
+    assert (none is not None) == (not hold_in_common(rows, "c", said)), said
+    return of_members(run, what)
+
+
+def hold_in_common(rows, axis, said):
+    """What the rows of all values of an axis have in common, as intervals, are the spans that are said, and each end is one
+    of the value that is named with it."""
+    common = [(-inf, inf)]
+    for value in {row[axis] for row in rows}:
+        own = [(row["low"], row["high"]) for row in rows if row[axis] == value and row["intervals"]]
+        both = ((max(low, a), min(high, b)) for low, high in common for a, b in own)
+        common = [(low, high) for low, high in both if low < high]
+    for end, value in re.findall(rf"{N}(?: [^\d ]+)? \(at {axis} = {N}", said):
+        ends = [row[column] for row in rows if row[axis] == float(value) for column in ("low", "high")]
+        assert any(near(float(end), each) for each in ends), (end, value, ends)
+    spans = re.findall(rf"{N}(?: \(at [^)]*\))? to {N}", said)
+    assert len(spans) == len(common), (spans, common)
+    assert all(are_ends(low, high, common) for low, high in spans), (spans, common)
+    return common
+
+
 @shape(
     rf"{N} slices?: {N} (?:stable )?intervals?( with .*?)?(?:, {N} slices? with a hole)?(?:, {N} slices? with open places)?",
     "stability-region",

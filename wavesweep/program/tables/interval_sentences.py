@@ -121,6 +121,7 @@ class Sentences:
         if not upwards:
             texts.append(self._largest())
         texts.append(self._least(upwards))
+        texts.append(self._in_common())
         texts.append(self._without_wall())
         return [_folded(text) for text in texts if text]
 
@@ -211,6 +212,33 @@ class Sentences:
         first = f"{everywhere(claim)} for every {self._along} from {rounded_up(self._numbers['range'][0])} up to"
         number = rounded_down(without["value"])
         return f"{first} {number}{self._unit}{self._place(without)}{unless(claim, known=without['certified'])}"
+
+    def _in_common(self) -> str:
+        """The values that all slices have in common, or what rules them out; empty for one slice."""
+        common = self._numbers["in_common"]
+        if common is None:
+            return ""
+        known = not self._numbers["doubts"]
+        spans = []
+        for each in common["intervals"]:
+            low = f"{rounded_up(each['low'])}{self._at(each['low_at'])}"
+            high = f"{rounded_down(each['high'])}{self._unit}{self._at(each['high_at'])}"
+            spans.append(f"{low} to {high}")
+        values = f"{value_of_rows(self._claim, self._along)} for all of them"
+        if spans:
+            return f"{values}: {' and '.join(spans)}{unless(self._claim, known=known)}"
+        why = ""
+        if "without" in common:
+            why = f": none{self._at(common['without'])}"
+        elif "low" in common:
+            high = f"{rounded_up(common['high'])}{self._unit}{self._at(common['high_at'])}"
+            low = f"{rounded_down(common['low'])}{self._unit}{self._at(common['low_at'])}"
+            why = f": up to {high}, and from {low} on"
+        return f"no {values}{'' if known else ' is known'}{why}"
+
+    def _at(self, place: Mapping[str, float]) -> str:
+        """The place that sets an end, behind it."""
+        return f" (at {self._numbers_in_words(place)})" if place else ""
 
     def stiffest_felt(self) -> str:
         """The largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.

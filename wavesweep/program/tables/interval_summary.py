@@ -14,6 +14,7 @@ from wavesweep.program.spec import find_key
 from wavesweep.program.tables.columns import at_port, numbers_of, swept_range
 from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.frame_lengths import DecidingLengths, varying_lengths
+from wavesweep.program.tables.in_common import InCommon
 from wavesweep.program.tables.refuters import Refuters
 
 Axes = Mapping[str, Sequence[float]]
@@ -102,6 +103,7 @@ class LoopSummary:
         self._slices: list[
             dict[str, Any]
         ] = []  # axes' values, intervals and open places of the first few
+        self._in_common = InCommon()
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows."""
@@ -111,6 +113,7 @@ class LoopSummary:
         self._along = str(columns["along"][0])
         self._range = swept_range(self._facts, self._along)
         self._list(columns)
+        self._in_common.add(columns)
         self._lengths.add(columns, self._range)
         self._rows += len(stable)
         self._intervals += int(stable.sum())
@@ -187,6 +190,7 @@ class LoopSummary:
             "stiffest_felt": self._felt_numbers(),
             "least": self._least_numbers(),
             "few_slices": self._slices if few else [],
+            "in_common": self._in_common.numbers(self._range) if self._intervals else None,
         }
         if self._ruled_out:
             numbers["ruled_out"] = self._ruled_out
