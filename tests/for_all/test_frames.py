@@ -13,7 +13,7 @@ from tests.for_all.marches import growth_of, pmw
 from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._stability.stable import stable_intervals
-from wavesweep.engine._switched.brackets import bracket
+from wavesweep.engine._switched.any_order import bracket
 from wavesweep.engine._switched.loop_frames import Symbol
 from wavesweep.engine._switched.patterns import growth, is_refuted, shortest_through
 from wavesweep.engine.frames import open_loops
@@ -236,4 +236,4 @@ def test_one_length_alone_is_the_interval_of_today():
     found = bracket(frames_of_controller(values, FramesInAnyOrder((20,))), 20.0, (0.0, 5000.0), 1e-6)
     assert found.high == pytest.approx(today.high[0], rel=1e-6)
     assert found.low == pytest.approx(today.low[0], abs=1e-6)
-    assert found.refuted_above == pytest.approx(today.high[0], rel=1e-9)
+    assert found.above.x == pytest.approx(today.high[0], rel=1e-9)

@@ -80,7 +80,7 @@ def test_independent_frames_of_an_integrator_have_the_first_two_moments_of_the_l
     (found,) = found_of(integrator(lengths, shares=shares.tolist()), "numbers.k", 200.0)
     n = np.array(lengths) / 100
     end = 2 * (shares @ n) / (shares @ n**2)
-    assert found.high < end < found.refuted_above
+    assert found.high < end < found.above.x
     assert found.high == pytest.approx(end, rel=2e-5)
 
 
@@ -93,8 +93,8 @@ def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
         a = (1 - k * np.array([0.02, 0.09])) ** 2
         return np.abs(np.linalg.eigvals(a[:, None] * np.array([[stay, 1 - stay], [1 - stay, stay]]))).max()
 
-    assert moments(found.high) < 1 < moments(found.refuted_above)
-    assert found.high == pytest.approx(found.refuted_above, rel=1e-4)
+    assert moments(found.high) < 1 < moments(found.above.x)
+    assert found.high == pytest.approx(found.above.x, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -105,8 +105,8 @@ def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
 def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, shares):
     given = {"shares": shares} if np.ndim(shares) == 1 else {"next": shares}
     (found,) = found_of(built_in(kind, LENGTHS, **given), "environment.K_VE")
-    assert radius(march(found.high), LENGTHS, shares) < 1 < radius(march(found.refuted_above), LENGTHS, shares)
-    assert found.high == pytest.approx(found.refuted_above, rel=1e-4)
+    assert radius(march(found.high), LENGTHS, shares) < 1 < radius(march(found.above.x), LENGTHS, shares)
+    assert found.high == pytest.approx(found.above.x, rel=1e-4)
     assert radius(march(found.high / 2), LENGTHS, shares) < 1
     assert 0 < found.low < 1e-5  # as the device drifts at 0
     assert all(radius(march(K), LENGTHS, shares) < 1 for K in (1e-4, 1e-2, 1.0))
@@ -143,8 +143,8 @@ def test_results_late_and_lost_at_random_have_the_moments_of_a_march(seed):
             (each.low or 1e-3, 1),
             (each.high, 1),
             ((each.low + each.high) / 2, 1),
-            (each.refuted_above, 0),
-            (each.refuted_below, 0),
+            (each.above.x, 0),
+            (each.below.x, 0),
         ):
             assert np.isnan(K) or (radius(march(K), lengths, shares, results) < 1) == stable
     inside = [K for K in np.geomspace(1, 1999, 12) if radius(march(K), lengths, shares, results) < 1 - 1e-3]
@@ -191,7 +191,7 @@ def test_results_may_be_lost_in_any_pattern_where_all_others_are_in_place_at_onc
 def test_one_length_alone_is_stable_as_a_constant_rate_is():
     (found,) = found_of(built_in("pmw", [16, 20, 33], shares=[0, 5, 0]), "environment.K_VE", 1200.0)
     exact = 801.892576710366  # the interval of the same loop at a constant ratio of 20
-    assert found.high < exact < found.refuted_above
+    assert found.high < exact < found.above.x
     assert found.high == pytest.approx(exact, rel=2e-5)
 
 

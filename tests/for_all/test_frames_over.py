@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wavesweep.engine._sets.taylor_models import monomials
+from wavesweep.engine._switched import boxes
 from wavesweep.engine.sets import Side, UnresolvedError
 from wavesweep.engine.switched import FramesOver, constant_frames
-from wavesweep.for_all import ranges
 from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -77,17 +77,17 @@ def test_frames_in_units_that_turn_with_numbers_are_those_of_members_in_these_un
 
 def test_what_is_proved_and_what_is_open_is_the_whole_box():
     shares = []
-    found = ranges.cover(frames_of_spring(2), BOX, ALWAYS, 1e12, report=lambda _, share: shares.append(share))
+    found = boxes.cover(frames_of_spring(2), BOX, ALWAYS, 1e12, report=lambda _, share: shares.append(share))
     assert not found.open
     assert len(shares) > 2
     assert shares == sorted(shares)
     assert 0 < shares[-1] < 1
-    part = ranges.cover(frames_of_spring(2), BOX, ALWAYS, 1e8)
+    part = boxes.cover(frames_of_spring(2), BOX, ALWAYS, 1e8)
     assert part.open
 
 
 def test_a_queue_that_drops_a_part_proves_nothing(monkeypatch):
-    halves = ranges._halves
+    halves = boxes._halves
     dropped = []
 
     def all_but_one(box, side):
@@ -97,9 +97,9 @@ def test_a_queue_that_drops_a_part_proves_nothing(monkeypatch):
         dropped.append(side)
         return [lower, upper]
 
-    monkeypatch.setattr(ranges, "_halves", all_but_one)
+    monkeypatch.setattr(boxes, "_halves", all_but_one)
     with pytest.raises(RuntimeError, match="neither proved nor open"):
-        ranges.cover(frames_of_spring(2), BOX, ALWAYS, 1e12)
+        boxes.cover(frames_of_spring(2), BOX, ALWAYS, 1e12)
 
 
 FILTERED = {

@@ -7,7 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.engine._switched.brackets import PROVED, REFUTED, bracket, decide
+from wavesweep.engine._switched.any_order import PROVED, REFUTED, bracket, decide
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.norm_check import Norms, shrink, shrink_along
 from wavesweep.engine._switched.patterns import _of_walks, nearest
@@ -80,8 +80,8 @@ def largest_of_words(A, longest):
 def test_published_joint_spectral_radii(matrices, radius):
     found = bracket(scaled(matrices), 0.1, (0.0, 3.0), 1e-4)
     assert found.high < 1 / radius * (1 + 1e-7)
-    assert found.refuted_above == pytest.approx(1 / radius, rel=1e-6)
-    assert found.high > found.refuted_above * (1 - 1e-4)
+    assert found.above.x == pytest.approx(1 / radius, rel=1e-6)
+    assert found.high > found.above.x * (1 - 1e-4)
 
 
 def test_the_golden_pair_to_a_millionth():
@@ -98,7 +98,7 @@ def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_
     family = scaled(turned @ whole @ turned.T)
     assert Remembered.of(family, [0.3]).at(0.3).shape == (2, 2, 2)
     found = bracket(family, 0.1, (0.0, 3.0), 1e-3)
-    assert found.refuted_above * (1 - 1e-3) < found.high < 1 / GOLDEN < found.refuted_above
+    assert found.above.x * (1 - 1e-3) < found.high < 1 / GOLDEN < found.above.x
     for stretch in found.stretches:
         ends = zip(stretch.norms, (stretch.low, stretch.high), strict=True)
         assert all(shrink(norms, *family.enclosed(x), family.follows) for norms, x in ends)
@@ -106,7 +106,7 @@ def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_
 
 def test_a_proof_and_a_refutation_that_are_cheap_to_bring_together_are_nearer_than_was_asked():
     found = bracket(scaled(PAIR), 0.5, (0.5, 0.65), 0.01)
-    assert found.refuted_above * (1 - 3e-4) < found.high < 1 / GOLDEN < found.refuted_above
+    assert found.above.x * (1 - 3e-4) < found.high < 1 / GOLDEN < found.above.x
 
 
 def test_a_slow_oscillation_is_pumped_by_a_pattern_of_many_matrices():

@@ -67,9 +67,9 @@ def test_a_deadbeat_loop_may_lose_one_message_in_a_squared(a):
     (found,) = brackets_on_average(chain(recursion(a), "p"), (0.0, 1.0))
     assert found.low == 0
     assert found.high == pytest.approx(1 / a**2, rel=2e-5)
-    assert found.high < 1 / a**2 < found.refuted_above
-    fails, word = nearest_growing(chain(recursion(a), "p"), 0.1 / a**2, 1.0)
-    assert (1 / a**2 <= fails <= (1 + 2e-10) / a**2, word) == (True, (0,))
+    assert found.high < 1 / a**2 < found.above.x
+    refuted = nearest_growing(chain(recursion(a), "p"), 0.1 / a**2, 1.0)
+    assert (1 / a**2 <= refuted.x <= (1 + 2e-10) / a**2, refuted.word) == (True, (0,))
 
 
 def test_a_loop_with_bursts_has_the_radius_of_two_moments():
@@ -84,8 +84,8 @@ def test_a_loop_with_bursts_has_the_radius_of_two_moments():
         lost = np.diag([0.1, 1.0]) @ np.array([[0.95, q], [0.05, 1 - q]])
         return np.abs(np.linalg.eigvals(1.69 * lost)).max()
 
-    assert radius(found.low) < 1 < radius(found.refuted_below)
-    assert found.low == pytest.approx(found.refuted_below, rel=1e-4)
+    assert radius(found.low) < 1 < radius(found.below.x)
+    assert found.low == pytest.approx(found.below.x, rel=1e-4)
 
 
 def test_held_inputs_have_the_radius_of_their_second_moments():
@@ -95,7 +95,7 @@ def test_held_inputs_have_the_radius_of_their_second_moments():
         sent, lost = np.array([[1.2 - k, 0], [-k, 0]]), np.array([[1.2, 1], [0, 1]])
         return np.abs(np.linalg.eigvals(0.9 * np.kron(sent, sent) + 0.1 * np.kron(lost, lost))).max()
 
-    for inside, outside in ((found.low, found.refuted_below), (found.high, found.refuted_above)):
+    for inside, outside in ((found.low, found.below.x), (found.high, found.above.x)):
         assert radius(inside) < 1 < radius(outside)
         assert inside == pytest.approx(outside, rel=1e-4)
     assert decays(chain(recursion(1.2, "held"), k=1.0)) == "proved"
@@ -125,10 +125,10 @@ def test_all_intervals_are_found_in_which_either_most_messages_are_lost_or_most_
         return np.abs(np.linalg.eigvals((1 - p) * np.kron(sent, sent) + p * np.kron(a, a))).max()
 
     assert (found[0].low, found[1].high) == (0, 1)
-    for inside, outside in ((found[0].high, found[0].refuted_above), (found[1].low, found[1].refuted_below)):
+    for inside, outside in ((found[0].high, found[0].above.x), (found[1].low, found[1].below.x)):
         assert radius(inside) < 1 < radius(outside)
         assert inside == pytest.approx(outside, rel=1e-4)
-    for p in np.linspace(found[0].refuted_above, found[1].refuted_below, 50):
+    for p in np.linspace(found[0].above.x, found[1].below.x, 50):
         assert radius(p) > 1
 
 
@@ -163,9 +163,9 @@ def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tic
     assert np.isfinite(found.low)
     for g in (found.low, (found.low + found.high) / 2, found.high):
         assert np.abs(np.linalg.eigvals(moments(loop, g, chance))).max() < 1
-    assert np.isfinite(found.refuted_above)
-    assert np.abs(np.linalg.eigvals(moments(loop, found.refuted_above, chance))).max() > 1 - 1e-12
-    assert found.high == pytest.approx(found.refuted_above, rel=1e-3)
+    assert np.isfinite(found.above.x)
+    assert np.abs(np.linalg.eigvals(moments(loop, found.above.x, chance))).max() > 1 - 1e-12
+    assert found.high == pytest.approx(found.above.x, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -185,6 +185,6 @@ def test_a_row_reaches_from_end_to_end_where_moments_decay_slowly():
     }
     (row,) = brackets_on_average(chain(tables, "numbers.s"), (0.0, 0.7))
     assert row.low < 1e-3 * row.high
-    assert row.high < row.refuted_above < 1.01 * row.high
+    assert row.high < row.above.x < 1.01 * row.high
     assert all(chain(tables, "", s=s).decays(0.0) for s in np.linspace(row.low, row.high, 9))
-    assert not chain(tables, "", s=1.01 * row.refuted_above).decays(0.0)
+    assert not chain(tables, "", s=1.01 * row.above.x).decays(0.0)

@@ -101,8 +101,8 @@ def test_an_integrator_tick_by_tick_is_stable_up_to_its_longest_hold():
     found = ring(integrator(lost=2))
     proof = bracket_ring(found, (0.0, 3.0))
     assert proof.low < 1e-3
-    assert 0.55 < proof.high < 2 / 3 <= proof.refuted_above < 2 / 3 * (1 + 1e-3)
-    assert sorted(messages_of(found, proof.words[1])["net"], key=str) == [0, None, None]
+    assert 0.55 < proof.high < 2 / 3 <= proof.above.x < 2 / 3 * (1 + 1e-3)
+    assert sorted(messages_of(found, proof.above.word)["net"], key=str) == [0, None, None]
     assert [decide_ring(found, K).verdict for K in (0.5, 0.67)] == ["proved", "refuted"]
 
 
@@ -114,11 +114,11 @@ def test_an_interval_over_a_network():
     found = ring(spec_of(loop))
     proof = bracket_ring(found, (0.0, 20000.0))
     assert proof.low == 0
-    assert 5000 < proof.high < proof.refuted_above < 20000
+    assert 5000 < proof.high < proof.above.x < 20000
     source = np.random.default_rng(2)
     assert all(growth(loop, proof.high, random_messages(loop, source)) < 1 for _ in range(60))
-    messages = messages_of(found, proof.words[1])
-    assert growth(loop, proof.refuted_above, list(messages.values())) >= 1 - 1e-9
+    messages = messages_of(found, proof.above.word)
+    assert growth(loop, proof.above.x, list(messages.values())) >= 1 - 1e-9
 
 
 def test_two_free_arms_drift_together_and_no_message_holds_them_back():
@@ -184,11 +184,11 @@ def two_ways(stop):
 @pytest.mark.slow
 def test_what_messages_refute_does_not_depend_on_how_far_a_range_goes():
     found = ring(two_ways(20))
-    near, word = nearest_pattern(found, 3.9, 6.0)
-    far, other = nearest_pattern(found, 3.5, 300.0)
-    assert near == far < 5.25
-    assert word == other
-    assert np.isnan(nearest_pattern(found, 4.5, 5.0)[0])
+    near = nearest_pattern(found, 3.9, 6.0)
+    far = nearest_pattern(found, 3.5, 300.0)
+    assert near.x == far.x < 5.25
+    assert near.word == far.word
+    assert np.isnan(nearest_pattern(found, 4.5, 5.0).x)
 
 
 @pytest.mark.slow
@@ -201,7 +201,7 @@ def test_a_channel_is_refuted_no_later_than_by_messages_that_are_all_late():
     delayed["wire"] = tables["wire"] | {"z.u": "ca.y", "x.f": "z.y"}
     end = wavesweep.compile(delayed).stable_intervals(along="K", span=(0, 20))["high"][0]
     proof = bracket_ring(ring(tables), (0.0, 20.0))
-    assert 0 < proof.high < proof.refuted_above <= end * (1 + 1e-6)
+    assert 0 < proof.high < proof.above.x <= end * (1 + 1e-6)
 
 
 @pytest.mark.slow
@@ -224,10 +224,10 @@ def test_a_pattern_that_grows_between_numbers_at_which_it_decays_is_found():
         "slave.f": "250*(there.y - slave.x) - 18*slave.v",
     }
     found = ring(tables)
-    at, word = nearest_pattern(found, 5000.0, 20000.0)
-    assert at < 6562
-    assert patterns.growth(found.at(at), word) >= 1 - 1e-9
-    assert patterns.growth(found.at(8000.0), word) < 1
+    refuted = nearest_pattern(found, 5000.0, 20000.0)
+    assert refuted.x < 6562
+    assert patterns.growth(found.at(refuted.x), refuted.word) >= 1 - 1e-9
+    assert patterns.growth(found.at(8000.0), refuted.word) < 1
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from support.messages import marched, random_loop, spec_of
 import wavesweep
 from wavesweep.engine._drawing.drawing import path_of
 from wavesweep.engine._sets.enclosed_loop import Side
-from wavesweep.engine._switched.brackets import bracket, decide
+from wavesweep.engine._switched.any_order import bracket, decide
 from wavesweep.engine._switched.patterns import growth
 from wavesweep.engine.errors import UsageError
 from wavesweep.for_all.channel_families import Sent, channels_of, frames_with_messages, messages_over
@@ -182,9 +182,9 @@ def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed)
         for word in filter(None, (random_word(found, source) for _ in range(10))):
             late = pattern(found, word)
             assert radius(loop, g, late) < 1
-    if proof.words[1]:
-        late = pattern(found, proof.words[1])
-        assert radius(loop, proof.refuted_above, late) >= 1 - 1e-9
+    if proof.above.word:
+        late = pattern(found, proof.above.word)
+        assert radius(loop, proof.above.x, late) >= 1 - 1e-9
 
 
 @pytest.mark.slow

@@ -13,13 +13,12 @@ from support.specs import values_of
 import wavesweep
 from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine._sets.taylor_models import Polynomials, monomials
+from wavesweep.engine._switched import boxes
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.norm_check import shrink_over
 from wavesweep.engine._switched.patterns import following, joined, written
-from wavesweep.engine.switched import Enclosed
-from wavesweep.for_all import ranges
+from wavesweep.engine.switched import Enclosed, cover
 from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
-from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
@@ -223,9 +222,9 @@ def test_a_frame_that_may_not_follow_itself_need_not_shrink_alone():
     A = np.array([[[0.5, 0.1], [0.0, 0.4]], [[1.0, 0.2], [0.0, 1.0 + 1e-12]]])
     frames = Polynomials(np.stack([A, 1e-3 * A, 0 * A, 0 * A]), np.zeros_like(A), 1, 3)
     follows = np.array([[True, True], [True, False]])
-    found, _ = ranges._forms(frames, follows, None, 4e9)
-    assert ranges._judged(frames, found, follows)[0]
-    assert ranges._forms(frames, np.ones((2, 2), bool), None, 4e9)[0] is None
+    found, _ = boxes._forms(frames, follows, None, 4e9)
+    assert boxes._judged(frames, found, follows)[0]
+    assert boxes._forms(frames, np.ones((2, 2), bool), None, 4e9)[0] is None
 
 
 def test_words_of_lost_results_are_the_products_of_their_frames_in_every_order():

@@ -12,8 +12,8 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import UsageError
+from wavesweep.engine._switched import boxes as ranges_module
 from wavesweep.engine.rows import distinct
-from wavesweep.for_all import ranges as ranges_module
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames

@@ -87,10 +87,10 @@ def contradiction(seed, most=8):
     interval = loop.tick, loop.tick * (1 + float(rng.choice([0.05, 0.1, 0.2, 0.4])))
     ticks_with = ticks_of(loop.tables, interval)
     found = bracket(ticks_with, (0.0, 500.0))
-    if found is None or not found.below.reached < found.above.reached:
+    if found is None or not found.low < found.high:
         return None, False
     for share in (0.02, 0.5, 1.0):
-        K = found.below.reached + share * (found.above.reached - found.below.reached)
+        K = found.low + share * (found.high - found.low)
         at = Program(**{**loop.__dict__, "K": float(K)})
         patterns = [rng.uniform(*interval, int(rng.integers(1, 4)) * loop.ratio) for _ in range(6)]
         ticks = ticks_with(1)
@@ -99,9 +99,9 @@ def contradiction(seed, most=8):
         for lengths in patterns:
             if at.growth(lengths)[0] > 1 + ON:
                 return lengths, True
-    if found.above.pattern:
-        beyond = Program(**{**loop.__dict__, "K": found.above.fails * (1 + 1e-6)})
-        lengths = ticks_with(1).lengths[list(found.above.pattern)]
+    if found.above.word:
+        beyond = Program(**{**loop.__dict__, "K": found.above.x * (1 + 1e-6)})
+        lengths = ticks_with(1).lengths[list(found.above.word)]
         if beyond.growth(lengths)[0] < 1 - ON:
             return lengths, True
     return None, True
@@ -121,10 +121,10 @@ def test_a_bracket_ends_next_to_the_pattern_that_grows_in_a_march():
     loop = Program(False, 2, 2, 0.1, 1.5, 100.0, 1.0, difference=False)
     ticks_with = ticks_of(loop.tables, (1e-3, 1.2e-3))
     found = bracket(ticks_with, (0.0, 2000.0))
-    assert found.below.reached == pytest.approx(1e-4 * found.above.reached)
-    assert 0.99 * found.above.fails < found.above.reached < found.above.fails
-    lengths = ticks_with(1).lengths[list(found.above.pattern)]
-    beside = [replace(loop, K=found.above.fails * factor).growth(lengths)[0] for factor in (1 - 1e-4, 1 + 1e-4)]
+    assert found.low == pytest.approx(1e-4 * found.high)
+    assert 0.99 * found.above.x < found.high < found.above.x
+    lengths = ticks_with(1).lengths[list(found.above.word)]
+    beside = [replace(loop, K=found.above.x * factor).growth(lengths)[0] for factor in (1 - 1e-4, 1 + 1e-4)]
     assert beside[0] < 1 + ON
     assert beside[1] > 1 + ON
 
@@ -132,7 +132,7 @@ def test_a_bracket_ends_next_to_the_pattern_that_grows_in_a_march():
 def test_nothing_is_reached_whose_norms_no_checker_confirms(monkeypatch):
     monkeypatch.setattr(Search, "proved", lambda _, *ends: len(ends) == 1)
     found = bracket(ticks_of(WALL_AT_ONE_RATE.tables, (1e-3, 1.2e-3)), (0.0, 1000.0))
-    assert (found.below.reached, found.above.reached) == (300.0, 300.0)
+    assert (found.low, found.high) == (300.0, 300.0)
 
 
 def test_a_proof_goes_on_for_more_than_a_hundred_steps_to_a_wall_next_to_none():

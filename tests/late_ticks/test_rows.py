@@ -7,8 +7,8 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.switched import Bracket, Refuted
 from wavesweep.late_ticks import rows as late_rows
-from wavesweep.late_ticks.bracket import Bracket, End
 from wavesweep.late_ticks.patterns import in_words as pattern_in_words
 from wavesweep.late_ticks.tick_curves import late_ticks
 from wavesweep.program.sweep.grid import own_loop
@@ -51,10 +51,10 @@ TWO_INTERVALS = {
     "controller": {"kind": "pmw", "b": 25.0},
     "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
 }
-FROM_ZERO = Bracket(End(0.05), End(780.0, 785.0, (), "ticks of 1.1 ms"))
-FAR = Bracket(End(0.05), End(780.0, 790.0, (), "ticks of 1.1 ms"))
-TO_THE_END = Bracket(End(2600.0, 2570.0, (), "ticks of 1.3 ms"), End(4448.0))
-FAILS = Bracket(End(3000.0), End(3000.0, 3000.0, (), "ticks of 1.2 ms"))
+FROM_ZERO = Bracket(0.05, 780.0, above=Refuted(785.0, text="ticks of 1.1 ms"))
+FAR = Bracket(0.05, 780.0, above=Refuted(790.0, text="ticks of 1.1 ms"))
+TO_THE_END = Bracket(2600.0, 4448.0, Refuted(2570.0, text="ticks of 1.3 ms"))
+FAILS = Bracket(3000.0, 3000.0, above=Refuted(3000.0, text="ticks of 1.2 ms"))
 OPEN = "within environment.K_VE 0 to 0.05"
 FAILED = "within environment.K_VE 2523 to 4449, refuted at 3000 by ticks of 1.2 ms"
 

@@ -85,7 +85,7 @@ def test_a_drawn_loop_draws_the_number_of_its_blocks_and_its_mean_square_passes_
 
     rules, growth = Rules.of(load(spec)).on_average(), []
     (row,) = brackets_on_average(rules.family(dict(load(spec).values), "numbers.k"), (0.0, 100.0))
-    for k in (0.8 * row.high, row.high, 1.2 * row.refuted_above):
+    for k in (0.8 * row.high, row.high, 1.2 * row.above.x):
         run = recorded(simulated(load(spec).with_values({"numbers.k": float(k)}), [100.0] + [0.0] * 2999))
         x = run["place"][np.flatnonzero(run["phase"] == 0)[1:]]
         x = x[np.abs(x) > 1e-290]

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from wavesweep.engine._sets.taylor_models import (
         Polynomials,
         UnresolvedError,
-        monomials,
     )
 else:
     __getattr__ = on_demand(
@@ -20,7 +19,6 @@ else:
             "_sets.taylor_models": (
                 "Polynomials",
                 "UnresolvedError",
-                "monomials",
             ),
         }
     )

@@ -5,17 +5,18 @@ from typing import TYPE_CHECKING
 from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
-    from wavesweep.engine._switched.average import ALONE, OnAverage, forms_of_each, forms_on_average
-    from wavesweep.engine._switched.brackets import (
+    from wavesweep.engine._switched.any_order import (
         PROVED,
         REFUTED,
         UNKNOWN,
-        Bracket,
         Decision,
         bracket,
         decide,
         nearest_refuted,
     )
+    from wavesweep.engine._switched.average import ALONE, OnAverage
+    from wavesweep.engine._switched.boxes import Box, Covering, cover, units_of
+    from wavesweep.engine._switched.brackets import Bracket, LeftOpen, Refuted, driven
     from wavesweep.engine._switched.climb import (
         OPERATIONS_OF_CLIMB,
         Growth,
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from wavesweep.engine._switched.folded import counted_from_rest, lasting, shift_of
     from wavesweep.engine._switched.frames_over import (
         TOTAL_DEGREE,
-        Enclosed,
         FramesOver,
         TickPlace,
         constant_frames,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     )
     from wavesweep.engine._switched.graph import Family, Graph
     from wavesweep.engine._switched.inertia import inertia_of_cells
+    from wavesweep.engine._switched.left_open import INWARD, left_open
     from wavesweep.engine._switched.loop_frames import LoopFrames, Symbol, WrittenFrames, alive
     from wavesweep.engine._switched.mean_square import (
         Chances,
@@ -52,19 +53,14 @@ if TYPE_CHECKING:
         Norms,
         definite,
         in_its_units,
-        outside_each,
         shrink_along,
-        shrink_over,
     )
     from wavesweep.engine._switched.norms import (
-        CALLS,
         OPERATIONS_OF_SEARCH,
         Centre,
         acting,
-        find_norms,
         first_centre,
         recentred,
-        sloped,
         units_of_places,
     )
     from wavesweep.engine._switched.pattern_slopes import largest_modes, slopes_of
@@ -93,14 +89,7 @@ if TYPE_CHECKING:
 else:
     __getattr__ = on_demand(
         {
-            "_switched.average": (
-                "ALONE",
-                "OnAverage",
-                "forms_of_each",
-                "forms_on_average",
-            ),
-            "_switched.brackets": (
-                "Bracket",
+            "_switched.any_order": (
                 "Decision",
                 "PROVED",
                 "REFUTED",
@@ -108,6 +97,22 @@ else:
                 "bracket",
                 "decide",
                 "nearest_refuted",
+            ),
+            "_switched.average": (
+                "ALONE",
+                "OnAverage",
+            ),
+            "_switched.boxes": (
+                "Box",
+                "Covering",
+                "cover",
+                "units_of",
+            ),
+            "_switched.brackets": (
+                "Bracket",
+                "LeftOpen",
+                "Refuted",
+                "driven",
             ),
             "_switched.climb": (
                 "Growth",
@@ -130,7 +135,6 @@ else:
                 "shift_of",
             ),
             "_switched.frames_over": (
-                "Enclosed",
                 "FramesOver",
                 "TOTAL_DEGREE",
                 "TickPlace",
@@ -142,6 +146,10 @@ else:
                 "Graph",
             ),
             "_switched.inertia": ("inertia_of_cells",),
+            "_switched.left_open": (
+                "INWARD",
+                "left_open",
+            ),
             "_switched.loop_frames": (
                 "LoopFrames",
                 "Symbol",
@@ -160,19 +168,14 @@ else:
                 "Norms",
                 "definite",
                 "in_its_units",
-                "outside_each",
                 "shrink_along",
-                "shrink_over",
             ),
             "_switched.norms": (
-                "CALLS",
                 "Centre",
                 "OPERATIONS_OF_SEARCH",
                 "acting",
-                "find_norms",
                 "first_centre",
                 "recentred",
-                "sloped",
                 "units_of_places",
             ),
             "_switched.pattern_slopes": (

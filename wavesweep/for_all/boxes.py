@@ -7,8 +7,7 @@ import numpy as np
 
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
-from wavesweep.engine.switched import constant_frames
-from wavesweep.for_all.ranges import cover
+from wavesweep.engine.switched import constant_frames, cover
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
 from wavesweep.for_all.unknown import ALWAYS, drift_over, frames_over
 from wavesweep.program.spec import Spec

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine.switched import (
+    Refuted,
     Word,
     crossing,
     is_refuted,
@@ -79,16 +80,16 @@ def _climbs(A, ring, starts) -> Iterator[tuple[float, Word]]:
         yield rate ** (ring.places / len(word)), word
 
 
-def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[float, Word]:
+def nearest_pattern(family: RingFrames, start: float, limit: float) -> Refuted:
     """Return the number closest to the start at which a pattern is proved to grow, of those that
-    a search finds, and that pattern; NaN and () if there is none.
+    a search finds, and that pattern, if there is one.
 
     It goes from the start to the limit by numbers that follow from neither, and then back from
     the first one that is refuted: so a limit farther away finds the same. At each the climbs begin
     with the patterns of the number before, the best of each length, and at some with all others.
     """
     ring = _Ring.of(family)
-    at, best = np.nan, ()
+    best = Refuted()
     tracked: dict[int, tuple[float, Word]] = {}
     for before, x, periods in _tried(start, limit):
         known = [word for _, word in tracked.values()]
@@ -96,23 +97,23 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> tuple[flo
         for rate, word in _climbs(family.at(x), ring, (*known, *_starts(ring, periods))):
             found = _begins(family, word, before, x) if rate >= 1 else None
             if found is not None and (limit - found) * (limit - start) >= 0:
-                at, best = found, word
+                best = Refuted(found, word)
                 break
             tracked[len(word)] = max(tracked.get(len(word), (0.0, ())), (rate, word))
-        if best:
+        if best.word:
             break
-    for back in BACK if best else ():
+    for back in BACK if best.word else ():
         for _ in range(8):
-            x = at + back * (before - at)
+            x = best.x + back * (before - best.x)
             if (x - start) * (limit - start) <= 0:
                 break
-            known = (best, *(word for _, word in tracked.values()))
+            known = (best.word, *(word for _, word in tracked.values()))
             rate, word = growing_pattern(family, x, known, SOON)
             found = _begins(family, word, before, x) if rate >= 1 else None
             if found is None:
                 break
-            at, best = found, word
-    return at, best
+            best = Refuted(found, word)
+    return best
 
 
 def _tried(start, limit):

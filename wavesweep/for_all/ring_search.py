@@ -6,16 +6,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from wavesweep.engine.switched import (
     PROVED,
     REFUTED,
     UNKNOWN,
     Bracket,
     Decision,
+    Refuted,
     RingSearch,
     covered,
+    driven,
     is_refuted,
 )
 from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
@@ -65,23 +65,26 @@ def bracket_ring(
     begun = next((x for x in starts if gain.proved(x, x)), None)
     if begun is None:
         return None
-    above = gain.reached(begun, high)
+    reached = gain.reached(begun, high)
     below = gain.reached(begun, low)
-    report(below, above, 100 * (above - low) / (high - low))
-    fails, word = np.nan, ()
-    if above != high:
-        fails, word = nearest_pattern(family, above, high)
-    goal = fails - tolerance / 2 * (fails - low) if word else high
-    if above < goal and not family.few:
-        start = below + NORMS_BEGIN * (above - below)
-        search = RingSearch.at_mean(family, start)
-        centre = search and search.found(start, work)
-        if centre is not None and search.proved((start, centre)):
-            centre = replace(centre, work=0.0)
-            told = partial(report, below)
-            _, end, _ = covered(search, centre, start, goal, LEAST_STEP, work, STEPS, told)
-            above = max(above, end)
-    refuted_below, first = np.nan, ()
+    report(below, reached, 100 * (reached - low) / (high - low))
+
+    def by_norms(above, goal, _refuted):
+        """The proof by norms, which begins where a small gain leaves room."""
+        if above < goal and not family.few:
+            start = below + NORMS_BEGIN * (above - below)
+            search = RingSearch.at_mean(family, start)
+            centre = search and search.found(start, work)
+            if centre is not None and search.proved((start, centre)):
+                centre = replace(centre, work=0.0)
+                told = partial(report, below)
+                _, end, _ = covered(search, centre, start, goal, LEAST_STEP, work, STEPS, told)
+                above = max(above, end)
+        return above, Refuted()
+
+    refuted = nearest_pattern(family, reached, high) if reached != high else Refuted()
+    above, refuted = driven(reached, high, tolerance / 2, refuted, by_norms)
+    first = Refuted()
     if below > max(low, tolerance**2 * above):
-        refuted_below, first = nearest_pattern(family, below, low)
-    return Bracket(below, above, refuted_below, fails, (first, word), ())
+        first = nearest_pattern(family, below, low)
+    return Bracket(below, above, first, refuted)

@@ -15,6 +15,8 @@ from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import (
     UNKNOWN,
+    Bracket,
+    LeftOpen,
     brackets_on_average,
     grows_everywhere,
     parts_that_decay,
@@ -22,16 +24,15 @@ from wavesweep.engine.switched import (
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.members import claims_hold, nowhere
-from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import PROVED_FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
     GROW,
-    Over,
     Rules,
     bracketed_over,
     decided_along,
     decided_over,
     placed,
+    told,
 )
 from wavesweep.for_all.worst import SOON
 from wavesweep.haptics.felt import FELT
@@ -340,7 +341,7 @@ class _Loop:
         bracket = self.bracketed(case, about)
         return bracket and self._row(case, bracket)
 
-    def bracketed(self, case: Case, about: tuple[float, float]) -> Over | None:
+    def bracketed(self, case: Case, about: tuple[float, float]) -> Bracket | None:
         """What is proved and refuted of a case about an interval."""
         return bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
 
@@ -358,7 +359,7 @@ class _Loop:
                 own = list(filter(None, over_ranges))
             else:
                 own = [
-                    self._row(case, Over.of_family(family, bracket))
+                    self._row(case, told(bracket, lambda _, own=family: own))
                     for bracket in brackets_on_average(family, self.span)
                 ]
             both = [all_of(pair) for pair in product(rows, own)]
@@ -375,7 +376,7 @@ class _Loop:
             for family in families
         )
 
-    def _row(self, case, found: Over) -> Row:
+    def _row(self, case, found: Bracket) -> Row:
         ends = [found.below, found.above]
         by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
         low = found.below.x if found.below.word else found.low

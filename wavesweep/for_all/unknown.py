@@ -20,16 +20,18 @@ from wavesweep.engine.rows import distinct
 from wavesweep.engine.sets import LOGARITHMIC_SIDE, Side, as_numbers, as_sides, side_of
 from wavesweep.engine.switched import (
     ALONE,
+    INWARD,
+    LeftOpen,
     OnAverage,
     climb,
     constant_frames,
     constant_growth,
     contradicted,
     corners_of,
+    cover,
+    left_open,
     on_edges_of,
 )
-from wavesweep.for_all.ranges import cover
-from wavesweep.for_all.sides import INWARD, LeftOpen, left_open
 from wavesweep.program.analyses.interval_jobs import ball_prover
 from wavesweep.program.reading.axes import Axis
 

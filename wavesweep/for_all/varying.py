@@ -4,7 +4,7 @@ delays and lost results, or whose messages may be late or lost, by what their ch
 import logging
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -25,8 +25,10 @@ from wavesweep.engine.switched import (
     UNKNOWN,
     Bracket,
     Chances,
+    Family,
     LoopFrames,
     OnAverage,
+    Refuted,
     Symbol,
     Word,
     bracket,
@@ -69,9 +71,8 @@ from wavesweep.for_all.message_patterns import messages_of
 from wavesweep.for_all.message_rings import RingFrames, frames_of_messages, gain_over
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.ring_search import BY_GAIN, bracket_ring, decide_ring
-from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import SO_FAR
-from wavesweep.for_all.worst import FROM_ZERO, LoopsOver, Refuted, bracket_over, decide_over
+from wavesweep.for_all.worst import FROM_ZERO, LoopsOver, bracket_over, decide_over
 from wavesweep.for_all.worst import OPERATIONS_OF_PROOFS as WORK_OVER
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Axis, Spec
@@ -280,34 +281,13 @@ def bracketed(
     return None
 
 
-@dataclass(frozen=True, slots=True)
-class End:
-    """A refuted number beside a proof: at a point of a box, by a word, with the text of that."""
-
-    x: float
-    point: tuple[float, ...]
-    word: tuple[int, ...]
-    text: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Over:
-    """A `Bracket` for all numbers of some ranges, or of a loop without. open: see `worst.Bracket`."""
-
-    low: float
-    high: float
-    below: End
-    above: End
-    open: LeftOpen | None = None
-
-    @staticmethod
-    def of_family(family: LoopFrames | RingFrames | Chances, found: Bracket) -> "Over":
-        """The bracket of a family."""
-        fails = (found.refuted_below, found.refuted_above)
-        ends = []
-        for x, word in zip(fails, found.words, strict=True):
-            ends.append(End(x, (), word, text_of_pattern(family, word)))
-        return Over(found.low, found.high, *ends)
+def told(found: Bracket, family: Callable[[tuple[float, ...]], Family]) -> Bracket:
+    """A bracket with the texts of its patterns. family: of the loops at a point of their box."""
+    ends = []
+    for end in (found.below, found.above):
+        text = text_of_pattern(family(end.point), end.word) if end.word else ""
+        ends.append(replace(end, text=text))
+    return replace(found, below=ends[0], above=ends[1])
 
 
 def bracketed_over(
@@ -317,13 +297,13 @@ def bracketed_over(
     ranges: Sequence[Axis],
     span: tuple[float, float],
     about: tuple[float, float],
-) -> Over | None:
+) -> Bracket | None:
     """What is proved and refuted about an interval for all numbers of some ranges, if there are
     any; None if no start of a proof is found."""
     family = None if ranges else rules.family(values, along)
     if family is not None and family.drift is None:
         bracket = bracketed(family, along, span, about)
-        return bracket and Over.of_family(family, bracket)
+        return bracket and told(bracket, lambda _: family)
     # Numbers in a box, or a drift that depends on the number along which the interval is.
     loops = _over(rules, values, along, ranges, span)
     low, high = about
@@ -332,17 +312,8 @@ def bracketed_over(
         start = low + share * (high - low)
         found = bracket_over(loops, start, span, rules.work, rules.begins, report)
         if np.isfinite(found.low):
-            below = _end(loops, found.below)
-            above = _end(loops, found.above)
-            return Over(found.low, found.high, below, above, found.open)
+            return told(found, loops.family)
     return None
-
-
-def _end(loops: LoopsOver, refuted: Refuted) -> End:
-    """A refuted number with the text of its pattern."""
-    word = refuted.word
-    text = text_of_pattern(loops.family(refuted.point), word) if word else ""
-    return End(refuted.x, refuted.point, word, text)
 
 
 def _chain(rules, values, symbols):
@@ -447,7 +418,7 @@ def decided_along(
     along: str,
     ranges: Sequence[Axis],
     value: float,
-    found: Over | None,
+    found: Bracket | None,
 ) -> tuple[str, dict[str, float | None]]:
     """`decided_over` at a value of a number, by what is found about an interval along it: its proof
     and the patterns of its ends; or by a short pattern: a long one may grow next to its end alone."""
@@ -458,7 +429,7 @@ def decided_along(
     # Short words of messages may be such as nothing that is held can follow.
     if isinstance(family, LoopFrames) and family.drift is None:
         for word in growing_of(family.at(value), short_words(family.follows)):
-            ends.append(End(value, (), word, text_of_pattern(family, word)))
+            ends.append(Refuted(value, word, text=text_of_pattern(family, word)))
     for end in ends:
         by = dict(zip((axis.path for axis in ranges), end.point, strict=True))
         if is_refuted(rules.family({**values, **by}, along), end.word, value):

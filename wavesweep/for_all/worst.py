@@ -8,31 +8,38 @@ import numpy as np
 
 from wavesweep.engine.sets import Side, as_numbers, as_sides
 from wavesweep.engine.switched import (
+    INWARD,
     OPERATIONS_OF_CLIMB,
+    Box,
+    Bracket,
+    Covering,
     Family,
     FramesOver,
     Growth,
     OnAverage,
+    Refuted,
     Word,
     climb,
     contradicted,
+    cover,
     crossing,
+    driven,
     first_centre,
     following,
     growing,
     growth,
     is_refuted,
+    left_open,
     nearest,
     nearest_growing,
     nearest_refuted,
     places_between,
     refuted_beyond,
+    units_of,
     written,
 )
 from wavesweep.for_all.jitter_margin import SmallGain
 from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
-from wavesweep.for_all.ranges import Box, Covering, cover, units_of
-from wavesweep.for_all.sides import INWARD, LeftOpen, left_open
 
 # distance of proof and refutation that is aimed at, relative to the refuted number
 BRACKET_TOLERANCE = 0.01
@@ -50,30 +57,6 @@ UNITS = 64.0
 STRETCH = np.log(2)  # of the logarithm of the number: that of those with which a proof begins
 
 Report = Callable[[float, float, float], None]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Refuted:
-    """A number at which a word grows at a point of the box; x NaN and word () if none was found."""
-
-    x: float = np.nan
-    point: tuple[float, ...] = ()
-    word: Word = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WorstBracket:
-    """The numbers around a start that are proved for the whole box, low to high, NaN if none is;
-    and the refuted ones.
-
-    open: what was left open next to `high`, or to `low`; None if nothing was.
-    """
-
-    low: float
-    high: float
-    below: Refuted
-    above: Refuted
-    open: LeftOpen | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +107,7 @@ class LoopsOver:
         words: Sequence[Word] = (),
         *beyond: object,
     ) -> Covering:
-        """What is known of a box of sides, see `ranges.cover`; its words, and those that are given, are
+        """What is known of a box of sides, see `cover`; its words, and those that are given, are
         of symbols."""
         known = filter(None, (written(word, self.words) for word in words))
         found = cover(frames, box, self.follows, work, up, list(known), *beyond)
@@ -140,7 +123,7 @@ def bracket_over(
     work: float,
     begins: float,
     report: Report | None,
-) -> WorstBracket:
+) -> Bracket:
     """Return the numbers around a start, within limits, at which all loops of the box decay in
     every order of frames.
 
@@ -151,78 +134,82 @@ def bracket_over(
     """
     first = loops.sides[0]
     above = _worst(loops, start, limits[1])
-    of_span = limits
-    limits = _from_zero(of_span, above, first.zero)
+    lowest = _from_zero(limits, above, first.zero)
     below = Refuted()
-    if (loops.growth.of(np.insert(loops.starts, 0, limits[0], axis=1)) >= 1).any():
-        below = _worst(loops, start, limits[0])
-    rounds = 3  # rounds of the search for refutations, after the proof has met one
-    spent = 0.0
-    open_ = None
+    if (loops.growth.of(np.insert(loops.starts, 0, lowest, axis=1)) >= 1).any():
+        below = _worst(loops, start, lowest)
     if above.word:
         # Of the way to the refuted number, at which a proof is begun.
         start = max(start, first.zero + 0.4 * (above.x - first.zero))
-    high = low = start
     units = None
     if not (first.zero or loops.gain):
         units = units_of(loops.frames, _layer(loops, start / UNITS, start), loops.follows)
+    rounds = 3  # rounds of the search for refutations, after the proof has met one
+    spent = 0.0
+    open_ = None
 
-    def proved(bottom, top, most, up):
+    def proved(bottom, top, most, up, words):
+        """What is proved from a number to another, and the number that is reached."""
+        nonlocal spent
+
         def reached(side, share):
             end = float(first.number(side))
-            report(min(start, end), max(high, end), 100 * share)
+            report(min(start, end), max(bottom if up else high, end), 100 * share)
 
-        words = [end.word for end in (below, above) if end.word]
         layer = _layer(loops, bottom, top)
         frames = replace(loops.frames, units=units, about=layer.mean(0))
         told = reached if report else None
         gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
         stretches = 1 if first.zero else _stretches(layer)
         found = loops.covered(frames, layer, most - spent, up, words, told, gain, stretches)
-        inside = found.end - INWARD if up else found.end + INWARD
-        return found, float(first.number(inside)), spent + found.used
+        spent += found.used
+        return found, float(first.number(found.end - INWARD if up else found.end + INWARD))
 
-    while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
-        found, end, spent = proved(high, goal, UPWARD * work, True)
-        high = max(high, end)
-        if not (found.word and rounds):
-            open_ = left_open(found, loops.sides, _layer(loops, *limits), up=True)
-            break
-        above = _met(loops, found, start, above)
-        rounds = rounds - 1
-    limits = _from_zero(of_span, above, first.zero)  # of what the proof has met on its way up
-    lowest = max(limits[0], first.zero + begins * (high - first.zero))
-    goal = max(lowest, _goal(below, limits[0], start))
-    if start < high and goal < start:
-        found, end, spent = proved(goal, start, work, False)
-        low = min(low, end)
-        if found.open and not below.word:
-            below = _worst(loops, start, limits[0])
-        open_ = open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
+    def upwards(reached, goal, refuted):
+        nonlocal open_, rounds
+        met = Refuted()
+        if reached < goal and spent < UPWARD * work:
+            found, end = proved(reached, goal, UPWARD * work, True, [below.word, refuted.word])
+            reached = max(reached, end)
+            if found.word and rounds:
+                met = _met(loops, found, start, refuted)
+                rounds -= 1
+            if not met.word:
+                open_ = left_open(found, loops.sides, _layer(loops, lowest, limits[1]), up=True)
+        return reached, met
+
+    def downwards(reached, goal, _refuted):
+        nonlocal below, open_
+        goal = max(goal, lowest)
+        if goal < reached < high:
+            found, end = proved(goal, start, work, False, [below.word, above.word])
+            reached = min(reached, end)
+            if found.open and not below.word:
+                below = _worst(loops, start, least)
+            whole = _layer(loops, least, limits[1])
+            open_ = open_ or left_open(found, loops.sides, whole, up=False)
+        return reached, Refuted()
+
+    share = TOLERANCE_SHARE * BRACKET_TOLERANCE
+    high, above = driven(start, limits[1], share, above, upwards)
+    least = _from_zero(limits, above, first.zero)  # of what the proof has met on its way up
+    lowest = max(least, first.zero + begins * (high - first.zero))
+    low, _ = driven(start, lowest, share, below, downwards)
     if high == low:
-        return WorstBracket(np.nan, np.nan, below, above, open_)
-    return WorstBracket(low, high, below, above, open_)
+        low, high = np.nan, np.nan
+    return Bracket(low, high, below, above, open=open_)
 
 
 def _from_zero(limits, above, zero):
-    """The limits without the least part of what is refuted, for a number that begins at 0."""
+    """The lower limit without the least part of what is refuted, for a number that begins at 0."""
     reached = above.x if above.word else limits[1]
-    return max(limits[0], zero + FROM_ZERO * (reached - zero)), limits[1]
+    return max(limits[0], zero + FROM_ZERO * (reached - zero))
 
 
 def _stretches(layer):
     """The number of equal stretches of the logarithm of the number with which a proof begins."""
     wide = max(float(np.ptp(layer[:, 0])), STRETCH)  # 0 where ends differ by their rounding alone
     return 2 ** int(np.ceil(np.log2(wide / STRETCH)))
-
-
-def _goal(refuted, limit, start):
-    """How far a proof is tried."""
-    if not refuted.word:
-        return limit
-    return refuted.x + np.sign(start - refuted.x) * min(
-        TOLERANCE_SHARE * BRACKET_TOLERANCE * abs(refuted.x), abs(refuted.x - start) / 2
-    )
 
 
 def _layer(loops, low, high):
@@ -289,13 +276,10 @@ def _alike(loops, point, other, x):
 
 def _moved(loops, point, start, best):
     """What the best word refutes at a point, if it is closer to the start there."""
-    if best.word:
-        at = _beyond(loops, point, best.word, start, best.x, best.x)
-    else:
-        at = None
-    if at is None:
+    if not best.word:
         return best
-    return Refuted(at, tuple(point), best.word)
+    at = _beyond(loops, point, best.word, start, best.x, best.x)
+    return best if at is None else Refuted(at, best.word, tuple(point))
 
 
 def _refuted_at(loops, point, start, limit, best):
@@ -303,14 +287,14 @@ def _refuted_at(loops, point, start, limit, best):
     limit = best.x if best.word else limit
     family = loops.family(point)
     if loops.on_average:
-        x, word = nearest_growing(family, start, limit)
+        found = nearest_growing(family, start, limit)
     elif loops.gain:
-        x, word = nearest_pattern(family, start, limit)
+        found = nearest_pattern(family, start, limit)
     else:
         known = [*loops.known, best.word] if best.word else loops.known
-        x, word = nearest_refuted(family, start, limit, BRACKET_TOLERANCE, known)
-    if word and not (best.word and abs(x - start) >= abs(best.x - start)):
-        return Refuted(x, tuple(point), word)
+        found = nearest_refuted(family, start, limit, BRACKET_TOLERANCE, known)
+    if found.word and not (best.word and abs(found.x - start) >= abs(best.x - start)):
+        return replace(found, point=tuple(point))
     return best
 
 
@@ -319,8 +303,8 @@ def _beyond(loops, point, word, start, end, limit):
     it does not."""
     family = loops.family(tuple(point))
     if loops.on_average:
-        x, _ = nearest_growing(family, start, end, 1)
-        return None if np.isnan(x) else x
+        found = nearest_growing(family, start, end, 1)
+        return found.x if found.word else None
     if growth(family.at(end), word) < 1:
         return None
     return refuted_beyond(family, word, crossing(family, word, start, end), limit)
@@ -333,8 +317,7 @@ def _met(loops, found, start, above):
     at = _beyond(loops, point, found.word, start, x, x + abs(x))
     if at is None or (above.word and at >= above.x):
         return above
-    best = Refuted(at, point, found.word)
-    return _refuted_at(loops, point, start, at, best)
+    return _refuted_at(loops, point, start, at, Refuted(at, found.word, point))
 
 
 def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word, bool]:

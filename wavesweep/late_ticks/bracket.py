@@ -20,10 +20,13 @@ from wavesweep.engine.switched import (
     PROVED,
     REFUTED,
     UNKNOWN,
+    Bracket,
     Centre,
     Graph,
     Norms,
+    Refuted,
     covered,
+    driven,
     is_refuted,
     opened,
     recentred,
@@ -31,7 +34,6 @@ from wavesweep.engine.switched import (
     units_of_ring,
 )
 from wavesweep.late_ticks.patterns import (
-    Pattern,
     growing,
     in_words,
     nearest_growing,
@@ -45,6 +47,7 @@ LEAST_STEP = 1e-3
 OPERATIONS_OF_BRACKET = 2e10  # operations of searches for norms, for each side: some seconds
 OPERATIONS_OF_STEP = 6e8  # of Newton's: graphs and degrees that need more are not tried
 MOST_SQUARES = 2  # forms of degree 8: higher ones were not tried
+SHORT = 1e-3  # of a refuted number, how far before it a proof ends
 MOST_REMEMBERED = 4  # ticks, of which each doubles the nodes: more were not tried
 # Shares of an interval, at which a proof begins.
 STARTS = (0.3, 0.05, 0.6, 0.01, 0.15, 0.9, 1e-3)
@@ -54,25 +57,6 @@ WORTH = 0.2
 
 TicksWith = Callable[[int], LateTicks]
 """The ticks of a loop, with their lengths in at least so many cells."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class End:
-    """An end of what is proved, and the nearest value beyond it that is refuted, NaN if none is
-    known, with its pattern."""
-
-    reached: float
-    fails: float = np.nan
-    pattern: Pattern = ()
-    text: str = ""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bracket:
-    """What is proved of an interval, and what is refuted at its ends."""
-
-    below: End
-    above: End
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,44 +311,48 @@ def bracket(
             if rate < 1:
                 yield start
             elif is_refuted(ticks.family, word_of(ticks, pattern), start):
-                refuted.append(End(start, start, pattern, in_words(ticks, pattern)))
+                refuted.append(Refuted(start, pattern, text=in_words(ticks, pattern)))
 
     forms = started(ticks_with, possible())
     if forms is not None:
-        above = _side(ticks_with, forms, high, tolerance)
+        reached, above = _side(ticks_with, forms, high, tolerance)
         # Of the high end, from which on is proved what begins at 0.
-        near = 1e-4 * above.reached if low == 0 else 0.0
-        below = _side(ticks_with, forms, max(low, near), tolerance)
-        return Bracket(below, above)
+        near = 1e-4 * reached if low == 0 else 0.0
+        least, below = _side(ticks_with, forms, max(low, near), tolerance)
+        return Bracket(least, reached, below, above)
     if not refuted:
         return None
-    least = min(refuted, key=lambda end: end.reached)
-    return Bracket(End(least.reached), least)
+    least = min(refuted, key=lambda each: each.x)
+    return Bracket(least.x, least.x, above=least)
 
 
-def _side(ticks_with, forms, limit, tolerance) -> End:
-    """What is proved and refuted from a start towards a limit, with finer graphs as long as they
-    are far apart."""
-    ticks = forms.search.ticks
-    start = forms.x
-    fails, pattern = nearest_growing(ticks, start, limit)
-    # How far before the refuted end a proof ends.
-    goal = fails + 2e-3 * (start - fails) if pattern else limit
-    forms = replace(forms, centre=replace(forms.centre, work=0.0)).walked(goal)
-    while True:
-        left = abs(goal - forms.x)
-        if left <= tolerance * max(abs(goal), tolerance * abs(goal - start)):
-            break
-        best = forms
-        worth = WORTH * min(left, max(abs(forms.x), 1e-3 * left))
-        for search in forms.search.finer(ticks_with):
-            ahead = forms.finer(search)
-            ahead = ahead and ahead.opened()
-            if ahead and ahead.proved:
-                best = min(best, ahead.walked(goal), key=lambda each: abs(goal - each.x))
-            if abs(best.x - forms.x) > worth:
+def _side(
+    ticks_with: TicksWith, begun: Forms, limit: float, tolerance: float
+) -> tuple[float, Refuted]:
+    """What is proved from a start towards a limit, and what is refuted beyond it."""
+
+    def proof(start: float, goal: float, _refuted: Refuted) -> tuple[float, Refuted]:
+        """A proof with finer graphs as long as goal and proof are far apart."""
+        forms = replace(begun, centre=replace(begun.centre, work=0.0)).walked(goal)
+        while True:
+            left = abs(goal - forms.x)
+            if left <= tolerance * max(abs(goal), tolerance * abs(goal - start)):
                 break
-        if abs(best.x - forms.x) < worth / 10:
-            break
-        forms = best
-    return End(forms.x, fails, pattern, in_words(ticks, pattern))
+            best = forms
+            worth = WORTH * min(left, max(abs(forms.x), 1e-3 * left))
+            for search in forms.search.finer(ticks_with):
+                ahead = forms.finer(search)
+                ahead = ahead and ahead.opened()
+                if ahead and ahead.proved:
+                    best = min(best, ahead.walked(goal), key=lambda each: abs(goal - each.x))
+                if abs(best.x - forms.x) > worth:
+                    break
+            if abs(best.x - forms.x) < worth / 10:
+                break
+            forms = best
+        return forms.x, Refuted()
+
+    ticks = begun.search.ticks
+    refuted = nearest_growing(ticks, begun.x, limit)
+    reached, refuted = driven(begun.x, limit, SHORT, refuted, proof)
+    return reached, replace(refuted, text=in_words(ticks, refuted.word))

@@ -13,7 +13,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wavesweep.engine.switched import crossing, is_refuted, largest_modes, refuted_beyond, slopes_of
+from wavesweep.engine.switched import (
+    Refuted,
+    crossing,
+    is_refuted,
+    largest_modes,
+    refuted_beyond,
+    slopes_of,
+)
 from wavesweep.late_ticks.tick_curves import LateTicks
 from wavesweep.program.number_words import in_all_digits
 from wavesweep.program.tables.refuters import repeated
@@ -50,9 +57,9 @@ def growing(ticks: LateTicks, x: float, known: Sequence[Pattern] = ()) -> tuple[
     return best
 
 
-def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float, Pattern]:
+def nearest_growing(ticks: LateTicks, start: float, limit: float) -> Refuted:
     """Return the number closest to the start at which a pattern is proved to grow, of those that
-    a search finds, and that pattern; NaN and () if there is none."""
+    a search finds, and that pattern, if there is one."""
     stable = start
     # 8 numbers between a start and a limit, the first after a thousandth of the way.
     for x in start + (limit - start) * np.geomspace(1e-3, 1.0, 8):
@@ -61,7 +68,7 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float
             break
         stable = float(x)
     else:
-        return np.nan, ()
+        return Refuted()
     unstable = float(x)
     # Of the way from the start, how much nearer a better pattern is looked for in turn.
     shares = [3e-3, 2e-2]
@@ -75,19 +82,11 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float
             break
         unstable, pattern = nearer, found
         stable = stable if abs(stable - start) < abs(nearer - start) else start
-    return proved_to_grow(ticks, pattern, unstable, limit)
-
-
-def proved_to_grow(
-    ticks: LateTicks, pattern: Pattern, unstable: float, limit: float
-) -> tuple[float, Pattern]:
-    """Return the number next to an unstable one at which a pattern is proved to grow, and the
-    pattern; NaN and () if there is none."""
     word = word_of(ticks, pattern)
     at = refuted_beyond(ticks.family, word, unstable, limit)
     if at is None and is_refuted(ticks.family, word, unstable):
         at = unstable
-    return (np.nan, ()) if at is None else (float(at), pattern)
+    return Refuted() if at is None else Refuted(at, pattern)
 
 
 def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:

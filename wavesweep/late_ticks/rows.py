@@ -13,7 +13,8 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.late_ticks.bracket import PROVED, REFUTED, Bracket, bracket, decided
+from wavesweep.engine.switched import Bracket
+from wavesweep.late_ticks.bracket import PROVED, REFUTED, bracket, decided
 from wavesweep.late_ticks.tick_curves import TWO_VALUES, late_ticks
 from wavesweep.program.analyses.claims import (
     STABLE,
@@ -96,19 +97,19 @@ def records_for_ticks(
     for own in nominal[nominal["intervals"] > 0]:
         about = float(own["low"]), float(own["high"])
         found = bracket(ticks_with, about)
-        if found and found.below.reached < found.above.reached:
+        if found and found.low < found.high:
             on_time = f"ticks of {1e3 / float(loop.rate):.6g} ms"
             rows.append(_row(found, about, span, along, on_time if own["certified"] else ""))
             continue
         within = f"within {name_of(along)} {span_around(*about, 4)}"
         if found and found.above.text:
             refuted.append(found.above)
-            within += f", refuted at {in_all_digits(found.above.fails)} by {found.above.text}"
+            within += f", refuted at {in_all_digits(found.above.x)} by {found.above.text}"
         unproved.append(within)
     nowhere = not nominal["intervals"].any()
     records = asked.recorded(rows, certified, agreed=True, none=nowhere)
     if refuted and not rows:
-        records["fails_from"] = refuted[0].fails
+        records["fails_from"] = refuted[0].x
         records["counterexample"] = shorten(refuted[0].text, TEXT, placeholder=" ...")
     for number, record in enumerate(records):
         own = [rows[number].left_open] if rows and rows[number].left_open else []
@@ -121,21 +122,22 @@ def _row(found: Bracket, about, span, along, on_time: str):
     """What is proved along a number; on_time: what refutes the ends of the interval of ticks that are all on
     time, empty if it is not known."""
     asked = offered("rules")
-    low, high = found.below, found.above
-    if not low.text and about[0] > span[0]:
-        low = replace(low, fails=about[0], text=on_time)
-    if not high.text and about[1] < span[1]:
-        high = replace(high, fails=about[1], text=on_time)
-    below = low.fails if low.text else low.reached
-    above = high.fails if high.text else high.reached
-    part = asked.Part(below, above, low.text or None, high.text or None)
+    below, above = found.below, found.above
+    if not below.text and about[0] > span[0]:
+        below = replace(below, x=about[0], text=on_time)
+    if not above.text and about[1] < span[1]:
+        above = replace(above, x=about[1], text=on_time)
+    low = below.x if below.text else found.low
+    high = above.x if above.text else found.high
+    part = asked.Part(low, high, below.text or None, above.text or None)
     places = []
-    for edge, end in zip(span, (low, high), strict=True):
-        if not end.text and end.reached != edge:
-            places.append(span_around(*sorted((edge, end.reached)), 4))
+    sides = zip(span, (below, above), (found.low, found.high), strict=True)
+    for edge, refuted, end in sides:
+        if not refuted.text and end != edge:
+            places.append(span_around(*sorted((edge, end)), 4))
     left_open = f"within {name_of(along)} {' and '.join(places)}" if places else ""
-    text = Refuters(low.text, high.text).written(TEXT)
-    return asked.Row(low.reached, high.reached, part, span, text, left_open)
+    text = Refuters(below.text, above.text).written(TEXT)
+    return asked.Row(found.low, found.high, part, span, text, left_open)
 
 
 def claim(spec: Spec) -> Claim:

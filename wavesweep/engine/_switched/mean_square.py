@@ -24,7 +24,7 @@ from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
 from wavesweep.engine._sets.taylor_models import Polynomials
 from wavesweep.engine._stability.spectrum import count_outside
-from wavesweep.engine._switched.brackets import Bracket
+from wavesweep.engine._switched.brackets import Bracket, Refuted
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.loop_frames import LoopFrames
 from wavesweep.engine._switched.norm_check import Norms, shrink_on_average, shrink_over
@@ -311,11 +311,10 @@ def decays(loop: Chances) -> str:
 
 def brackets_on_average(loop: Chances, limits: tuple[float, float]) -> list[Bracket]:
     """Return the numbers within limits for which second moments decay, an element for each
-    interval; see `bracket`.
+    interval; see `Bracket`.
 
-    An interval's proof holds for every number of it, by forms on stretches without a gap. `words`
-    are (0,) where a number is refuted. Intervals are searched in plain doubles: one that is much
-    narrower than a panel of `_zeros` may be missed.
+    An interval's proof holds for every number of it, by forms on stretches without a gap. Intervals
+    are searched in plain doubles: one that is much narrower than a panel of `_zeros` may be missed.
     """
     limits = loop.probable(*limits)
     rows = []
@@ -382,9 +381,9 @@ def nearest_growing(
     start: float,
     limit: float,
     scanned: int = 24,  # numbers at which the nearest one is looked for where moments grow
-) -> tuple[float, tuple[int, ...]]:
-    """Return the refuted number closest to the start, towards a limit, that a scan finds, and
-    (0,); NaN and () without one."""
+) -> Refuted:
+    """Return the refuted number closest to the start, towards a limit, that a scan finds, if it
+    finds one."""
     inside = start
     for outside in [
         start,
@@ -394,19 +393,23 @@ def nearest_growing(
             break
         inside = outside
     else:
-        return np.nan, ()
+        return Refuted()
     for _ in range(MOMENT_BISECTIONS if inside != outside else 0):
         middle = (inside + outside) / 2
         if loop.decays(middle):
             inside = middle
         else:
             outside = middle
-    beyond = (
-        outside + step * np.sign(limit - start) * max(abs(outside), 1e-6 * abs(limit - start))
-        for step in BEYOND
-    )
-    fails = next((float(x) for x in beyond if loop.refuted(x)), np.nan)
-    return fails, () if np.isnan(fails) else (0,)
+    return _refuted_beyond(loop, outside, limit - start)
+
+
+def _refuted_beyond(loop: Chances, end: float, way: float) -> Refuted:
+    """What is refuted next to an end of what decays, on the way to a limit, if anything is."""
+    for step in BEYOND:
+        x = float(end + step * np.sign(way) * max(abs(end), 1e-6 * abs(way)))
+        if loop.refuted(x):
+            return Refuted(x, (0,))
+    return Refuted()
 
 
 def _polished(
@@ -468,27 +471,25 @@ def _bracket(loop: Chances, part: tuple[float, float], limits: tuple[float, floa
     """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
     sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
     (low, below, down), (high, above, up) = sides
-    words = tuple(() if np.isnan(end) else (0,) for end in (below, above))
-    stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
-    return Bracket(low, high, below, above, words, stretches)
+    stretches = sorted((*down, *up), key=lambda stretch: stretch.low)
+    return Bracket(low, high, below, above, tuple(stretches))
 
 
 def _side(
     loop: Chances, start: float, end: float, limit: float
-) -> tuple[float, float, list[ProvedStretch]]:
-    """The number that the proof reaches towards an end, the refuted one beyond it, NaN without,
-    and the stretches."""
-    fails = np.nan
+) -> tuple[float, Refuted, list[ProvedStretch]]:
+    """The number that the proof reaches towards an end, what is refuted beyond it, and the
+    stretches.
+
+    Where moments stop to decay is known to all digits, so that no search sets the goal.
+    """
+    refuted = Refuted()
     goal = end
     distance = limit - start
     if end != limit:
-        beyond = [
-            end + step * np.sign(distance) * max(abs(end), 1e-6 * abs(distance)) for step in BEYOND
-        ]
-        fails = next(
-            (float(x) for x in beyond if abs(x - start) <= abs(distance) and loop.refuted(x)),
-            np.nan,
-        )
+        refuted = _refuted_beyond(loop, end, distance)
+        if abs(refuted.x - start) > abs(distance):
+            refuted = Refuted()
         goal -= np.sign(distance) * min(
             PROOF_DISTANCE * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start)
         )
@@ -518,4 +519,4 @@ def _side(
         else:
             step = step / 2
             failed = True
-    return float(at), fails, stretches
+    return float(at), refuted, stretches

@@ -17,26 +17,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from wavesweep.engine._sets.taylor_models import Polynomials, monomials
+from wavesweep.engine._switched.average import ALONE, OnAverage, forms_of_each, forms_on_average
+from wavesweep.engine._switched.frames_over import Enclosed
+from wavesweep.engine._switched.graph import Family
+from wavesweep.engine._switched.norm_check import outside_each, shrink_over
+from wavesweep.engine._switched.norms import CALLS, Centre, find_norms, recentred, sloped
+from wavesweep.engine._switched.patterns import Word, growing, growth
 from wavesweep.engine.doubles import NEXT_TO_ZERO
-from wavesweep.engine.sets import Polynomials, monomials
-from wavesweep.engine.switched import (
-    ALONE,
-    CALLS,
-    Centre,
-    Enclosed,
-    OnAverage,
-    Word,
-    find_norms,
-    forms_of_each,
-    forms_on_average,
-    growing,
-    growth,
-    outside_each,
-    recentred,
-    shrink_over,
-    sloped,
-)
-from wavesweep.for_all.jitter_margin import SmallGain
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much,
 # at most so much of what the spectral radii of frames and words leave. A graph is made finer up to
@@ -54,7 +42,7 @@ SLACK_OF_ERRORS = 0.1  # of the slack: errors from which on they count for which
 # along its side have at most OF_SIDE of them
 HOPELESS_ERRORS = 10.0
 OF_SIDE = 0.5
-GAIN = 1e9  # operations that take as long as the search for weights of a small gain
+OF_OWN = 1e9  # operations that take as long as a search of `OwnForms`
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROWEST_SIDE = 1e-6  # of a side, below which a box is not divided along it
@@ -75,6 +63,20 @@ class Frames(Protocol):
         """Return what encloses the frames in boxes that are wide along the same sides and the same
         along all others, `(boxes, 2, sides)`; for those without a bound the side along which they
         have to be divided first."""
+
+
+class OwnForms(Protocol):
+    """A rule for what follows that finds forms itself."""
+
+    @property
+    def whole(self) -> Family:
+        """The matrices, and which may follow which."""
+
+    def found(self, A: Polynomials) -> tuple[Centre, np.ndarray] | None:
+        """Forms for the matrices in a cell, and their slopes; None if none are found."""
+
+
+Rule = np.ndarray | OnAverage | OwnForms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +136,7 @@ class _Waiting(NamedTuple):
 def cover(
     frames: Frames,
     box: Box,
-    follows: np.ndarray | OnAverage | SmallGain,
+    follows: Rule,
     work: float,
     up: bool = True,
     words: Sequence[Word] = (),
@@ -259,7 +261,7 @@ class _Trials:
     """
 
     frames: Frames
-    follows: np.ndarray | OnAverage | SmallGain
+    follows: Rule
     words: Sequence[Word]
     narrow: np.ndarray
     work: float
@@ -497,7 +499,7 @@ def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
         return _Outcome(None, used, (0,))
     basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
     # Without a pole on a rim.
-    looked_at = np.isfinite(A.terms).all() and not isinstance(follows, SmallGain)
+    looked_at = np.isfinite(A.terms).all() and isinstance(follows, np.ndarray)
     if looked_at and (words := growing(A.terms[0], follows, basis)):
         return _Outcome(None, used, words[0])
     # Parts of parts without norms for each side, after which a proof ends.
@@ -567,9 +569,7 @@ def _divided(moves, left):
     return sides
 
 
-def units_of(
-    frames: Frames, box: Box, follows: np.ndarray | OnAverage | SmallGain
-) -> np.ndarray | None:
+def units_of(frames: Frames, box: Box, follows: Rule) -> np.ndarray | None:
     """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box:
     see `FramesOver.of`.
 
@@ -621,8 +621,8 @@ def _forms(A, follows, start, work, words=()):
     follows: or a chain."""
     if isinstance(follows, tuple):
         return forms_on_average(A, *follows)
-    if isinstance(follows, SmallGain):
-        return follows.found(A), GAIN
+    if not isinstance(follows, np.ndarray):
+        return follows.found(A), OF_OWN
     at_middle = A.terms[0]
     repeated = at_middle[
         np.diagonal(follows)
@@ -679,7 +679,7 @@ def _judged(A, found, follows):
     if isinstance(follows, tuple):
         rule = None, follows[1]
     else:
-        rule = (follows.whole.follows if isinstance(follows, SmallGain) else follows,)
+        rule = (follows if isinstance(follows, np.ndarray) else follows.whole.follows,)
     proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, *rule)
     if proved:
         return True, np.zeros(0), 0.0, spent

@@ -1,27 +1,15 @@
 """What holds up a proof over a box where its budget ends."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.sets import Side, as_numbers
-from wavesweep.for_all.ranges import Covering
+from wavesweep.engine._sets.enclosed_loop import Side
+from wavesweep.engine._sets.sides import as_numbers
+from wavesweep.engine._switched.boxes import Covering
+from wavesweep.engine._switched.brackets import LeftOpen
 
 INWARD = 1e-12  # of an end, or of a side, by which an end stays within what is proved
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LeftOpen:
-    """What holds a proof up where its budget ends.
-
-    paths: of the numbers of its sides, in their order. ends: of the box around it `(2, sides)`, as
-    numbers. share: of all values of the numbers but the first that it has.
-    """
-
-    paths: tuple[str, ...]
-    ends: np.ndarray
-    share: float
 
 
 def left_open(
