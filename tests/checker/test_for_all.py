@@ -7,7 +7,7 @@ import pytest
 from support.proofs import checked
 
 from wavesweep.checker import balls, file
-from wavesweep.engine.switched import find_norms
+from wavesweep.engine._switched.norms import find_norms
 
 SPEC = """
 [rates]

@@ -8,7 +8,7 @@ from support.forms import form_of, matrix_of
 from support.proofs import checked
 
 from wavesweep.checker import balls, file
-from wavesweep.engine.switched import find_norms
+from wavesweep.engine._switched.norms import find_norms
 
 TANK = """
 rates.tick_hz = 10

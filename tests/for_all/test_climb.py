@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from wavesweep.engine._switched import worst
 from wavesweep.engine._switched.climb import Growth, climb, corners_of
-from wavesweep.for_all import varying, worst
+from wavesweep.for_all import varying
 from wavesweep.for_all.channel_families import members_with_messages
 from wavesweep.for_all.rows import cases_of, verdict
 from wavesweep.for_all.unknown import Case, Proved

@@ -14,10 +14,11 @@ import wavesweep
 from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine._sets.taylor_models import Polynomials, monomials
 from wavesweep.engine._switched import boxes
+from wavesweep.engine._switched.boxes import cover
+from wavesweep.engine._switched.frames_over import Enclosed
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.norm_check import shrink_over
 from wavesweep.engine._switched.patterns import following, joined, written
-from wavesweep.engine.switched import Enclosed, cover
 from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
 from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load

@@ -12,14 +12,11 @@ if TYPE_CHECKING:
         Decision,
         bracket,
         decide,
-        nearest_refuted,
     )
     from wavesweep.engine._switched.average import ALONE, OnAverage
-    from wavesweep.engine._switched.boxes import Box, Covering, cover, units_of
+    from wavesweep.engine._switched.boxes import cover
     from wavesweep.engine._switched.brackets import Bracket, LeftOpen, Refuted, driven
     from wavesweep.engine._switched.climb import (
-        OPERATIONS_OF_CLIMB,
-        Growth,
         climb,
         constant_growth,
         contradicted,
@@ -46,7 +43,6 @@ if TYPE_CHECKING:
         brackets_on_average,
         decays,
         grows_everywhere,
-        nearest_growing,
         parts_that_decay,
     )
     from wavesweep.engine._switched.norm_check import (
@@ -59,33 +55,36 @@ if TYPE_CHECKING:
         OPERATIONS_OF_SEARCH,
         Centre,
         acting,
-        first_centre,
         recentred,
         units_of_places,
     )
     from wavesweep.engine._switched.pattern_slopes import largest_modes, slopes_of
     from wavesweep.engine._switched.patterns import (
         Word,
-        crossing,
-        following,
+        begins,
         growing,
         growing_of,
         growth,
         improved,
         is_refuted,
         joined,
-        nearest,
         places_between,
         product_of,
         rates_of,
-        refuted_beyond,
         short_words,
         shortest_through,
-        written,
     )
     from wavesweep.engine._switched.ring_search import RingSearch, opened, units_of_ring
     from wavesweep.engine._switched.semidefinite import Inequality, minimised, symmetric_basis
     from wavesweep.engine._switched.stretches import covered
+    from wavesweep.engine._switched.worst import (
+        FROM_ZERO,
+        OPERATIONS_OF_PROOFS,
+        SOON,
+        LoopsOver,
+        bracket_over,
+        decide_over,
+    )
 else:
     __getattr__ = on_demand(
         {
@@ -96,18 +95,12 @@ else:
                 "UNKNOWN",
                 "bracket",
                 "decide",
-                "nearest_refuted",
             ),
             "_switched.average": (
                 "ALONE",
                 "OnAverage",
             ),
-            "_switched.boxes": (
-                "Box",
-                "Covering",
-                "cover",
-                "units_of",
-            ),
+            "_switched.boxes": ("cover",),
             "_switched.brackets": (
                 "Bracket",
                 "LeftOpen",
@@ -115,8 +108,6 @@ else:
                 "driven",
             ),
             "_switched.climb": (
-                "Growth",
-                "OPERATIONS_OF_CLIMB",
                 "climb",
                 "constant_growth",
                 "contradicted",
@@ -161,7 +152,6 @@ else:
                 "brackets_on_average",
                 "decays",
                 "grows_everywhere",
-                "nearest_growing",
                 "parts_that_decay",
             ),
             "_switched.norm_check": (
@@ -174,7 +164,6 @@ else:
                 "Centre",
                 "OPERATIONS_OF_SEARCH",
                 "acting",
-                "first_centre",
                 "recentred",
                 "units_of_places",
             ),
@@ -184,22 +173,18 @@ else:
             ),
             "_switched.patterns": (
                 "Word",
-                "crossing",
-                "following",
+                "begins",
                 "growing",
                 "growing_of",
                 "growth",
                 "improved",
                 "is_refuted",
                 "joined",
-                "nearest",
                 "places_between",
                 "product_of",
                 "rates_of",
-                "refuted_beyond",
                 "short_words",
                 "shortest_through",
-                "written",
             ),
             "_switched.ring_search": (
                 "RingSearch",
@@ -212,5 +197,13 @@ else:
                 "symmetric_basis",
             ),
             "_switched.stretches": ("covered",),
+            "_switched.worst": (
+                "FROM_ZERO",
+                "LoopsOver",
+                "OPERATIONS_OF_PROOFS",
+                "SOON",
+                "bracket_over",
+                "decide_over",
+            ),
         }
     )

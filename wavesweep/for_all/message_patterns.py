@@ -16,12 +16,10 @@ import numpy as np
 from wavesweep.engine.switched import (
     Refuted,
     Word,
-    crossing,
-    is_refuted,
+    begins,
     largest_modes,
     places_between,
     product_of,
-    refuted_beyond,
     slopes_of,
 )
 from wavesweep.for_all.channel_families import LOST
@@ -95,7 +93,7 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> Refuted:
         known = [word for _, word in tracked.values()]
         tracked = {}
         for rate, word in _climbs(family.at(x), ring, (*known, *_starts(ring, periods))):
-            found = _begins(family, word, before, x) if rate >= 1 else None
+            found = begins(family, word, before, x) if rate >= 1 else None
             if found is not None and (limit - found) * (limit - start) >= 0:
                 best = Refuted(found, word)
                 break
@@ -109,7 +107,7 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> Refuted:
                 break
             known = (best.word, *(word for _, word in tracked.values()))
             rate, word = growing_pattern(family, x, known, SOON)
-            found = _begins(family, word, before, x) if rate >= 1 else None
+            found = begins(family, word, before, x) if rate >= 1 else None
             if found is None:
                 break
             best = Refuted(found, word)
@@ -124,15 +122,6 @@ def _tried(start, limit):
         for inside, ahead in pairwise(steps.tolist()):
             if (ahead - start) * (limit - start) > 0:
                 yield inside, ahead, PERIODS if ahead == x else SOON
-
-
-def _begins(family, word, before, x):
-    """The number at which a pattern that grows at x is proved to begin to, on the way from
-    `before`; None if there is none."""
-    at = refuted_beyond(family, word, crossing(family, word, before, x), x)
-    if at is None and is_refuted(family, word, x):
-        return float(x)
-    return at
 
 
 def realised(family: RingFrames, word: Word) -> Word:

@@ -14,6 +14,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import (
+    SOON,
     UNKNOWN,
     Bracket,
     LeftOpen,
@@ -34,7 +35,6 @@ from wavesweep.for_all.varying import (
     placed,
     told,
 )
-from wavesweep.for_all.worst import SOON
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import (
     MEAN_SQUARE,

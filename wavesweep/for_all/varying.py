@@ -19,6 +19,8 @@ from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
 from wavesweep.engine.switched import (
+    FROM_ZERO,
+    OPERATIONS_OF_PROOFS,
     OPERATIONS_OF_SEARCH,
     PROVED,
     REFUTED,
@@ -27,15 +29,18 @@ from wavesweep.engine.switched import (
     Chances,
     Family,
     LoopFrames,
+    LoopsOver,
     OnAverage,
     Refuted,
     Symbol,
     Word,
     bracket,
+    bracket_over,
     constant_growth,
     corners_of,
     decays,
     decide,
+    decide_over,
     growing_of,
     growth_in_words,
     growth_on_average,
@@ -43,6 +48,7 @@ from wavesweep.engine.switched import (
     joined,
     short_words,
 )
+from wavesweep.for_all import message_patterns
 from wavesweep.for_all.asked_ranges import ForAllRanges
 from wavesweep.for_all.channel_families import (
     Sent,
@@ -67,13 +73,10 @@ from wavesweep.for_all.mean_square import (
     frames_at_random,
     losses_at_random,
 )
-from wavesweep.for_all.message_patterns import messages_of
 from wavesweep.for_all.message_rings import RingFrames, frames_of_messages, gain_over
 from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.ring_search import BY_GAIN, bracket_ring, decide_ring
 from wavesweep.for_all.unknown import SO_FAR
-from wavesweep.for_all.worst import FROM_ZERO, LoopsOver, bracket_over, decide_over
-from wavesweep.for_all.worst import OPERATIONS_OF_PROOFS as WORK_OVER
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
@@ -105,7 +108,7 @@ class Rules:
     elapsed: bool = True
     messages: bool = False
     at_random: bool = False
-    work: float = WORK_OVER
+    work: float = OPERATIONS_OF_PROOFS
     begins: float = 0.0
     said: str = ""
     words: defaultdict[bytes, list[Word]] | None = field(default=None, repr=False, compare=False)
@@ -364,7 +367,12 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
     loops = partial(LoopsOver, family, box=box, sides=sides, starts=starts, extremes=extremes)
     if gain is not None:
-        return loops(frames, growth=constant_growth(Loops(*own), numbers), gain=gain)
+        return loops(
+            frames,
+            growth=constant_growth(Loops(*own), numbers),
+            gain=gain,
+            patterns=message_patterns,
+        )
     known = [] if rules.words is None else rules.words[members.follows.tobytes()]
     loops = partial(loops, known=known)
     if not rules.at_random:
@@ -402,7 +410,7 @@ def decided_over(
             found = decide(family, work=work or OPERATIONS_OF_SEARCH)
         return found.verdict, {found.by or text_of_pattern(family, found.word): None}
     loops = _over(rules, values, "", ranges)
-    point, word, proved = decide_over(loops, work or WORK_OVER)
+    point, word, proved = decide_over(loops, work or OPERATIONS_OF_PROOFS)
     if word:
         by = dict(zip((axis.path for axis in ranges), point, strict=False))
         return REFUTED, {**by, text_of_pattern(loops.family(point), word): None}
@@ -447,7 +455,9 @@ def text_of_pattern(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
     symbols = [family.symbols[index] for index in word]
     ring = isinstance(family, RingFrames)
     if ring or isinstance(symbols[0], Sent):
-        by_channel = messages_of(family, word) if ring else Sent.by_channel(symbols)
+        by_channel = (
+            message_patterns.messages_of(family, word) if ring else Sent.by_channel(symbols)
+        )
         texts = [f"{name}: {_messages(late)}" for name, late in by_channel.items()]
         return f"messages {'; '.join(texts)}"
     results = {(symbol.delay, symbol.lost) for symbol in family.symbols}

@@ -15,10 +15,8 @@ import numpy as np
 
 from wavesweep.engine.switched import (
     Refuted,
-    crossing,
-    is_refuted,
+    begins,
     largest_modes,
-    refuted_beyond,
     slopes_of,
 )
 from wavesweep.late_ticks.tick_curves import LateTicks
@@ -69,24 +67,22 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> Refuted:
         stable = float(x)
     else:
         return Refuted()
-    unstable = float(x)
+    best = Refuted()
     # Of the way from the start, how much nearer a better pattern is looked for in turn.
     shares = [3e-3, 2e-2]
     for _ in range(20):  # patterns, each of which grows nearer to the start than the one before
-        unstable = crossing(ticks.family, word_of(ticks, pattern), stable, unstable)
-        for nearer in (unstable + share * (start - unstable) for share in shares):
-            rate, found = growing(ticks, nearer, [pattern])
+        at = begins(ticks.family, word_of(ticks, pattern), stable, float(x))
+        if at is None:
+            break
+        best = Refuted(at, pattern)
+        for x in (at + share * (start - at) for share in shares):
+            rate, pattern = growing(ticks, x, [best.word])
             if rate >= 1:
                 break
         else:
             break
-        unstable, pattern = nearer, found
-        stable = stable if abs(stable - start) < abs(nearer - start) else start
-    word = word_of(ticks, pattern)
-    at = refuted_beyond(ticks.family, word, unstable, limit)
-    if at is None and is_refuted(ticks.family, word, unstable):
-        at = unstable
-    return Refuted() if at is None else Refuted(at, pattern)
+        stable = stable if abs(stable - start) < abs(x - start) else start
+    return best
 
 
 def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:

@@ -21,14 +21,13 @@ from wavesweep.engine._switched.norms import (
 )
 from wavesweep.engine._switched.patterns import (
     Word,
-    crossing,
+    begins,
     growing,
     growing_of,
     growth,
     is_refuted,
     nearest,
     places_between,
-    refuted_beyond,
     short_words,
     shortest_through,
 )
@@ -257,7 +256,7 @@ class _Way:
         first = [word] if word else []
         norms = self.centre.norms
         words = growing(self.family.at(x), follows, self.centre.basis, first, more, norms=norms)
-        return _first(self.family, words, self.start, x, x)
+        return _first(self.family, words, self.start, x)
 
     def aim(self, reached: float, goal: float, fails: float, ceiling: float | None) -> float:
         """The next number for which norms are searched: short of the refuted one by STRIDE of
@@ -328,7 +327,7 @@ def nearest_refuted(
             A = family.at(x)
             centre, _ = first_centre(A, family.follows)
             words = growing(A, family.follows, centre.basis, [found.word], norms=centre.norms)
-            nearer = _first(family, words, start, x, x)
+            nearer = _first(family, words, start, x)
             if not nearer.word:
                 break
             found = nearer
@@ -352,24 +351,19 @@ def _first_refuted(family: Family, start: float, limit: float, known: Sequence[W
             if not grows and x == ahead and (math.frexp(x)[0] in (0.5, -0.5) or is_last):
                 centre, _ = first_centre(A, follows)
                 grows = growing(A, follows, centre.basis)
-            found = _first(family, grows, before, x, x)
+            found = _first(family, grows, before, x)
             if found.word:
                 return found if abs(found.x - start) <= abs(limit - start) else Refuted()
     return Refuted()
 
 
-def _first(
-    family: Family, words: Sequence[Word], stable: float, unstable: float, limit: float
-) -> Refuted:
+def _first(family: Family, words: Sequence[Word], stable: float, unstable: float) -> Refuted:
     """The refuted number closest to `stable` of words that grow at `unstable`, if one is proved."""
-    best = Refuted()
+    best = Refuted(unstable)
     for word in words[:8]:  # words whose crossings are computed
         if best.word and growth(family.at(best.x), word) < 1:
             continue
-        end = best.x if best.word else unstable
-        at = refuted_beyond(family, word, crossing(family, word, stable, end), limit)
+        at = begins(family, word, stable, best.x)
         if at is not None:
             best = Refuted(at, word)
-        elif not best.word and is_refuted(family, word, unstable):
-            best = Refuted(float(unstable), word)
-    return best
+    return best if best.word else Refuted()

@@ -434,16 +434,15 @@ def nearest(family: Family, word: Word, start: float, x: float) -> float:
     on_the_way = start + (x - start) * np.linspace(0, 1, 33)[1:]
     for outside in on_the_way:
         if growth(family.at(outside), word) >= 1:
-            begins = crossing(family, word, inside, outside)
-            at = refuted_beyond(family, word, begins, x)
+            at = begins(family, word, inside, outside)
             return x if at is None else at
         inside = outside
     return x
 
 
-def crossing(family: Family, word: Word, stable: float, unstable: float) -> float:
-    """Return the number between both at which the word begins to grow, on the side where it
-    does."""
+def begins(family: Family, word: Word, stable: float, unstable: float) -> float | None:
+    """Return the number closest to one at which a word decays, of those up to one at which it
+    grows, at which it is proved to grow; None if it is at none."""
     low = stable
     high = unstable
     for _ in range(40):
@@ -452,16 +451,10 @@ def crossing(family: Family, word: Word, stable: float, unstable: float) -> floa
             high = middle
         else:
             low = middle
-    return high
-
-
-def refuted_beyond(family: Family, word: Word, x: float, limit: float) -> float | None:
-    """Return a number just beyond x, towards the limit, at which the word is proved to grow;
-    None if none is found."""
-    away = np.sign(limit - x) * max(abs(x), 1e-6 * abs(limit - x))
+    away = np.sign(unstable - high) * max(abs(high), 1e-6 * abs(unstable - high))
     # Of a number where a word begins to grow, how far beyond it that is proved.
     for step in (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3):
-        at = x + step * away
-        if abs(at - x) <= abs(limit - x) and is_refuted(family, word, at):
+        at = high + step * away
+        if abs(at - high) <= abs(unstable - high) and is_refuted(family, word, at):
             return float(at)
-    return None
+    return float(unstable) if is_refuted(family, word, unstable) else None

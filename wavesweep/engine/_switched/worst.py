@@ -3,43 +3,33 @@ worst point that a search finds, and proved box by box."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
 
-from wavesweep.engine.sets import Side, as_numbers, as_sides
-from wavesweep.engine.switched import (
-    INWARD,
-    OPERATIONS_OF_CLIMB,
-    Box,
-    Bracket,
-    Covering,
-    Family,
-    FramesOver,
-    Growth,
-    OnAverage,
-    Refuted,
+from wavesweep.engine._sets.enclosed_loop import Side
+from wavesweep.engine._sets.sides import as_numbers, as_sides
+from wavesweep.engine._switched.any_order import nearest_refuted
+from wavesweep.engine._switched.average import OnAverage
+from wavesweep.engine._switched.boxes import Box, Covering, OwnForms, Rule, cover, units_of
+from wavesweep.engine._switched.brackets import Bracket, Refuted, driven
+from wavesweep.engine._switched.climb import OPERATIONS_OF_CLIMB, Growth, climb, contradicted
+from wavesweep.engine._switched.frames_over import FramesOver
+from wavesweep.engine._switched.graph import Family
+from wavesweep.engine._switched.left_open import INWARD, left_open
+from wavesweep.engine._switched.mean_square import nearest_growing
+from wavesweep.engine._switched.norms import first_centre
+from wavesweep.engine._switched.patterns import (
     Word,
-    climb,
-    contradicted,
-    cover,
-    crossing,
-    driven,
-    first_centre,
+    begins,
     following,
     growing,
     growth,
     is_refuted,
-    left_open,
     nearest,
-    nearest_growing,
-    nearest_refuted,
     places_between,
-    refuted_beyond,
-    units_of,
     written,
 )
-from wavesweep.for_all.jitter_margin import SmallGain
-from wavesweep.for_all.message_patterns import PERIODS, SHORT, growing_pattern, nearest_pattern
 
 # distance of proof and refutation that is aimed at, relative to the refuted number
 BRACKET_TOLERANCE = 0.01
@@ -59,6 +49,24 @@ STRETCH = np.log(2)  # of the logarithm of the number: that of those with which 
 Report = Callable[[float, float, float], None]
 
 
+class Patterns(Protocol):
+    """A search for patterns of families that have no words.
+
+    SHORT, PERIODS: in the patterns that are looked for at any point, and at the worst one.
+    """
+
+    SHORT: Sequence[int]
+    PERIODS: Sequence[int]
+
+    def nearest_pattern(self, family: Any, start: float, limit: float) -> Refuted:
+        """The number closest to the start at which a pattern is proved to grow, if one is found."""
+
+    def growing_pattern(
+        self, family: Any, x: float, *, periods: Sequence[int]
+    ) -> tuple[float, Word]:
+        """The fastest growth at x, and its pattern; periods: in it."""
+
+
 @dataclass(frozen=True, slots=True)
 class LoopsOver:
     """Loops over a box of numbers, `(2, numbers)`, along another number.
@@ -66,7 +74,7 @@ class LoopsOver:
     family: gives the frames at a point of the box as a family along the number. frames: those over
     a box of sides (see `as_sides`), the first of which is that number. sides: of that number and of
     those of the box. on_average: if frames are at random; families are then `Chances`, and the word
-    of what grows is (0,). gain: of messages tick by tick; families are then `RingFrames`. growth: of
+    of what grows is (0,). gain: what finds forms otherwise, and patterns: what then finds patterns. growth: of
     members, at points of that number and of the box. starts: members that are tried in any case,
     `(points, numbers)`; extremes: gives further ones, at which an expression is least or largest.
     words: those of its symbols that the frames are, see `joined`; () of all others. known: words that
@@ -82,7 +90,8 @@ class LoopsOver:
     extremes: Callable[[], np.ndarray]
     words: Sequence[Word] = ()
     on_average: OnAverage | None = None
-    gain: SmallGain | None = None
+    gain: OwnForms | None = None
+    patterns: Patterns | None = None
     known: list[Word] = field(default_factory=list)
 
     @property
@@ -91,12 +100,11 @@ class LoopsOver:
         return tuple(self.box.mean(0).tolist())
 
     @property
-    def follows(self) -> np.ndarray | OnAverage | SmallGain:
-        """Which words of frames may follow which, or what they do at random, or the gain of what is
-        not in time."""
-        if self.on_average or self.gain:
-            return self.on_average or self.gain
-        return following(self.words, self.family(self.middle).follows)
+    def follows(self) -> Rule:
+        """Which words of frames may follow which, or what they do at random, or what finds forms."""
+        return (
+            self.on_average or self.gain or following(self.words, self.family(self.middle).follows)
+        )
 
     def covered(
         self,
@@ -278,7 +286,7 @@ def _moved(loops, point, start, best):
     """What the best word refutes at a point, if it is closer to the start there."""
     if not best.word:
         return best
-    at = _beyond(loops, point, best.word, start, best.x, best.x)
+    at = _beyond(loops, point, best.word, start, best.x)
     return best if at is None else Refuted(at, best.word, tuple(point))
 
 
@@ -289,7 +297,7 @@ def _refuted_at(loops, point, start, limit, best):
     if loops.on_average:
         found = nearest_growing(family, start, limit)
     elif loops.gain:
-        found = nearest_pattern(family, start, limit)
+        found = loops.patterns.nearest_pattern(family, start, limit)
     else:
         known = [*loops.known, best.word] if best.word else loops.known
         found = nearest_refuted(family, start, limit, BRACKET_TOLERANCE, known)
@@ -298,7 +306,7 @@ def _refuted_at(loops, point, start, limit, best):
     return best
 
 
-def _beyond(loops, point, word, start, end, limit):
+def _beyond(loops, point, word, start, end):
     """The refuted number closest to the start of a word that grows at `end` at a point; None if
     it does not."""
     family = loops.family(tuple(point))
@@ -307,14 +315,14 @@ def _beyond(loops, point, word, start, end, limit):
         return found.x if found.word else None
     if growth(family.at(end), word) < 1:
         return None
-    return refuted_beyond(family, word, crossing(family, word, start, end), limit)
+    return begins(family, word, start, end)
 
 
 def _met(loops, found, start, above):
     """What is refuted at a place that a proof has met."""
     x, *point = as_numbers(found.point, loops.sides)
     point = tuple(np.clip(point, *loops.box))
-    at = _beyond(loops, point, found.word, start, x, x + abs(x))
+    at = _beyond(loops, point, found.word, start, x)
     if at is None or (above.word and at >= above.x):
         return above
     return _refuted_at(loops, point, start, at, Refuted(at, found.word, point))
@@ -359,8 +367,8 @@ def _worst_member(loops, box, starts):
         words = [(0,)]
         if loops.gain:
             first = point == tuple(points[0])  # at others long patterns are not looked for
-            periods = PERIODS if first else SHORT
-            words = [growing_pattern(family, 0.0, periods=periods)[1]]
+            periods = loops.patterns.PERIODS if first else loops.patterns.SHORT
+            words = [loops.patterns.growing_pattern(family, 0.0, periods=periods)[1]]
         elif not loops.on_average:
             A = family.at(0.0)
             words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
