@@ -21,7 +21,7 @@ KEYS = {  # of `[sweep] require`, which this reads
     "radius", "settling", "time_constant", "damping_ratio", "modes", "slower_than", "bounded",
     *(f"gain.{key}" for key in ("from", "to", "at_most", "band_hz")),
     *(f"margins.{key}" for key in ("cut", "Ms", "disk", "gain", "phase_deg")),
-    *(f"{kind}.{key}" for kind in ("overshoot", "step_settling", "rms") for key in ("from", "to", "at_most")),
+    *(f"{kind}.{key}" for kind in ("peak", "overshoot", "step_settling", "rms") for key in ("from", "to", "at_most")),
 }  # fmt: skip
 NEAR = 1e-5  # of an end, as far inside and outside of which a requirement is looked at
 AT_LOW_END = 1e-6  # of a range, within which an interval begins at its low end
@@ -98,6 +98,8 @@ def value_of(machine, kind: str, table: dict) -> float | None:
     lifted = lifted_of(machine, table)
     if kind == "gain":
         return responses.gain(lifted, float(machine.schedule.period), table)
+    if kind == "peak":
+        return responses.of_sines(lifted)
     pulses = responses.samples(lifted)
     if pulses is None:
         return None
@@ -237,7 +239,8 @@ def judge_bounded(tables: dict, loop) -> list[Found]:
 
 def of_response(random, case: Case, stable, ticks: int) -> dict:
     """A level between what two values of the number have."""
-    kinds = ["gain", "overshoot", "step_settling", "rms", "rms"]  # a shorter list draws all specs anew
+    last = "peak" if ticks <= SHORT_FRAME else "rms"
+    kinds = ["gain", "overshoot", "step_settling", "rms", last]  # a list of another length draws all specs anew
     kind = kinds[int(random.integers(len(kinds)))]
     machines = [machine_of(with_value(case.tables, case.along, float(value))) for value in stable[:2]]
     ports = case.tables.get("ports", {})

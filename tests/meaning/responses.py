@@ -110,6 +110,9 @@ def peak(lifted, low: float, high: float, size_at) -> float | None:
     if size_at(STILL / 4) > 2 * size_at(STILL):
         return None
     turns = abs(np.angle(np.linalg.eigvals(lifted[0])))
+    if high > math.pi:  # of a sine, whose angle in a frame may be that of a mode by whole turns
+        count = len(lifted[3])
+        turns = np.concatenate([sign * turns + 2 * math.pi * at for at in range(count) for sign in (1, -1)])
     angles = np.concatenate([np.linspace(low, high, FREQUENCIES), turns[(low < turns) & (turns < high)]])
     angles.sort()
     sizes = [size_at(angle) for angle in angles]
@@ -126,6 +129,20 @@ def gain(lifted, period: float, wanted: dict) -> float | None:
     low, high = wanted.get("band_hz", (0.0, 0.5 / period))
     ends = max(2 * math.pi * low * period, STILL), 2 * math.pi * high * period
     return peak(lifted, *ends, lambda angle: np.linalg.norm(at_angle(lifted, angle), 2))
+
+
+def of_sines(lifted) -> float | None:
+    """How much of a sine comes out as the same sine at most, of those below half of the rate at which the input is read."""
+    _, B, _, D = lifted
+    count = len(D)
+    read = np.flatnonzero((B != 0).any(0) | (D != 0).any(0))
+    apart = np.gcd.reduce(np.append(read - read[:1], count))
+
+    def at(angle):
+        sine = np.exp(1j * angle * np.arange(count) / count)
+        return abs(sine.conj() @ at_angle(lifted, angle) @ sine) / count
+
+    return peak(lifted, STILL, math.pi * count / apart, at)
 
 
 def sensitivity(lifted, less: float = 0.0) -> float | None:

@@ -1,7 +1,7 @@
 """Where eigenvalues have to be, as [sweep] requires in place of the unit circle, and what a gain
 has to be below."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.poles import GONE
-from wavesweep.program.number_words import rounded_up
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.reading.keys import ALL_MODES, TIMES_OF_MODES
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
@@ -19,6 +19,7 @@ from wavesweep.require.gain_bound import (
     CutBound,
     FactorBound,
     GainBound,
+    PeakBound,
     TimeBound,
 )
 
@@ -44,7 +45,7 @@ class Bound:
     times: tuple[tuple[str, float], ...] = ()
     damped: Damped | None = None
     bounded: bool = False
-    gains: tuple[GainBound | CutBound | FactorBound | TimeBound, ...] = ()
+    gains: tuple[GainBound | PeakBound | CutBound | FactorBound | TimeBound, ...] = ()
 
     @property
     def of_modes(self) -> "Bound | None":
@@ -156,10 +157,32 @@ class Bound:
             seen, route, level = seen_at_cut(loops, gain)
             return along_gain(seen, along, domain, route, level, stable)
         in_time = isinstance(gain, TimeBound)
-        table = gain.measure if in_time else "gain"
-        drawing, route = routed(loops.drawing, gain.source, gain.signal, f"sweep.require.{table}")
+        drawing, route = routed(
+            loops.drawing, gain.source, gain.signal, f"sweep.require.{gain.word}"
+        )
         find = along_time if in_time else along_gain
         return find(loops._replace(drawing=drawing), along, domain, route, gain, stable)
+
+    def notices(
+        self, loops: Any, along: str, name: str, span: tuple[float, float]
+    ) -> Iterator[str]:
+        """Yield what is to be known of a gain or a peak from an input that is not read in every
+        tick; name: of the number with the path `along`."""
+        from wavesweep.program.analyses.signals import routed
+        from wavesweep.require.gain_intervals import about_reads
+
+        for gain in self.gains:
+            if not isinstance(gain, GainBound | PeakBound):
+                continue
+            path = f"sweep.require.{gain.word}"
+            drawing, route = routed(loops.drawing, gain.source, gain.signal, path)
+            about = loops._replace(drawing=drawing), along, span, route, gain.word
+            apart, hz, at_rest = about_reads(*about)
+            once = f"{gain.source} is read once in {apart} ticks"
+            if apart > 1 and isinstance(gain, PeakBound):
+                yield f"peak: {once}, at {hz:.6g} Hz: of sines of f up to {hz / 2:.6g} Hz, as which {hz:.6g} Hz - f and + f are read"
+            elif apart > 1 and at_rest and at_rest > gain.at_most:
+                yield f"gain: {once}: at least {rounded_down(at_rest, 5)} whatever {name} is; peak has that of sines"
 
     def beyond(self, delta: np.ndarray, turns: np.ndarray, period: float) -> np.ndarray:
         """By how much eigenvalues less 1 of a loop miss what is required of modes, in the
@@ -221,7 +244,7 @@ class Bound:
             )
 
 
-def _in_time(gain: GainBound | CutBound | FactorBound | TimeBound) -> bool:
+def _in_time(gain: GainBound | PeakBound | CutBound | FactorBound | TimeBound) -> bool:
     """Whether it bounds a response in time."""
     return isinstance(gain, TimeBound)
 
@@ -245,12 +268,16 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
         )
         damped = asked.words()
     gain = written.get("gain")
+    peak = written.get("peak")
     margins = written.get("margins", [])
     said = [
         f"every mode {modes}" if modes else "",
         damped or ("" if modes else "stability"),
         gain
         and f"a gain of at most {gain['at_most']:.15g} from {gain['from']} to {gain['to']}{_band(gain)}",
+        peak
+        and f"a peak of at most {peak['at_most']:.15g} from {peak['from']} to {peak['to']}, "
+        "sine by sine up to half the rate of the input",
         *map(_at_cut, [margins] if isinstance(margins, Mapping) else margins),
         *(
             measure.words.format(**{**written[name], "from_": written[name]["from"]})

@@ -17,7 +17,7 @@ positive everywhere if it is at one angle of one number. The same holds on an ar
 band of frequencies. If the form is negative in the middle of a panel at some z, and the pencil is
 not singular at that one z for any number of it, the gain is too large in all of it, or infinite;
 where inputs stand in the pencil, `_exceeds` shows it with the singular vectors of one input.
-See `pencil` for how it is shown.
+See `pencil` for how it is shown, and `sines` for the gain of a sine at its own frequency.
 
 Where the gain at rest is the level itself, as in a string of vehicles, the form is 0 at z = 1 for a
 constant input, whose unit vector is w: H(1) w = h, h' H(1) = level^2 w'. With u + f w w'u/(z - 1)
@@ -58,6 +58,7 @@ from wavesweep.require.between import Between, by_panel, determinants, of_panels
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 from wavesweep.require.maps import of_ticks
 from wavesweep.require.pencil import angles_of, clear, off_arc
+from wavesweep.require.sines import Panel
 
 SURE_SIGN = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
 FEW_INPUTS = 16  # of a frame, up to which they stand in the pencil, which is sharper
@@ -242,12 +243,17 @@ class BoundedGain(Between):
         """Of the pencil."""
         return 2 * self.kept.size + (0 if self.long else self.read.size)
 
+    def at_rest_through(self, column: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What comes of inputs that are constant, as a map of a frame, and the constant input, of
+        length 1."""
+        E, G, O, T = (matrix for matrix, _ in self.maps(column, p))
+        w = np.full((self.read.size, 1), self.read.size**-0.5)
+        return T - O @ solve(E, G), w
+
     def off_at_rest(self, column: np.ndarray, p: np.ndarray) -> np.ndarray:
         """By how much what comes of a constant input, and what goes to a constant output, differ
         from the level at rest."""
-        E, G, O, T = (matrix for matrix, _ in self.maps(column, p))
-        H = T - O @ solve(E, G)
-        w = np.full((self.read.size, 1), self.read.size**-0.5)  # the constant input, of length 1
+        H, w = self.at_rest_through(column, p)
         signed = np.copysign(self.level, w.mT @ H @ w) * w
         of_output = np.abs(H @ w - signed).max((-1, -2))
         of_input = np.abs(H.mT @ w - signed).max((-1, -2))
@@ -361,6 +367,43 @@ class BoundedGain(Between):
         late = late * f * f - (w_cG + w_cG.mT) * f
         G = G - (r @ w.mT) * f
         return Form(E, G, P, S - (w_cA * f).mT, R + late, points, at_rest=True)
+
+
+class Sine(BoundedGain):
+    """The same at the frequency of a sine itself, which `read` has all ticks of: see `sines`."""
+
+    __slots__ = ()
+
+    def off_at_rest(self, column: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """By how much the gain of a constant differs from the level."""
+        H, w = self.at_rest_through(column, p)
+        through = w.mT @ H @ w
+        return np.abs(through - np.copysign(self.level, through)).max((-1, -2))
+
+    def labelled(
+        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
+    ) -> np.ndarray:
+        port, shape, judged = self._about(column, low, high, bounds)
+        maps = by_panel(self.over_frame(port, np.prod(shape)), shape)
+        for matrix, size in maps:
+            judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
+        label = np.full(column.size, OPEN)
+        for at in np.flatnonzero(judged):
+            label[at] = self._panel(column[at], of_panels(maps, at)).label()
+        return label
+
+    def _panel(self, column: int, maps: list[Bounded]) -> Panel:
+        return Panel(maps, self.level, self.arc[self.columns[column]], self.at_rest)
+
+    def worst_at(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As that of `BoundedGain`."""
+        index = np.searchsorted(self.columns, column)
+        maps = self.maps(np.full(p.size, index), p)
+        found = [
+            self._panel(index, of_panels(maps, slice(at, at + 1))).worst() for at in range(p.size)
+        ]
+        delta, beyond = np.array(found).T
+        return delta, beyond.real
 
 
 def _in_even_units(

@@ -70,6 +70,18 @@ class GainBound(NamedTuple):
     word = "gain"
 
 
+class PeakBound(NamedTuple):
+    """What the gain of sines at their own frequency has to be below, of those below half of the
+    rate at which the input is read."""
+
+    source: str
+    signal: str
+    at_most: float
+
+    word = "peak"
+    band_hz = None  # it is of all that the input's rate can show
+
+
 class CutBound(NamedTuple):
     """What the distance of 1/(1 + L) to a number has to be below, of the loop L that is cut at a
     signal.

@@ -1,7 +1,7 @@
 """Where the gain from an input to an output stays below a level at all frequencies, along any
 number of a loop.
 
-`frame_gain` says what the gain is and how a panel of the number is judged.
+`frame_gain` says what the gain is and how a panel of the number is judged, `sines` that of a sine.
 """
 
 from dataclasses import replace
@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.frames import solve
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.require.between import needed, typical_between
 from wavesweep.require.disc_panels import Accuracy, Domain, along_panels
-from wavesweep.require.frame_gain import BoundedGain
-from wavesweep.require.gain_bound import GainBound
+from wavesweep.require.frame_gain import BoundedGain, Sine
+from wavesweep.require.gain_bound import GainBound, PeakBound
+from wavesweep.require.maps import over_frame
 
 # Of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by
 # its root.
@@ -31,7 +33,7 @@ def along_gain(
     along: str,
     domain: Domain,
     route: tuple[str, str],
-    wanted: GainBound,
+    wanted: GainBound | PeakBound,
     stable: Intervals,
 ) -> Intervals:
     """All intervals of a number in which the gain of loops stays below a level, within those in
@@ -50,11 +52,19 @@ def along_gain(
     span = domain.span
     period = domain.period
     size = period.size
-    drift, port, number, p = typical_between(loops, along, span, size, route, "gain")
+    drift, port, number, p = typical_between(loops, along, span, size, route, wanted.word)
     ticks = port.kind.size
     about = loops, along, route, wanted.at_most, drift, needed(port.maps), np.arange(ticks)
-    arc = _arc(wanted, ticks, period)
-    gain = BoundedGain(*about, np.arange(size), stable, arc, at_rest=False)
+    read = np.flatnonzero(reads(port))
+    of_sines = isinstance(wanted, PeakBound) and ticks > 1
+    if of_sines:
+        kind: type[BoundedGain] = Sine
+        domain = domain._replace(period=period / ticks)
+        arc = np.tile([0.0, np.pi / between_reads(read, ticks)], (size, 1))
+    else:
+        kind = BoundedGain
+        arc = _arc(wanted, ticks, period)
+    gain = kind(*about, np.arange(size), stable, arc, at_rest=False)
 
     few = max(1, 1_000_000 // ticks**2)  # frames at a time
     off = np.concatenate(
@@ -68,10 +78,10 @@ def along_gain(
     judges = []
     if (~at_rest).any():
         columns = np.flatnonzero(~at_rest)
-        judges.append(replace(gain, columns=columns, read=gain.read[_reads(port)]))
+        judges.append(replace(gain, columns=columns, read=gain.read if of_sines else read))
     if at_rest.any():
         columns = np.flatnonzero(at_rest)
-        judges.append(BoundedGain(*about, columns, stable, gain.arc, at_rest=True))
+        judges.append(kind(*about, columns, stable, gain.arc, at_rest=True))
 
     begun = begun_at_low_end(gain, span[::-1] if domain.from_above else span)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)
@@ -81,9 +91,35 @@ def along_gain(
     return attached(found, stable, SHARE_OF_SPAN * domain.width)
 
 
-def _reads(port: Any) -> np.ndarray:
+def reads(port: Any) -> np.ndarray:
     """Whether the input is read in each tick of a frame."""
     return np.array([any((x != 0).any() for x in port.maps[kind][1::2]) for kind in port.kind])
+
+
+def between_reads(read: np.ndarray, ticks: int) -> int:
+    """The ticks from one of the ticks of a frame in which an input is read to the next; of several
+    distances what they have in common."""
+    if not read.size:
+        return ticks
+    return int(np.gcd.reduce(np.append(read - read[0], ticks)))
+
+
+def about_reads(
+    loops: Loops, along: str, span: tuple[float, float], route: tuple[str, str], word: str
+) -> tuple[int, float, float | None]:
+    """Return the ticks from read to read of an input, the rate (Hz) of these, and the gain at rest
+    in the energy of all ticks; None if that depends on the number. Arguments: see `along_gain`."""
+    _, port, _, p = typical_between(loops, along, span, 1, route, word)
+    ticks = port.kind.size
+    E, G, O, T = (
+        each.value for each in over_frame(port, needed(port.maps), p.shape, np.arange(ticks))
+    )
+    read = reads(port)
+    apart = between_reads(np.flatnonzero(read), ticks)
+    constant = (read / max(1.0, read.sum()) ** 0.5)[:, None]
+    at_rest = np.linalg.norm((T - O @ solve(E, G)) @ constant, axis=(-2, -1))
+    fixed = np.ptp(at_rest) <= AT_REST_ANGLE * at_rest.max()
+    return apart, port.rate / apart, float(at_rest.min()) if fixed else None
 
 
 def begun_at_low_end(gain, span):

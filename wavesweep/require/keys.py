@@ -18,6 +18,7 @@ from wavesweep.require.gain_bound import (
     CutBound,
     FactorBound,
     GainBound,
+    PeakBound,
     TimeBound,
 )
 
@@ -94,6 +95,20 @@ KEYS = Key.by_path(
             rising=True,
             description="lowest and highest frequency at which it has to be so",
         ),
+        Key.word("sweep.require.peak.from", None, "input in [ports] of the peak that is bounded"),
+        Key.word(
+            "sweep.require.peak.to",
+            None,
+            "output in [ports] of the peak that is bounded, or a signal",
+        ),
+        Key.positive(
+            "sweep.require.peak.at_most",
+            None,
+            "of to over from",
+            "find the stable intervals in which what comes out of a sine at its own frequency, over the sine, is below this, as bode "
+            "has it: Mt from a reference. Of sines below half the rate at which the input is read, since those above are read as these",
+            high=1e12,
+        ),
         Key.word(
             "sweep.require.margins.cut",
             None,
@@ -152,7 +167,7 @@ KEYS = Key.by_path(
     ]
 )
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
-BETWEEN = ("gain", *MEASURES)  # tables of what lies between an input and a signal
+BETWEEN = ("gain", "peak", *MEASURES)  # tables of what lies between an input and a signal
 NEEDED = ("from", "to", "at_most")  # keys that each of these has
 
 
@@ -198,10 +213,12 @@ class Require(KeyValues):
             modes = self.get("modes", ALL_MODES)
             damped = Damped(self["damping_ratio"], modes, self.get("slower_than", 0.0))
         # Each is looked for where those before it hold: what takes longest comes last.
-        gains: tuple[GainBound | CutBound | FactorBound | TimeBound, ...] = ()
+        gains: tuple[GainBound | PeakBound | CutBound | FactorBound | TimeBound, ...] = ()
         if "gain.at_most" in self:
             ends_and_level = (self[f"gain.{name}"] for name in NEEDED)
             gains = (GainBound(*ends_and_level, self.get("gain.band_hz")),)
+        if "peak.at_most" in self:
+            gains += (PeakBound(*(self[f"peak.{name}"] for name in NEEDED)),)
         for cut in self.cuts:
             if "Ms" in cut:
                 gains += (CutBound(cut["cut"], cut["Ms"], 0.0),)

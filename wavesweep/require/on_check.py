@@ -14,7 +14,7 @@ from wavesweep.program.analyses.own_design import is_an_end, searched
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.number_words import in_all_digits, span_in_words
 from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.sweep.grid import keys_of, make_grid
+from wavesweep.program.sweep.grid import keys_of, make_grid, own_loop
 from wavesweep.program.sweep.running import in_memory
 from wavesweep.program.tables.fields import DOUBTS
 
@@ -56,7 +56,8 @@ def facts(spec: Spec, own: Mapping[str, Any], *_: object) -> dict[str, Any]:
     if where:
         met = f"met in {where}"
     else:
-        met = f"met nowhere in {span_in_words(low, high)}"
+        read = spec.require.bound.notices(own_loop(spec), path, name, (low, high))
+        met = "; ".join([f"met nowhere in {span_in_words(low, high)}", *read])
     if is_an_end(value, ends):
         reason = f"{name} = {in_all_digits(value)} on an end, {met}"
     elif status is Status.REFUTED:

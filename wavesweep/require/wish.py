@@ -19,27 +19,63 @@ ENDS = {
 }
 
 
-def _measured(measure: str, loops: Loops, size: int, **ends: str):
-    """A value of the response of each loop, missing if it is not stable, and whether it is
-    certified, to EXACT."""
+def _seen(wish: str, loops: Loops, size: int, **ends: str):
+    """Which loops are stable, and their port between two ends with its maps, those of stable loops;
+    no maps if none is, or if the output drifts."""
     import numpy as np
 
     from wavesweep.engine.response import Port
     from wavesweep.program.analyses.signals import routed
     from wavesweep.require.between import needed
     from wavesweep.require.maps import over_frame
-    from wavesweep.require.time_intervals import enclosed_value, refuse_long_frame
 
-    drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{measure}")
+    drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{wish}")
     loops = loops._replace(drawing=drawing)
     stable = loops.read.radii(size) < 1
     port = Port.between(loops.drawn(), *route, loops.drift(watched=route[1:]))
+    if port.outputs > 1 or not stable.any():
+        return stable, port, []
+    maps = over_frame(port, needed(port.maps), (size,), np.arange(port.kind.size))
+    return stable, port, [matrix.part(stable, None) for matrix in maps]
+
+
+def _peak(loops: Loops, size: int, **ends: str):
+    """The largest gain of sines of each loop, missing if it is not stable, and whether it is
+    certified, to EXACT."""
+    import numpy as np
+
+    from wavesweep.require.disc_panels import GOOD
+    from wavesweep.require.gain_intervals import between_reads, reads
+    from wavesweep.require.sines import Panel
+
+    stable, port, maps = _seen("peak", loops, size, **ends)
+    value = np.full(size, np.nan)
+    certified = stable.copy()
+    if not maps:
+        return value, certified
+    apart = between_reads(np.flatnonzero(reads(port)), port.kind.size)
+    arc = np.array([0.0, np.pi / apart])
+    for at, loop in enumerate(np.flatnonzero(stable)):
+        of_loop = [matrix.part(at) for matrix in maps]
+        found = Panel(of_loop, 0.0, arc, at_rest=False).largest()
+        level = found * (1 + EXACT)
+        value[loop] = level
+        certified[loop] = Panel(of_loop, level, arc, at_rest=False).label() == GOOD
+    return value, certified
+
+
+def _measured(measure: str, loops: Loops, size: int, **ends: str):
+    """A value of the response of each loop, missing if it is not stable, and whether it is
+    certified, to EXACT."""
+    import numpy as np
+
+    from wavesweep.require.time_intervals import enclosed_value, refuse_long_frame
+
+    stable, port, maps = _seen(measure, loops, size, **ends)
     refuse_long_frame(port.kind.size, f"design.wish.{measure}")
     value = np.full(size, np.nan)
-    if port.outputs > 1 or not stable.any():
+    if not maps:
         return value, stable
-    maps = over_frame(port, needed(port.maps), (size,), np.arange(port.kind.size))
-    maps = [matrix.part(stable, None) for matrix in maps]
     found = enclosed_value(measure, maps, port.rate)
     known = np.isfinite(found.high)
     value[stable] = np.where(known, found.high, np.nan)
@@ -50,6 +86,17 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
 
 
 WISHES = {
+    "peak": {
+        "unit": "",
+        "more": False,
+        "title": "peak of the gain of sines",
+        "description": "largest of what comes out of a sine at its own frequency, over the sine, as bode has it: Mt from a reference. Of "
+        "sines below half the rate at which the input is read",
+        "options": ENDS,
+        "ports": (),
+        "measure": _peak,
+    },
+} | {
     name: {
         "unit": "" if measure.unit == "of to over from" else measure.unit,
         "more": False,

@@ -195,6 +195,8 @@ def _finished(block: Columns, stage: Stage, stages: Sequence[Stage], hands: Any)
 
 def _notices(spec: Spec, stages: Sequence[Stage]) -> Iterator[str]:
     """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
+    from wavesweep.program.sweep.grid import own_loop
+
     job = stages[0].job
     axis = job.asked.axis
     if axis.scale == "log" and not axis.values:
@@ -202,6 +204,9 @@ def _notices(spec: Spec, stages: Sequence[Stage]) -> Iterator[str]:
     if axis.values:
         yield f"{axis.name} has values in [sweep]: searched between their ends, from {span_in_words(axis.start, axis.stop)}"
     yield from notices_of(job.grid)
+    if job.asked.require:
+        span = axis.start, axis.stop
+        yield from job.asked.require.bound.notices(own_loop(spec), axis.path, axis.name, span)
     yield from spans_held(spec, axis.path)
     for stage in stages:
         if stage.job.asked.guarantee:
