@@ -7,6 +7,7 @@ import io
 import json
 
 from wavesweep.checker.__main__ import main
+from wavesweep.program import cli
 
 
 def checked(folder, spec: str, lines: list[dict], header: dict | None = None) -> tuple[int, str]:
@@ -25,3 +26,23 @@ def checked_file(spec, file) -> tuple[int, str]:
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
         code = main([str(spec), str(file)])
     return code, printed.getvalue()
+
+
+def written(folder, text: str, command: str, *words) -> tuple:
+    """The spec of a command with --proof, and its proof file."""
+    spec = folder / "spec.toml"
+    spec.write_text(text)
+    assert not cli.main([command, str(spec), "--proof", "--out", str(folder / "out"), *words])
+    return spec, folder / "out" / f"{command}.proof"
+
+
+def lines_of(proof) -> list[dict]:
+    with gzip.open(proof) as file:
+        return [json.loads(line) for line in file]
+
+
+def changed(proof, change) -> None:
+    """Write a proof file again with other lines."""
+    lines = [change(line) for line in lines_of(proof)]
+    with gzip.open(proof, "wt") as file:
+        file.writelines(json.dumps(line) + "\n" for line in lines)

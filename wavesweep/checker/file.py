@@ -56,7 +56,7 @@ LONGEST_SPEC = 1 << 20  # bytes
 LONGEST_LINE = 1 << 22
 CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
-NODES = 64
+NODES = 256
 KINDS = ("modes", "for all", "refuted", "mean square")
 FIELDS = {"claim", "numbers", "sides", "outside", "open", "drifts", "states", "word"}
 
@@ -81,6 +81,7 @@ class Family:
     """Kinds of frames of one loop in coordinates without drifts.
 
     moves: {state of what may follow: {letter: (kind of frame, next state, chance)}}; start: the state in which a run begins.
+    word: kinds of frames in their order, whose product is the only frame.
     """
 
     frames: Frames
@@ -88,8 +89,12 @@ class Family:
     states: list[str]
     moves: dict[Any, dict[str, tuple[str, Any, Any]]]
     start: Any
+    word: list[str]
 
     def matrix(self, kind: str, cell: Cell) -> form.Matrix:
+        if self.word and not kind:
+            frames = {each: self.matrix(each, cell) for each in self.word}
+            return form.product_of([frames[each] for each in self.word])
         return form.matrix_of(
             cell, reduced(cell, self.frames.matrix(kind, cell), self.drifts), self.states
         )
@@ -120,12 +125,14 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
         # a value of a spec that is not of the kind that its key has: a text for a table, say
         raise Unreadable(f"the spec cannot be read: {error!r}") from None
     words = steps_of(schedules)
+    word = []
     if claim.claim == "refuted" and "" not in words:
-        words = {"": [step for kind in _repeated(moves, claim.word) for step in words[kind]]}
+        word = _repeated(moves, claim.word)
+        words = {kind: words[kind] for kind in word}
     frames = Frames(words)
     middle = Cell({name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()})
     drifts = drifts_of([*schedules.values()], claim.drifts, frames.live, middle)
-    return Family(frames, drifts, states_of(frames, drifts), moves, start)
+    return Family(frames, drifts, states_of(frames, drifts), moves, start, word)
 
 
 def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
@@ -365,7 +372,7 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         family = family_of(tables, claim, member)
         if family.states != claim.states:
             raise Refused(f"the states are {', '.join(family.states)}, and others in the file")
-        _cells(family, claim, lines)
+        check_cells(family, claim, lines)
     if next(lines, None) is not None:
         raise Refused("cells beyond the sides")
 
@@ -383,7 +390,7 @@ def _is_member(allowed, numbers: dict):
             raise Refused(f"{name} = {float(numbers[name])!r} is none of its values")
 
 
-def _cells(family: Family, claim: Claim, lines: Iterator[dict]):
+def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
     """The tree of cells that divides the sides."""
     boxes = [claim.sides]
     whole = _size(claim.sides, claim.sides)
@@ -409,7 +416,7 @@ def _cells(family: Family, claim: Claim, lines: Iterator[dict]):
             if claim.claim not in ("for all", "mean square"):
                 raise Refused("a graph is for frames in any order, or at random")
             (_graph if claim.claim == "for all" else _chain)(family, Cell(box), line, box)
-        elif "" not in family.frames.words or claim.claim == "mean square":
+        elif not family.word and ("" not in family.frames.words or claim.claim == "mean square"):
             raise Refused(f"no graph {_in_words(box)}")
         else:
             outside = _outside(family, claim, Cell(box), line, box)

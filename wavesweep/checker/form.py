@@ -113,6 +113,14 @@ def matrix_of(cell: Cell, A: dict, states: list[str]) -> Matrix:
     return _cut(Matrix(parts, [[c[0] for c in row] for row in entries]), KEPT)
 
 
+def product_of(matrices: list[Matrix]) -> Matrix:
+    """Of the first, and then the others: of halves, so that errors grow as products of few factors do."""
+    if len(matrices) == 1:
+        return matrices[0]
+    half = len(matrices) // 2
+    return _cut(_product(product_of(matrices[half:]), product_of(matrices[:half])), KEPT)
+
+
 def form_of(
     width: int, L: Rows, signs: list[int], slopes: list[tuple[tuple[int, ...], Rows]]
 ) -> Matrix:

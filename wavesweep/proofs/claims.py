@@ -1,4 +1,5 @@
-"""The claims of a proof file: stretches of one number, with how many modes are outside in each."""
+"""The claims of a proof file: stretches of one number, with how many modes are outside in each, sets
+of loops, and what refutes them."""
 
 import gzip
 import json
@@ -8,8 +9,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from wavesweep.checker import file
+import numpy as np
+
+from wavesweep.checker import balls, file
 from wavesweep.checker.balls import Refused
+from wavesweep.checker.reader import for_all
 from wavesweep.proofs.cells import (
     Cell,
     cell_of,
@@ -20,6 +24,8 @@ from wavesweep.proofs.cells import (
     tree,
 )
 from wavesweep.proofs.drifts import drifts_of
+from wavesweep.proofs.refuted import read, word_of
+from wavesweep.proofs.sets import Cells, decimals, lines_over
 
 PLACES = 0.31, 0.77  # of a range, at which a mode is looked for that is on the circle everywhere
 Lines = list[dict[str, Any]]
@@ -61,18 +67,90 @@ def claim_of_point(tables: dict, numbers: Mapping[str, str]) -> tuple[int, Lines
     return found.outside, [claim | {"outside": found.outside}, found.line]
 
 
-def _family(tables, numbers, sides):
-    exact = {name: Fraction(value) for name, value in numbers.items()}
-    claim = file.Claim("modes", exact, sides, 0)
+def claim_of_set(
+    tables: dict,
+    kind: str,
+    numbers: Mapping[str, str],
+    along: tuple[str, float, float] | None,
+    refuter: tuple[float, str] = (np.inf, ""),
+) -> Lines:
+    """Return the lines of a claim about all that [for_all] and channels say.
+
+    kind: "for all" or "mean square". along: the number of a row with its ends; None for the spec's own
+    numbers. refuter: the number beyond the row that is refuted, and by what. Where no form is found
+    next to the low end, the claim begins beyond. Errors: Refused, Unreadable.
+    """
+    allowed = for_all.read(tables, balls.exact)
+    sides = {}
+    if along:
+        name, low, high = along
+        sides[name] = exactly(low), exactly(high)
+    claim = file.Claim(kind, _exact(numbers), sides | allowed.ranges)
+    written = {name: [decimals(low), decimals(high)] for name, (low, high) in claim.sides.items()}
+    head = {"claim": kind, "numbers": dict(numbers), "sides": written}
+    lines: Lines = []
+    beyond, text = refuter
+    for member in allowed.members:
+        claim.drifts = drifts_of(tables, claim, member)
+        family = file.family_of(tables, claim, member)
+        claim.states = family.states
+        cells = Cells.of(family, claim, beyond)
+        words = []
+        if kind == "for all":
+            words.append(cells.cycle)
+        if kind == "for all" and text:
+            words.append(cells.word(word_of(tables, claim, read(text))))
+        own = _coordinates(claim)
+        if member:
+            values = {
+                name: str(value) if value == "frame" else decimals(value)
+                for name, value in member.items()
+            }
+            lines.append({"member": values} | own)
+        else:
+            head |= own
+        begins, tree_of_cells = lines_over(cells, [word for word in words if word])
+        lines += tree_of_cells
+        if along and begins > cells.whole[0, 0]:
+            if len(allowed.members) > 1:
+                raise Refused(f"no forms are found next to {name} = {low:.6g}")
+            written[name] = [decimals(cells.number(0, begins)), written[name][1]]
+    return [head, *lines]
+
+
+def claim_refuted(tables: dict, numbers: Mapping[str, str], text: str) -> Lines:
+    """Return the lines of a claim that a member of [for_all], with its frames, is unstable.
+
+    text: what refutes, as it is printed. Errors: Refused, Unreadable.
+    """
+    refuter = read(text)
+    whole = {**numbers, **refuter.numbers}
+    claim = file.Claim("for all", _exact(whole))
+    claim = file.Claim("refuted", claim.numbers, outside=1, word=word_of(tables, claim, refuter))
     claim.drifts = drifts_of(tables, claim)
     family = file.family_of(tables, claim)
-    head = {
-        "claim": "modes",
-        "numbers": dict(numbers),
-        "drifts": claim.drifts,
-        "states": family.states,
-    }
-    return family, head
+    claim.states = family.states
+    found = cell_of(family, {})
+    if not isinstance(found, Cell) or not found.outside:
+        raise Refused(f"no form is found of what refutes it: {text}")
+    head = {"claim": "refuted", "numbers": whole, "outside": found.outside, "word": claim.word}
+    return [head | _coordinates(claim), found.line]
+
+
+def _family(tables, numbers, sides):
+    claim = file.Claim("modes", _exact(numbers), sides, 0)
+    claim.drifts = drifts_of(tables, claim)
+    family = file.family_of(tables, claim)
+    claim.states = family.states
+    return family, {"claim": "modes", "numbers": dict(numbers)} | _coordinates(claim)
+
+
+def _exact(numbers):
+    return {name: Fraction(value) for name, value in numbers.items()}
+
+
+def _coordinates(claim):
+    return {"drifts": claim.drifts, "states": claim.states}
 
 
 def write(place: Path, spec: bytes, claims: Iterable[Lines]) -> int:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,15 +16,29 @@ from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import check, spec_of
 from wavesweep.checker.reader.loops import Unreadable
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.number_words import rounded_up
 from wavesweep.program.spec import SYMBOLS, Spec, sweep_axes
+from wavesweep.program.tables.refuters import Refuters
 from wavesweep.proofs.cells import WINDOW
-from wavesweep.proofs.claims import Found, Lines, claim_of_point, claims_along, write
+from wavesweep.proofs.claims import (
+    Found,
+    Lines,
+    claim_of_point,
+    claim_of_set,
+    claim_refuted,
+    claims_along,
+    write,
+)
 
 if TYPE_CHECKING:
     from wavesweep.program.columns import Columns
     from wavesweep.program.tables.table import Table
 
 OWN = ("", "spec", "operator")  # rows of the spec's own loop
+CLAIMED = {"for_all": "for all", "mean_square": "mean square"}  # kinds of rows, and of claims
+UNCLAIMED = {"passive": "every passive hand", "box": "the hands of a range"}  # kinds of rows
+REQUIRED = "what [sweep] require asks for"
+SLICES, ROWS, REFUTED = "slices", "rows for all of [for_all]", "refuted ends"
 SAME_END = 4 * WINDOW  # of an end or of the range: how far a row and its proof may differ
 
 
@@ -62,62 +77,121 @@ def with_proof(
     table: Table, spec: Spec, source: str, overrides: Sequence[str], say: Callable[[str], None]
 ) -> Table:
     """Return a table of intervals that writes its proof file as well. say: is called with what the
-    file has."""
+    file has, and what has no proof."""
     text = text_of(source)
     numbers = numbers_set(spec, overrides)
+    if spec.require:
+        say(f"no proof file for {REQUIRED}")
+        return table
     along, _ = sweep_axes(spec, str(table.columns["along"][0]))
-    number = checked_name(along.path)
+    proofs = _Proofs(
+        text, along.name, checked_name(along.path), (float(along.start), float(along.stop))
+    )
+    others = set()
+    for kind, own, rows in _slices(spec, table.columns):
+        if kind in OWN:
+            proofs.of_slice(numbers | own, rows)
+        elif kind in CLAIMED and not spec.tick:
+            proofs.of_set(CLAIMED[kind], numbers | own, rows)
+        else:
+            others.add("late ticks" if kind in CLAIMED else UNCLAIMED.get(kind, kind))
+    for line in proofs.in_words(f"{table.kind}.proof"):
+        say(line)
+    if others:
+        say(f"no proof file for {', '.join(sorted(others))}")
+    if not proofs.claims:
+        return table
 
     def more(folder: Path) -> None:
-        claims: list[Lines] = []
-        unproved: Counter[str] = Counter()
-        proved = 0
-        span = float(along.start), float(along.stop)
-        for own, rows in _slices(spec, table.columns):
-            try:
-                found = list(
-                    claims_along(spec_of(text), numbers | own, number, span, ends_of(rows, span))
-                )
-            except (Refused, Unreadable) as error:
-                unproved[str(error)] += 1
-                continue
-            claims += [lines for _, lines in found]
-            missing = end_without_proof(rows, [stretch for stretch, _ in found], span)
-            proved += not missing
-            unproved[f"other ends than {along.name} = {missing:.10g}"] += bool(missing)
-        write(folder / f"{table.kind}.proof", text, claims)
-        say(
-            f"{table.kind}.proof: {len(claims)} claims prove {proved} of {proved + unproved.total()} slices"
-        )
-        for why, slices in unproved.items():
-            if slices:
-                say(f"  no proof of {slices} slices: {why}")
+        write(folder / f"{table.kind}.proof", text, proofs.claims)
 
-    kinds = sorted({*table.columns.get("guarantee", table.columns.get("hand", []))} - {*OWN})
-    if kinds:
-        say(f"no proof file for rows of {', '.join(kinds)}")
     facts = {**table.facts, "proof": f"{table.kind}.proof", "proved_spec": text.decode()}
     return replace(table, facts=facts, extra_files=more)
 
 
-def _slices(spec: Spec, columns: Columns) -> Iterator[tuple[dict[str, str], Columns]]:
-    """Yield the numbers and the rows of each combination of the axes that are of the own loop."""
+@dataclass(slots=True, eq=False)
+class _Proofs:
+    """The claims of the rows of a table, and what has none.
+
+    text: of the spec. axis, number: along which rows are, and its name for the checker; span: its
+    range. proved, wanted: slices, and ends that are refuted. unproved: why some are not. begins: from
+    where on rows are proved whose low ends are not.
+    """
+
+    text: bytes
+    axis: str
+    number: str
+    span: tuple[float, float]
+    claims: list[Lines] = field(default_factory=list)
+    proved: Counter[str] = field(default_factory=Counter)
+    wanted: Counter[str] = field(default_factory=Counter)
+    unproved: Counter[str] = field(default_factory=Counter)
+    begins: float = 0.0
+
+    def of_slice(self, numbers: dict[str, str], rows: Columns) -> None:
+        """Add the claims of the spec's own loop along the number."""
+        ends = ends_of(rows, self.span)
+        with self._counted(SLICES):
+            found = list(claims_along(spec_of(self.text), numbers, self.number, self.span, ends))
+            self.claims += [lines for _, lines in found]
+            if end := end_without_proof(rows, [stretch for stretch, _ in found], self.span):
+                raise Refused(f"other ends than {self.axis} = {end:.10g}")
+
+    def of_set(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
+        """Add the claims of rows of all that [for_all] says, and of what refutes the values beyond."""
+        for at in np.flatnonzero(rows["intervals"] > 0).tolist():
+            refuters = Refuters.read(str(rows["counterexample"][at]))
+            above = float(rows["fails_from"][at])
+            along = self.number, float(rows["low"][at]), float(rows["high"][at])
+            beyond = (above, refuters.high) if above > along[2] else (np.inf, "")
+            with self._counted(ROWS):
+                self.claims.append(claim_of_set(spec_of(self.text), kind, numbers, along, beyond))
+            if kind == "mean square":
+                continue
+            below = float(rows["fails_below"][at])
+            for end, text in ((below, refuters.low), (above, refuters.high)):
+                if np.isfinite(end):
+                    with self._counted(REFUTED):
+                        whole = numbers | {self.number: repr(end)}
+                        self.claims.append(claim_refuted(spec_of(self.text), whole, text))
+
+    @contextmanager
+    def _counted(self, what: str) -> Iterator[None]:
+        self.wanted[what] += 1
+        try:
+            yield
+            self.proved[what] += 1
+        except (Refused, Unreadable) as error:
+            self.unproved[f"{what}: {error}"] += 1
+
+    def in_words(self, name: str) -> Iterator[str]:
+        """Yield what the file has, and what has no proof."""
+        counts = [f"{self.proved[what]} of {count} {what}" for what, count in self.wanted.items()]
+        if counts:
+            yield f"{name}: {len(self.claims)} claims prove {', '.join(counts)}"
+        if self.begins:
+            yield f"  {self.axis} from {rounded_up(self.begins, 3)} on: next to lower ends no form is found"
+        for why, count in self.unproved.items():
+            yield f"  no proof of {count} {why}"
+
+
+def _slices(spec: Spec, columns: Columns) -> Iterator[tuple[str, dict[str, str], Columns]]:
+    """Yield what rows are of, their numbers and the rows of each combination of the axes."""
     from wavesweep.program.analyses.asked import key_named
     from wavesweep.program.columns import axes_of, whose_column
 
     axes = axes_of(columns)
     whose = whose_column(columns)
-    own = (
-        np.isin(columns[whose].astype(str), OWN) if whose else np.ones(len(columns["along"]), bool)
-    )
     of_slices: dict[tuple, list[int]] = {}
-    for row in np.flatnonzero(own).tolist():
-        of_slices.setdefault(tuple(columns[name][row].item() for name in axes), []).append(row)
-    for values, rows in of_slices.items():
+    for row in range(len(columns["along"])):
+        kind = str(columns[whose][row]) if whose else ""
+        values = tuple(columns[name][row].item() for name in axes)
+        of_slices.setdefault((kind, *values), []).append(row)
+    for (kind, *own), rows in of_slices.items():
         numbers = {}
-        for name, value in zip(axes, values, strict=True):
+        for name, value in zip(axes, own, strict=True):
             numbers[checked_name(key_named(spec, name).path)] = repr(value)
-        yield numbers, {name: column[rows] for name, column in columns.items()}
+        yield kind, numbers, {name: column[rows] for name, column in columns.items()}
 
 
 def ends_of(rows: Columns, span: tuple[float, float]) -> list[float]:

@@ -237,7 +237,7 @@ def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
     old as that. A state is (place of the next stretch, what each receiver has); a letter says the tick and what they then have.
     """
     channels = {
-        name: _channel(loop, name)
+        name: channel_of(loop, name)
         for name, keys in loop.blocks.items()
         if keys["type"] == "channel"
     }
@@ -245,7 +245,7 @@ def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
     cuts = [
         tick
         for tick in range(period)
-        if any(_may_come(channel, tick) for channel in channels.values())
+        if any(may_come(channel, tick) for channel in channels.values())
     ]
     ends = [*cuts[1:], period + cuts[0]]
     start = (0, tuple(0 for _ in channels))
@@ -344,7 +344,7 @@ def _fates(loop: Drawing, name: str, burst: bool, sends: bool) -> list[tuple[boo
     return found
 
 
-def _channel(loop: Drawing, name: str) -> tuple[int, int, int, int]:
+def channel_of(loop: Drawing, name: str) -> tuple[int, int, int, int]:
     """(every, phase, late, lost)."""
     late = loop.whole(name, "late", 0)
     lost = loop.whole(name, "lost", 0)
@@ -359,7 +359,7 @@ def _channel(loop: Drawing, name: str) -> tuple[int, int, int, int]:
     return loop.every(name), loop.phase(name), late, lost
 
 
-def _may_come(channel, tick: int) -> bool:
+def may_come(channel, tick: int) -> bool:
     """Whether in this tick a message may come, or has to be there or lost."""
     every, phase, late, _ = channel
     return (tick - phase) % every <= late

@@ -19,7 +19,6 @@ import numpy as np
 
 from wavesweep.engine._sets.taylor_models import Polynomials, monomials
 from wavesweep.engine._switched.average import ALONE, OnAverage, forms_of_each, forms_on_average
-from wavesweep.engine._switched.frames_over import Enclosed
 from wavesweep.engine._switched.graph import Family
 from wavesweep.engine._switched.norm_check import outside_each, shrink_over
 from wavesweep.engine._switched.norms import CALLS, Centre, find_norms, recentred, sloped
@@ -31,9 +30,7 @@ from wavesweep.engine.doubles import NEXT_TO_ZERO
 # the second share, and used up to the first one.
 MARGIN, SHARES = 1e-3, (0.5, 0.1)
 BACK = 0.5  # of the margin that norms have, with which they are centred
-# operations that one search for norms in the middle of a box may take, or those of NEWTON_OF_GRAPH
-# steps, if they are more
-OPERATIONS_OF_CENTRE = 4e9
+OPERATIONS_OF_CENTRE = 4e9  # see `cover`
 NEWTON_OF_GRAPH = 200  # steps of Newton's method on the smallest graph
 # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 SHARED = 0.05
@@ -54,12 +51,29 @@ CELLS_AT_ONCE = 16
 VOLUME_ROUNDING = 1e-13
 
 Box = np.ndarray
+Forms = tuple[Centre, np.ndarray]  # for the middle of a part, and their further terms, or slopes
+Kept = list[tuple[Box, Forms]]
+
+
+class InBox(Protocol):
+    """What encloses the matrices of frames in a box, see `Enclosed`."""
+
+    @property
+    def matrices(self) -> Polynomials:
+        """Those in all of it."""
+
+    @property
+    def due(self) -> np.ndarray:
+        """How much of what is left out is due to each of the wide sides."""
+
+    def within(self, box: np.ndarray) -> Polynomials:
+        """Those in a part of it."""
 
 
 class Frames(Protocol):
     """The frames of loops over boxes."""
 
-    def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
+    def over(self, boxes: np.ndarray) -> Sequence[InBox | int]:
         """Return what encloses the frames in boxes that are wide along the same sides and the same
         along all others, `(boxes, 2, sides)`; for those without a bound the side along which they
         have to be divided first."""
@@ -100,13 +114,13 @@ class _Outcome:
     """What a trial of a part gave.
 
     parts: those of it that remain to be proved, None if it cannot be divided or a word grows. used:
-    operations. norms: in which all of it shrinks, of several matrices.
+    operations. forms: in which all of it shrinks, with their further terms.
     """
 
     parts: list["_Part"] | None
     used: float
     word: Word = ()
-    norms: Centre | None = None
+    forms: Forms | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +133,7 @@ class _Part:
     """
 
     box: Box
-    known: Enclosed | None = None
+    known: InBox | None = None
     start: Centre | None = None
     barren: int = 0
 
@@ -143,6 +157,8 @@ def cover(
     report: Callable[[float, float], None] | None = None,
     gain: float = 0.0,
     stretches: int = 1,
+    kept: Kept | None = None,
+    search: float = OPERATIONS_OF_CENTRE,
 ) -> Covering:
     """Prove that all frames of a box shrink in every order, or on average, except in the parts that
     are left open.
@@ -153,11 +169,13 @@ def cover(
     side that the proof has reached, and the share of the box that is proved. gain: of the first
     side, below which the proof ends at a part without norms in its middle, since it can reach no
     further than that middle. stretches: equal ones of the first side, with which the proof begins.
+    kept: to which each part that is proved is added, with its forms. search: operations that one
+    search for norms in the middle of a part may take, or those of NEWTON_OF_GRAPH steps, if they are more.
     Errors: RuntimeError if a part of the box is lost, which is neither proved nor open.
     """
     narrow = NARROWEST_SIDE * (box[1] - box[0])
-    queue = _Queue.of(box, up, stretches)
-    trials = _Trials(frames, follows, words, narrow, work)
+    queue = _Queue.of(box, up, stretches, kept)
+    trials = _Trials(frames, follows, words, narrow, work, search)
     word: Word = ()  # that grows
     while queue.waiting and trials.used < work:
         part = queue.waiting[0].part
@@ -188,19 +206,20 @@ class _Queue:
     """The parts of a box that are still to be proved; the first is the one that holds the proof up.
 
     up: whether the proof goes up along the first side. numbers: those of the parts to come.
-    proved: the share of the box that is.
+    kept: see `cover`. proved: the share of the box that is.
     """
 
     box: Box
     up: bool
     waiting: list[_Waiting]
     numbers: Iterator[int]
+    kept: Kept | None
     proved: float = 0.0
 
     @staticmethod
-    def of(box: Box, up: bool, stretches: int) -> "_Queue":
+    def of(box: Box, up: bool, stretches: int, kept: Kept | None) -> "_Queue":
         """The queue at the begin of a proof, of equal stretches of the first side."""
-        queue = _Queue(box, up, [], count())
+        queue = _Queue(box, up, [], count(), kept)
         ends = np.linspace(*box[:, 0], 1 + stretches).tolist()
         for low, high in pairwise(ends if up else ends[::-1]):
             each = box.copy()
@@ -230,6 +249,8 @@ class _Queue:
             trials.forget(waiting.number)
             if not outcome.parts:
                 self.proved += _share(waiting.part.box, self.box)
+                if self.kept is not None and outcome.forms:
+                    self.kept.append((waiting.part.box, outcome.forms))
             for half in outcome.parts:
                 # Of equal fronts the youngest is first, so that few parts wait.
                 remaining.append(_Waiting(self.order(half.box), -next(self.numbers), half))
@@ -252,8 +273,8 @@ class _Queue:
 class _Trials:
     """The trials of a proof.
 
-    narrow: widths of sides below which they are not divided. work: operations of the proof; used:
-    those so far. outcomes, enclosed: of parts in the queue, by their numbers. norms: of the part
+    narrow: widths of sides below which they are not divided. work: operations of the proof, search:
+    of one in a middle; used: those so far. outcomes, enclosed: of parts in the queue, by their numbers. norms: of the part
     that was proved last. divided: stretches of the first side in whose middle there were no norms:
     they are divided for all other numbers. sides: along which single matrices had to be divided, by
     the width along the first side and the box of the others. width: along the first side, beyond which a part is not
@@ -265,9 +286,10 @@ class _Trials:
     words: Sequence[Word]
     narrow: np.ndarray
     work: float
+    search: float
     used: float = 0.0
     outcomes: dict[int, _Outcome] = field(default_factory=dict)
-    enclosed: dict[int, Enclosed | int] = field(default_factory=dict)
+    enclosed: dict[int, InBox | int] = field(default_factory=dict)
     norms: Centre | None = None
     divided: set[tuple[float, ...]] = field(default_factory=set)
     sides: dict[tuple, np.ndarray] = field(default_factory=dict)
@@ -354,8 +376,8 @@ class _Trials:
         begun = replace(part, start=part.start or self.norms)
         rest = self.work - self.used
         enclosed = self.enclosed.get(number)
-        tried = _tried(begun, enclosed, self.follows, rest, self.narrow, self.words)
-        self.norms = tried.norms or self.norms
+        tried = _tried(begun, enclosed, self.follows, rest, self.narrow, self.words, self.search)
+        self.norms = tried.forms[0] if tried.forms else self.norms
         self.in_a_row += 1
         low, high = _stretch(part)
         if tried.parts:
@@ -477,7 +499,7 @@ def _largest_sum(terms, axis):
     return np.abs(terms).sum(axis).max(-1)
 
 
-def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
+def _tried(part, enclosed, follows, work, narrow, words, search) -> _Outcome:
     """The outcome of a part of which several matrices occur."""
     known = part.known or enclosed
     if isinstance(known, int):
@@ -489,7 +511,7 @@ def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
     else:
         rule = follows
     try:
-        found, used = _forms(A, rule, part.start, work, words)
+        found, used = _forms(A, rule, part.start, work, words, search)
     except np.linalg.LinAlgError:  # singular to rounding
         found, used = None, CALLS
     if found is not None:
@@ -518,7 +540,7 @@ def _judgement(part, known, A, found, judged, narrow, *, alone=False):
     single matrix."""
     proved, moves, errors, used = judged
     if proved:
-        return _Outcome([], used, norms=found[0])
+        return _Outcome([], used, forms=found)
     share, due = _left_out(A, found)
     keep = errors * (1 - share) < SHARED
     if errors > SLACK_OF_ERRORS:
@@ -616,9 +638,9 @@ def _log_of_forms(A, follows):
     return None
 
 
-def _forms(A, follows, start, work, words=()):
+def _forms(A, follows, start, work, words=(), search=OPERATIONS_OF_CENTRE):
     """Norms for the middle of a box and their slopes, None if none are found; and the work.
-    follows: or a chain."""
+    follows: or a chain. search: see `cover`."""
     if isinstance(follows, tuple):
         return forms_on_average(A, *follows)
     if not isinstance(follows, np.ndarray):
@@ -633,7 +655,7 @@ def _forms(A, follows, start, work, words=()):
         return None, 0.0
     n = at_middle.shape[-1]
     size = len(np.unique(follows, axis=0)) * n * (n + 1) / 2
-    most = max(OPERATIONS_OF_CENTRE, NEWTON_OF_GRAPH * (size**3 / 3 + CALLS))
+    most = max(search, NEWTON_OF_GRAPH * (size**3 / 3 + CALLS))
     most_room, least_room = (min(MARGIN, share * (1 / radius - 1)) for share in SHARES)
     grown = (1 + most_room) * at_middle
     enough = (1 + least_room) / (1 + most_room)

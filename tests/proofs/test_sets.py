@@ -1,0 +1,160 @@
+"""Proof files of what holds for all of [for_all]: the writers' claims, and that the checker refuses what promises more."""
+
+import pytest
+from support.proofs import changed, checked, checked_file, lines_of, written
+
+from wavesweep.checker.balls import Refused
+from wavesweep.checker.file import spec_of
+from wavesweep.proofs.claims import claim_of_set, claim_refuted
+
+TANK = """
+rates.tick_hz = 10
+numbers = {{ k = 1.0, p = 0.2 }}
+[block]
+tank = {{ type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }}
+net = {{ type = "channel", {messages} }}
+[wire]
+"tank.u" = "net.y"
+"net.u" = "-k*tank.y"
+[sweep]
+along = "k"
+k = {{ start = 0, stop = 30 }}
+"""
+VALVE = """
+rates.tick_hz = 10
+numbers = { k = 1.0, n = 2, a = 1.0 }
+[block]
+tank = { type = "ss", inputs = ["u"], A = [[0]], B = [["a"]], C = [[1]] }
+valve = { type = "hold", every = "n" }
+[wire]
+"tank.u" = "valve.y"
+"valve.u" = "-k*tank.y"
+[sweep]
+along = "k"
+k = { start = 0, stop = 30 }
+[for_all]
+"""
+FRAMES = VALVE + "n = { values = [1, 2, 3], varying = true }"
+BOX = VALVE + "a = { start = 0.5, stop = 2.0 }"
+MEMBERS = VALVE + "a = [0.5, 2.0]"
+BOTH = FRAMES + "\na = { start = 0.5, stop = 2.0 }"
+CHANCES = VALVE + "n = { values = [1, 3], varying = true, shares = [3, 1] }"
+
+
+def along(low, high):
+    return "k", low, high
+
+
+# what is proved of x' = -a k x with steps of 0.1 n s: k below 20/(a n); at random below where the mean square grows
+SETS = {
+    "frames": (FRAMES, "for all", 6.66, 6.67),
+    "a range": (BOX, "for all", 4.99, 5.01),
+    "values": (MEMBERS, "for all", 4.99, 5.01),
+    "frames beside a range": (BOTH, "for all", 3.33, 3.34),
+    "frames at random": (CHANCES, "mean square", 9.9, 10.1),
+    "lost messages": (TANK.format(messages="lost = 1"), "for all", 9.99, 10.01),
+    "messages lost at random": (TANK.format(messages='loss = "p"'), "mean square", 11.0, 16.0),
+    "a late message": (TANK.format(messages="late = 1"), "for all", 9.8, 10.1),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETS)
+def test_a_set_is_proved_up_to_its_end_and_no_further(name, tmp_path):
+    spec, kind, high, beyond = SETS[name]
+    lines = claim_of_set(spec_of(spec.encode()), kind, {}, along(0.001, high))
+    code, words = checked(tmp_path, spec, lines)
+    assert code == 0, words
+    assert f"k from 0.001 to {high:g}:" in words
+    with pytest.raises(Refused, match="no forms are found"):
+        claim_of_set(spec_of(spec.encode()), kind, {}, along(0.001, beyond))
+    lines[0]["sides"]["k"] = ["0.001", str(beyond)]
+    assert checked(tmp_path, spec, lines)[0] == 1
+
+
+def test_the_own_numbers_are_a_set_too(tmp_path):
+    for spec in (FRAMES, BOX, MEMBERS):
+        lines = claim_of_set(spec_of(spec.encode()), "for all", {}, None)
+        assert checked(tmp_path, spec, lines)[0] == 0
+        other = spec.replace("k = 1.0", "k = 7.0")
+        assert checked(tmp_path, other, lines)[0] == 1
+
+
+REFUTERS = {
+    "frames": (FRAMES, {"k": "6.67"}, "frames 3", ["n=3"]),
+    "a member": (BOX, {"k": "5.01"}, "a = 2", []),
+    "both": (BOTH, {"k": "3.34"}, "a = 2, frames 3", ["n=3"]),
+    "messages": (TANK.format(messages="lost = 1"), {"k": "10.01"}, "messages net: 0, lost", ["0: net has 1", "0: net gets 0"]),
+}
+
+
+@pytest.mark.parametrize("name", REFUTERS)
+def test_what_refutes_is_multiplied_out(name, tmp_path):
+    spec, numbers, text, word = REFUTERS[name]
+    lines = claim_refuted(spec_of(spec.encode()), numbers, text)
+    assert sorted(lines[0]["word"]) == sorted(word)
+    code, words = checked(tmp_path, spec, lines)
+    assert (code, "unstable" in words) == (0, True), words
+    with pytest.raises(Refused, match="no form is found of what refutes it"):
+        claim_refuted(spec_of(spec.encode()), {"k": str(0.99 * float(numbers["k"]))}, text)
+
+
+def test_late_messages_are_the_letters_of_what_a_receiver_has():
+    spec = TANK.format(messages="late = 2")
+    found = claim_refuted(spec_of(spec.encode()), {"k": "20.1"}, "messages net: 0")
+    assert found[0]["word"] == ["0: net gets 0"]
+    found = claim_refuted(spec_of(spec.encode()), {"k": "10.1"}, "messages net: 1, 0")
+    assert found[0]["word"] == ["0: net has 1", "0: net gets 0"]
+
+
+PATTERN = """
+[rates]
+ratio = 5
+[environment]
+integration = "explicit"
+delay = 1
+step = "elapsed"
+[device]
+velocity = "difference"
+[controller]
+kind = "dc-slow"
+[for_all]
+"rates.ratio" = { values = [4, 5, 7], varying = true }
+"""
+TABLE = PATTERN + "[sweep]\nK_VE = { start = 0, stop = 5000 }\n"
+
+
+@pytest.mark.slow
+def test_rows_of_frames_in_any_order_and_their_refuters_have_proofs(tmp_path, capsys):
+    spec, proof = written(tmp_path, TABLE, "zwidth", "--no-plot")
+    assert "1 of 1 slices, 1 of 1 rows for all of [for_all], 1 of 1 refuted ends" in capsys.readouterr().err
+    code, said = checked_file(spec, proof)
+    assert code == 0, said
+    kinds = [line["claim"] for line in lines_of(proof) if "claim" in line]
+    assert kinds == ["modes", "modes", "for all", "refuted"]
+
+    def without_a_frame(line):
+        edges = [edge for edge in line.get("edges", []) if edge[1] != "rates.ratio=7"]
+        return line | {"edges": edges} if "edges" in line else line
+
+    changed(proof, without_a_frame)
+    code, said = checked_file(spec, proof)
+    assert (code, said.count("REFUSED")) == (1, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("more", "named"), [("contact = true", "contact"), ("tick = { late = 0.0001 }", "late ticks")])
+def test_rows_without_a_kind_of_claim_are_named(more, named, tmp_path, capsys):
+    text = TABLE.replace("[for_all]\n", "").replace(
+        '"rates.ratio" = { values = [4, 5, 7], varying = true }', f"[for_all]\n{more}"
+    )
+    _, proof = written(tmp_path, text, "zwidth", "--no-plot")
+    assert f"no proof file for {named}" in capsys.readouterr().err
+    assert {line["claim"] for line in lines_of(proof) if "claim" in line} == {"modes"}
+
+
+def test_what_is_required_has_no_proof_file(tmp_path, capsys):
+    text = BOX.replace("[for_all]\na", "[sweep.require]\nradius = 0.9\n[numbers_]\na").partition("[numbers_]")[0]
+    _, proof = written(tmp_path, text, "stability-region", "--no-plot")
+    assert "no proof file for what [sweep] require asks for" in capsys.readouterr().err
+    assert not proof.exists()

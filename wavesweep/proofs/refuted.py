@@ -1,0 +1,103 @@
+"""What refutes a number, as tables and `check` print it, in the frames and messages of the checker."""
+
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from math import lcm
+from typing import NamedTuple
+
+from wavesweep.checker import balls, file
+from wavesweep.checker.balls import Refused
+from wavesweep.checker.reader import for_all, loop_of, with_numbers
+
+FRAME = re.compile(r"(\d+)(?: \((.*?)\))?")
+PATTERN = re.compile(r"(?:^|, )(frames|messages) (.*)")
+TURNS = 3  # of a pattern, after which what is held repeats
+
+
+class Refuter(NamedTuple):
+    """numbers: of the member. frames: in their order, (ticks, result), as they are printed.
+    messages: of each channel by how many ticks they are late, None of one that is lost."""
+
+    numbers: dict[str, str]
+    frames: list[tuple[int, str]]
+    messages: dict[str, list[int | None]]
+
+
+def read(text: str) -> Refuter:
+    """Return what a text of a refuter says. Errors: Refused for one that is no member and no pattern."""
+    found = PATTERN.search(text)
+    before = text[: found.start()] if found else text
+    kind, pattern = found.groups() if found else ("", "")
+    numbers = {}
+    for each in filter(None, before.split(", ")):
+        name, equals, value = each.partition(" = ")
+        if not equals:
+            raise Refused(f"what refutes it is no member and no pattern: {text}")
+        numbers[name] = value
+    frames: list[tuple[int, str]] = []
+    messages: dict[str, list[int | None]] = {}
+    if kind == "frames":
+        frames = [(int(ticks), result) for ticks, result in FRAME.findall(pattern)]
+    elif kind == "messages":
+        for channel in pattern.split("; "):
+            name, _, late = channel.partition(": ")
+            messages[name] = [each for told in late.split(", ") for each in _fates(told)]
+    return Refuter(numbers, frames, messages)
+
+
+def _fates(told: str) -> list[int | None]:
+    if told.isdigit():
+        return [int(told)]
+    count = told.removesuffix("lost").strip()
+    return [None] * int(count or 1)
+
+
+def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
+    """Return the letters of the frames of a refuter. Errors: Refused if the checker knows none."""
+    values = {**claim.numbers, **{name: balls.side(name) for name in claim.sides}}
+    loop = loop_of(with_numbers(tables, values), balls)
+    if refuter.messages:
+        return list(_messages(loop, refuter.messages))
+    schedules, _, _ = file.schedules_of(tables, claim, {})
+    letters: dict[tuple[Fraction, str], str] = {}
+    for letter, schedule in schedules.items():
+        ticks = schedule.period / loop.T
+        delay = re.search(rf"{for_all.DELAY}=([^;]*)", letter)
+        results = ["lost"] if letter.endswith("lost") else ["", f"delay {delay and delay[1]}"]
+        letters |= {(ticks, result): letter for result in results}
+    try:
+        return [letters[Fraction(ticks), result] for ticks, result in refuter.frames]
+    except KeyError as error:
+        raise Refused(f"a frame {error} that the checker does not know") from None
+
+
+def _messages(loop, messages: Mapping[str, list[int | None]]) -> Iterator[str]:
+    """Yield a letter for each tick of a pattern in which a message may come."""
+    channels = {name: for_all.channel_of(loop, name) for name in messages}
+    period = lcm(
+        loop.frame_ticks(),
+        *(len(messages[name]) * every for name, (every, *_) in channels.items()),
+    )
+    newest: dict[str, list[int]] = {}
+    for name, (every, phase, *_) in channels.items():
+        arrivals: dict[int, int] = {}
+        for number in range((TURNS + 1) * period // every):
+            late = messages[name][number % len(messages[name])]
+            if late is not None:
+                tick = phase + every * number + late
+                arrivals[tick] = max(number, arrivals.get(tick, -1))
+        held = [-1]
+        for tick in range((TURNS + 1) * period):
+            held.append(max(held[-1], arrivals.get(tick, -1)))
+        newest[name] = held  # after tick t at t + 1
+    for tick in range(TURNS * period, (TURNS + 1) * period):
+        first = tick % loop.frame_ticks()
+        if not any(for_all.may_come(channel, first) for channel in channels.values()):
+            continue
+        parts = []
+        for name, (every, phase, *_) in channels.items():
+            before, now = newest[name][tick : tick + 2]
+            back = (tick - phase) // every - now
+            parts.append(f"{name} {'gets' if now > before else 'has'} {back}")
+        yield f"{first}: {', '.join(parts)}"

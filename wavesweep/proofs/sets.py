@@ -1,0 +1,343 @@
+"""Cells of a box with forms for frames in any order or at random, found as [for_all] finds its own.
+
+The matrices are those of the checker, so nothing has to be carried from other states into its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavesweep.checker import balls, file
+from wavesweep.checker.balls import Refused
+from wavesweep.engine.sets import Polynomials, Side
+from wavesweep.engine.switched import ALONE, Centre, Graph, OnAverage, cover
+
+ORDER = 2  # of matrices in doubles, as the checker looks at slacks
+LOGARITHMIC = 4.0  # ratio of the ends of a positive side above which it is divided by factors
+NARROWEST = 1e-6  # of a side: a cell whose forms the checker refuses is not divided below it
+WORK, SEARCH = 1e13, 1e11  # operations of a proof, and of a search for norms in a middle
+LEFT_OPEN = 1e-4  # of a side, from its low end on: where a loop only just decays
+LEAST = 1e-300  # width of a side
+DIGITS = 8, 12, 17  # of the entries of forms, that are tried
+Ends = dict[str, tuple[Fraction, Fraction]]
+Lines = list[dict[str, Any]]
+
+
+class Frame(NamedTuple):
+    """A frame after which the same may follow: its letter, its kind, and the state that it leads to."""
+
+    letter: str
+    kind: str
+    after: Any
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leaf:
+    """A cell with its forms: from low to high of places of the sides."""
+
+    box: np.ndarray
+    line: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells:
+    """The checker's matrices over the sides of a claim, see `for_all.ranges.Frames`.
+
+    sides: in what its sides are divided. frames: whose matrices they are. rule: which of them may
+    follow which, or the chain in which they do at random.
+    """
+
+    family: file.Family
+    claim: file.Claim
+    sides: Sequence[Side]
+    frames: Sequence[Frame]
+    rule: np.ndarray | OnAverage
+
+    @staticmethod
+    def of(family: file.Family, claim: file.Claim, refuted: float = np.inf) -> Cells:
+        """Those of a claim. refuted: a number beyond the first side, next to which cells are narrow.
+        Errors: Refused for chances that depend on a side."""
+        sides = []
+        for name, (low, high) in claim.sides.items():
+            wide = low > 0 and high > LOGARITHMIC * low
+            sides.append(Side(name, 0.0) if wide else Side(name))
+        if sides and np.isfinite(refuted):
+            first = sides[0]
+            zero = (
+                first.zero if first.zero == 0 else 2 * float(claim.sides[first.path][0]) - refuted
+            )
+            sides[0] = Side(first.path, zero, refuted)
+        if claim.claim == "mean square":
+            return Cells(family, claim, sides, *_chain(family))
+        if "" in family.frames.words:
+            return Cells(family, claim, sides, [Frame("", "", None)], OnAverage(ALONE, np.ones(1)))
+        return Cells(family, claim, sides, *_any_order(family))
+
+    @property
+    def ends(self) -> Ends:
+        """The sides of the claim."""
+        return self.claim.sides
+
+    @property
+    def whole(self) -> np.ndarray:
+        """The box of places, `(2, sides)`, with one that is a point where there is no side."""
+        places = [
+            [float(side.place(np.array([float(end)]))[0]) for end in ends]
+            for side, ends in zip(self.sides, self.ends.values(), strict=True)
+        ]
+        return np.array(places).reshape(-1, 2).T if places else np.zeros((2, 1))
+
+    def number(self, at: int, place: float) -> Fraction:
+        """The number at a place of a side; exactly the end at an end."""
+        name = list(self.ends)[at]
+        for end, known in zip(self.ends[name], self.whole[:, at], strict=True):
+            if place == known:
+                return end
+        return Fraction(repr(float(self.sides[at].number(np.array([place]))[0])))
+
+    def cell(self, box: np.ndarray) -> Ends:
+        """The ends of the sides of a box."""
+        ends = {}
+        for at, name in enumerate(self.ends):
+            low, high = box[:, at].tolist()
+            ends[name] = self.number(at, low), self.number(at, high)
+        return ends
+
+    def word(self, letters: Sequence[str]) -> tuple[int, ...]:
+        """The frames of a pattern of letters that may be repeated for ever, () if it is none."""
+        place = {frame: at for at, frame in enumerate(self.frames)}
+        for state in self.family.moves:
+            now = state
+            frames = []
+            for letter in list(letters) * (1 + len(self.family.moves)):
+                if letter not in self.family.moves[now]:
+                    break
+                kind, now, _ = self.family.moves[now][letter]
+                frames.append(place[Frame(letter, kind, now)])
+            else:
+                return tuple(frames[-len(letters) :])
+        return ()
+
+    @property
+    def cycle(self) -> tuple[int, ...]:
+        """Frames that can be repeated for ever, the first ones of all that may follow."""
+        now = self.family.start
+        seen = []
+        letters = []
+        while now not in seen:
+            seen.append(now)
+            letter, (_, now, _) = next(iter(self.family.moves[now].items()))
+            letters.append(letter)
+        return self.word(letters[seen.index(now) :])
+
+    def over(self, boxes: np.ndarray) -> list[_Enclosed | int]:
+        """The matrices in boxes, or the side along which one is divided that has none."""
+        found: list[_Enclosed | int] = []
+        for box in boxes:
+            try:
+                found.append(_Enclosed(self, box, self.matrices(box)))
+            except Refused:
+                found.append(int(np.argmax(np.ptp(box, 0) / np.ptp(self.whole, 0).clip(LEAST))))
+        return found
+
+    def matrices(self, box: np.ndarray) -> Polynomials:
+        """The matrices of the frames in a box, `(frames, n, n)`. Errors: Refused without a bound."""
+        cell = balls.Cell(self.cell(box))
+        exponents = _exponents(cell.width)
+        found = {}
+        for kind in {frame.kind for frame in self.frames}:
+            A = self.family.matrix(kind, cell)
+            rest = np.array(A.error, float)
+            for powers, part in A.parts.items():
+                if sum(powers) > ORDER:
+                    rest += np.abs(np.array(part, float))
+            nothing = np.zeros_like(rest)
+            parts = [np.array(A.parts.get(powers, nothing), float) for powers in exponents]
+            found[kind] = np.array(parts) / balls.ONE, rest / balls.ONE
+        terms = np.stack([found[frame.kind][0] for frame in self.frames], 1)
+        rest = np.stack([found[frame.kind][1] for frame in self.frames])
+        return Polynomials(terms, rest, cell.width, ORDER)
+
+    def line(self, box: np.ndarray, centre: Centre, further: np.ndarray) -> dict[str, Any] | None:
+        """What the file says of a box with forms, None if the checker refuses it."""
+        ends = self.cell(box)
+        cell = balls.Cell(ends)
+        exponents = _exponents(cell.width)[1:]
+        roots = np.linalg.cholesky(centre.P).mT
+        L = roots @ centre.inverse
+        back = np.linalg.inv(roots)
+        slopes = [back.mT @ each @ back for each in further]
+        largest = np.abs(L).max()
+        for digits in DIGITS:
+            nodes = []
+            for node, rows in enumerate(L / largest):
+                nodes.append({"L": _written(rows, digits)})
+                if slopes:
+                    nodes[-1]["Q"] = [
+                        [[*powers], _written((each[node] + each[node].T) / 2, digits)]
+                        for powers, each in zip(exponents, slopes, strict=False)
+                    ]
+            line = self._of_nodes(nodes, centre.graph)
+            try:
+                file.check_cells(self.family, replace(self.claim, sides=ends), iter([line]))
+            except Refused:
+                continue
+            return line
+        return None
+
+    def _of_nodes(self, nodes, graph):
+        if graph is ALONE:
+            return nodes[0] | {"signs": "+" * len(self.family.states)}
+        if isinstance(self.rule, OnAverage):
+            return {"nodes": nodes}
+        edges = []
+        for source, symbol, target in zip(
+            graph.source.tolist(), graph.symbol.tolist(), graph.target.tolist(), strict=True
+        ):
+            edges.append([source, self.frames[symbol].letter, target])
+        first = {*self.family.moves[self.family.start]}
+        start = next(
+            node
+            for node in range(len(nodes))
+            if first <= {edge[1] for edge in edges if edge[0] == node}
+        )
+        return {"nodes": nodes, "edges": edges, "start": start}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Enclosed:
+    """The matrices in a box, see `FramesOver`'s."""
+
+    cells: Cells
+    box: np.ndarray
+    matrices: Polynomials
+
+    @property
+    def due(self) -> np.ndarray:
+        return np.ones(self.matrices.numbers)
+
+    def within(self, box: np.ndarray) -> Polynomials:
+        """The matrices in a part of the box."""
+        return self.matrices if np.array_equal(box, self.box) else self.cells.matrices(box)
+
+
+def _exponents(width):
+    """The monomials of matrices in so many sides."""
+    return [*map(tuple, Polynomials.constant(np.zeros(0), width, ORDER).exponents.tolist())]
+
+
+def _any_order(family):
+    """The frames that differ in what follows, and which may follow which."""
+    frames = []
+    for moves in family.moves.values():
+        for letter, (kind, after, _) in moves.items():
+            frames.append(Frame(letter, kind, after))
+    frames = list(dict.fromkeys(frames))
+    place = {frame: at for at, frame in enumerate(frames)}
+    follows = np.zeros((len(frames), len(frames)), dtype=bool)
+    for at, frame in enumerate(frames):
+        for letter, (kind, after, _) in family.moves[frame.after].items():
+            follows[at, place[Frame(letter, kind, after)]] = True
+    return frames, follows
+
+
+def _chain(family):
+    """The kinds of frames, and the chain in which they come at random."""
+    frames = [Frame(kind, kind, None) for kind in family.frames.words]
+    place = {frame.kind: at for at, frame in enumerate(frames)}
+    states = list(family.moves)
+    edges = []
+    weight = []
+    for source, moves in enumerate(family.moves.values()):
+        for kind, after, chance in moves.values():
+            if chance.moves:
+                raise Refused("probabilities that depend on the number along which rows are")
+            edges.append((source, place[kind], states.index(after)))
+            weight.append(chance.value(balls.POINT)[1] / balls.ONE)
+    graph = Graph(*np.array(edges).T)
+    return frames, OnAverage(graph, np.array(weight))
+
+
+def _written(matrix, digits):
+    if digits == 17:
+        return [[repr(x + 0.0) for x in row] for row in matrix.tolist()]
+    return [[f"{x + 0.0:.{digits}g}" for x in row] for row in matrix.tolist()]
+
+
+def lines_over(cells: Cells, words: Sequence[tuple[int, ...]] = ()) -> tuple[float, Lines]:
+    """Return the place of the first side from which on forms are found, and the tree of cells from
+    there to its end. words: patterns of frames that grow beyond it. Errors: Refused without forms."""
+    if not cells.family.states:
+        raise Refused("a loop without states needs no form")
+    leaves = []
+    waiting = [cells.whole]
+    begins = waiting[0][0, 0]
+    while waiting:
+        box = waiting.pop()
+        proved: list[tuple] = []
+        found = cover(
+            cells, box, cells.rule, WORK, up=False, words=words, kept=proved, search=SEARCH
+        )
+        if found.open:
+            first = next(iter(cells.cell(found.open[-1]).items()), None)
+            end = cells.number(0, found.end) if cells.sides else 0
+            low, high = cells.ends[first[0]] if first else (0, 0)
+            if len(cells.sides) != 1 or not end - low <= LEFT_OPEN * (high - low):
+                place = f" at {first[0]} = {float(first[1][1]):.6g}" if first else ""
+                raise Refused(f"no forms are found{place}")
+            begins = found.end
+        for part, (centre, further) in proved:
+            if centre.graph.nodes > file.NODES:
+                raise Refused(f"forms of {centre.graph.nodes} nodes; at most {file.NODES}")
+            line = cells.line(part, centre, further)
+            if line is not None:
+                leaves.append(Leaf(part, line))
+                continue
+            widths = np.ptp(part, 0) / np.ptp(cells.whole, 0).clip(LEAST)
+            side = int(widths.argmax())
+            if widths[side] < NARROWEST:
+                raise Refused("the checker refuses all forms that are found")
+            for half in (0, 1):
+                waiting.append(part.copy())
+                waiting[-1][1 - half, side] = part[:, side].mean()
+    return begins, list(_tree(cells, leaves))
+
+
+def _tree(cells: Cells, leaves: Sequence[Leaf]) -> Iterator[dict[str, Any]]:
+    """The lines of cells that divide a box, in the order of the file."""
+    if len(leaves) == 1:
+        yield leaves[0].line
+        return
+    side, cut = _cut(leaves)
+    name = list(cells.ends)[side]
+    yield {"split": name, "at": decimals(cells.number(side, cut))}
+    yield from _tree(cells, [leaf for leaf in leaves if leaf.box[1, side] <= cut])
+    yield from _tree(cells, [leaf for leaf in leaves if leaf.box[0, side] >= cut])
+
+
+def _cut(leaves):
+    """The side and the place of a cut through no cell, of those that are there the most central one."""
+    best = None
+    for side in range(leaves[0].box.shape[1]):
+        reached = -np.inf
+        for count, (low, high) in enumerate(sorted(leaf.box[:, side].tolist() for leaf in leaves)):
+            if count and low >= reached:
+                away = abs(2 * count - len(leaves))
+                best = min(best or (away, side, low), (away, side, low))
+            reached = max(reached, high)
+    return best[1:]
+
+
+def decimals(number: Fraction) -> str:
+    """Return a number of a spec, or a double, as the decimals that it is."""
+    digits = 0
+    while (number * 10**digits).denominator != 1:
+        digits += 1
+    whole = str(abs(int(number * 10**digits))).rjust(digits + 1, "0")
+    sign = "-" if number < 0 else ""
+    return sign + (f"{whole[:-digits]}.{whole[-digits:]}" if digits else whole)
