@@ -8,6 +8,7 @@ UNIT_ROUNDING = EPS / 2  # relative, what rounding moves a result by at most
 ENTRY_ROUNDING = 4 * EPS  # of the terms of the entries of a block, relative
 # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
 CANCELLED_SUM = 64 * EPS
+FEW_ROUNDINGS = 4 * EPS  # of a value, what the few operations that give it may move it by
 LARGEST_DOUBLE = np.finfo(float).max
 LEAST_NORMAL = np.finfo(float).tiny  # below which doubles have fewer digits
 SMALLEST_DOUBLE = np.finfo(float).smallest_subnormal  # twice what a product loses that underflows

@@ -224,7 +224,8 @@ class _FramesAtRandom:
 
     def weight(self, before: int, kind: int) -> float:
         """The probability of a kind after a frame of a length."""
-        return self.shares[before % len(self.shares)][self.length_of[kind]] * self.result[kind]
+        shares = self.shares[before] if len(self.shares) > 1 else self.shares[0]
+        return shares[self.length_of[kind]] * self.result[kind]
 
     def fits(self, before: int, kind: int, at_once: bool) -> bool:
         """Whether a kind may follow a frame of a length, whose result is in place at once or not."""

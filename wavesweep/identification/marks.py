@@ -85,6 +85,12 @@ class WallMarks:
 
     of: Sequence[tuple[ByKind, Any]]
 
+    @property
+    def colour(self) -> Any:
+        """That of the entries of a legend: of the only spec, or grey for several."""
+        colours = [colour for _, colour in self.of]
+        return colours[0] if len(colours) == 1 else "0.4"
+
     def highest(self, most: float) -> float:
         """The largest stiffness up to `most`, or 0."""
         tried = np.concatenate(
@@ -111,7 +117,6 @@ class WallMarks:
         or its span y."""
         from matplotlib.lines import Line2D
 
-        colour = self.of[0][1] if len(self.of) == 1 else "0.4"
         handles = []
         for kind in dict.fromkeys(kind for walls, _ in self.of for kind in walls):
             points = np.hstack([walls[kind] for walls, _ in self.of if kind in walls])
@@ -119,7 +124,7 @@ class WallMarks:
                 not (x[0] <= B <= x[-1] and y[0] <= K <= y[1]) for B, K in points.T.tolist()
             )
             said = f" ({outside} of {points.shape[1]} outside)" if outside else ""
-            handles.append(Line2D([], [], **_look(kind, colour), label=KINDS[kind] + said))
+            handles.append(Line2D([], [], **_look(kind, self.colour), label=KINDS[kind] + said))
         return handles
 
 

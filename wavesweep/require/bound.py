@@ -66,12 +66,12 @@ class Bound:
         return [gain.word for gain in self.gains]
 
     @property
-    def of_size(self) -> "Bound | None":
+    def on_radius(self) -> "Bound | None":
         """The bounds on the size alone; None if there are none."""
-        of_size = replace(self, damped=None)
-        if of_size == Bound(bounded=self.bounded, gains=self.gains):
+        undamped = replace(self, damped=None)
+        if undamped == Bound(bounded=self.bounded, gains=self.gains):
             return None
-        return of_size
+        return undamped
 
     @property
     def on_circle(self) -> bool:
@@ -193,16 +193,18 @@ class Bound:
         if self.bounded:
             return RequiredCircle().beyond(delta)
         with np.errstate(divide="ignore"):
-            of_size = np.log(np.abs(1 + delta)) - np.log(self.radius_of(period))
+            beyond_radius = np.log(np.abs(1 + delta)) - np.log(self.radius_of(period))
         if not self.damped:
-            return of_size
+            return beyond_radius
         spiral = self.damped.spiral(np.array([period]), 1).told(turns[None, :, None])
-        return np.maximum(of_size, spiral.beyond(delta[None])[0])
+        return np.maximum(beyond_radius, spiral.beyond(delta[None])[0])
 
-    def method(self, of_size: str) -> str:
-        """How the intervals are found, in a line; of_size: how those of the unit circle are."""
-        if self.of_size:
-            way = f"{of_size}; of frames over the required radius, whose unit circle is its circle"
+    def method(self, on_circle: str) -> str:
+        """How the intervals are found, in a line; on_circle: how those of the unit circle are."""
+        if self.on_radius:
+            way = (
+                f"{on_circle}; of frames over the required radius, whose unit circle is its circle"
+            )
         else:
             way = ""
         discs = DISCS.format(
@@ -214,7 +216,7 @@ class Bound:
                 None,
                 [
                     *modes,
-                    of_size if self.gains and not any(modes) else "",
+                    on_circle if self.gains and not any(modes) else "",
                     "" if all(map(_in_time, self.gains)) else GAIN,
                     IN_TIME if any(map(_in_time, self.gains)) else "",
                 ],

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 # changes of its sum alone, and the integral of a `pi` or `pid`, which are a `tf`, may have no gain.
 # A position is not among them, as its body moves.
 SUMMING = ("impulse", "tf")
+# A root is taken so large a part of itself too large that no sum of other numbers meets it by chance.
+UNMET = 2**100
 _OPERATIONS = {
     "+": operator.add,
     "-": operator.sub,
@@ -80,8 +82,7 @@ def value_in_fractions(
     if operation == "sqrt" or (operation == "**" and others[0] * 2 == 1):
         value = root(first)
         if any(name in varied for name in tree.operands[0].names):
-            # 1 part in this makes a number one that no sum of others meets by chance.
-            return value + value / 2**100
+            return value + value / UNMET
         return value
     if operation in FUNCTIONS:
         angle = float(first)

@@ -26,7 +26,13 @@ import numpy as np
 
 from wavesweep.engine._loops.block import concatenated, numbers
 from wavesweep.engine._monodromy.unit_circle import inverse
-from wavesweep.engine.doubles import EPS, LEAST_NORMAL, SMALLEST_DOUBLE, UNIT_ROUNDING
+from wavesweep.engine.doubles import (
+    EPS,
+    FEW_ROUNDINGS,
+    LEAST_NORMAL,
+    SMALLEST_DOUBLE,
+    UNIT_ROUNDING,
+)
 
 
 def sum_rounding(terms: int, of_complex: bool = False) -> float:
@@ -99,7 +105,7 @@ class Bounded(NamedTuple):
         """The sum, which is off by u of itself."""
         value = self.value + other.value
         error = self.error + other.error + UNIT_ROUNDING * np.abs(value)
-        return Bounded(value, error * (1 + 4 * EPS))
+        return Bounded(value, error * (1 + FEW_ROUNDINGS))
 
     def __sub__(self, other: Bounded) -> Bounded:
         return self + -other

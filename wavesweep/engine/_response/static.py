@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.engine._monodromy.bounded import Bounded, sum_rounding
 from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.ordered_product import ordered_product
-from wavesweep.engine.doubles import EPS
+from wavesweep.engine.doubles import FEW_ROUNDINGS
 
 SLOPE_STEP = 1e-30  # of z, for slopes
 NO_DISPLACEMENT = 1e-9  # of the terms of a displacement: below it the displacement is rounding
@@ -61,7 +61,7 @@ def relative_response(quantities: np.ndarray, error: np.ndarray) -> Response:
 
     quantities, error: position and force, `(..., 2, points)`.
     """
-    relative = np.where(error == 0, 0.0, error / np.abs(quantities)) + 4 * EPS
+    relative = np.where(error == 0, 0.0, error / np.abs(quantities)) + FEW_ROUNDINGS
     relative = np.where(relative < LOST_DIGITS, relative, np.nan)
     position = quantities[..., 0, :]
     force = quantities[..., 1, :]
@@ -188,7 +188,7 @@ def dcgain_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
         going = np.abs(change.value) > change.error + NO_DISPLACEMENT * change.size
         error = np.where(going | _is_nothing(change), error, np.nan)
     nothing = _is_nothing((limit, error)) & (error <= ZERO_OF_TERMS * terms)
-    relative = error / np.abs(limit) + 4 * EPS
+    relative = error / np.abs(limit) + FEW_ROUNDINGS
     relative = np.where(nothing | going, 0.0, relative)
     relative = np.where((relative < LOST_DIGITS) & ~loop.lost, relative, np.nan)
     limit = np.where(going | np.isnan(relative), np.nan, limit)

@@ -21,7 +21,7 @@ from wavesweep.engine._response.static import (
     dcgain_between,
     relative_response,
 )
-from wavesweep.engine.doubles import EPS
+from wavesweep.engine.doubles import FEW_ROUNDINGS
 from wavesweep.engine.rows import different
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def transfer(
             )
             signal = np.where(none, 0.0, signal)
             error = np.where(none, 0.0, error)
-            relative = np.where(error == 0, 0.0, error / np.abs(signal)) + 4 * EPS
+            relative = np.where(error == 0, 0.0, error / np.abs(signal)) + FEW_ROUNDINGS
             relative = np.where(relative < LOST_DIGITS, relative, np.nan)
             unsure[..., at] = relative
             value[..., at] = np.where(np.isnan(relative), np.nan, signal)
@@ -142,7 +142,7 @@ def static_response(loop: Lifted) -> Response:
             else:
                 low[...] = _from_low_frequencies(loop, limits)
             error = np.where(rough & (limits != 0), np.fmin(error, low), error)
-        error += np.where(limits == 0, 0.0, 4 * EPS)
+        error += np.where(limits == 0, 0.0, FEW_ROUNDINGS)
         known = error < LOST_DIGITS
         limits = np.where(known, limits, np.nan)
         error = np.where(known, error, np.nan)

@@ -28,7 +28,7 @@ from wavesweep.engine._search.open_loops import Opened, OpenLoops
 from wavesweep.engine._search.question import RequiredRegion
 from wavesweep.engine._stability.boundary import times
 from wavesweep.engine._stability.spectrum import eigenvalues
-from wavesweep.engine.doubles import ENTRY_ROUNDING, EPS, LEAST_NORMAL
+from wavesweep.engine.doubles import ENTRY_ROUNDING, FEW_ROUNDINGS, LEAST_NORMAL
 from wavesweep.engine.loop import Loops
 
 STATES_AT_ONCE = 2**18  # numbers of states that are followed at once
@@ -585,7 +585,7 @@ def _shown_by(
     and which it shows of modes in which the states `taking` take part, masks `(..., n)`.
 
     They are the states of plants, also a position of theirs that nothing else reads; what programs
-    remember, a spectrum shows as stairs. Without a plant all are shown.
+    remember is held over ticks, and its spectrum is that of steps. Without a plant all are shown.
     """
     starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
     starts += [f"{block.name}." for block in drawing.alone if block.plant]
@@ -779,7 +779,7 @@ def vectors_of(E: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is
     # not known.
     # A part of its size, and roundings of the entries.
-    step = 1e-10 * np.abs(w) + 4 * EPS * np.abs(E).max((-1, -2))
+    step = 1e-10 * np.abs(w) + FEW_ROUNDINGS * np.abs(E).max((-1, -2))
     back = np.full(E.shape, np.nan + 0j)
     for farther in (1.0, 1e2, 1e4):  # times that, tried in turn
         rest = np.flatnonzero(~np.isfinite(back).all((-1, -2)))

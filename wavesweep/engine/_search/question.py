@@ -18,13 +18,13 @@ class RequiredRegion(Protocol):
 
     The search takes a bound on their size as the unit circle of frames over its radius. What else
     is bounded has a search of its own, `intervals`, beside it. cost: s per slice of that search, 0
-    without one. of_size: the bounds on the size alone; None if there are none. on_circle: whether a
+    without one. on_radius: the bounds on the size alone; None if there are none. on_circle: whether a
     mode that meets its bound is on the circle of that radius. gains: those of the whole loop that
     are bounded too. of_modes: what is required of eigenvalues alone; None if nothing is.
     """
 
     cost: float
-    of_size: "RequiredRegion | None"
+    on_radius: "RequiredRegion | None"
     on_circle: bool
     gains: tuple
     of_modes: "RequiredRegion | None"
@@ -51,8 +51,8 @@ class RequiredRegion(Protocol):
         An omega at an end that the gain sets has a minus.
         """
 
-    def method(self, of_size: str) -> str:
-        """How the intervals are found, in a line; of_size: how those of the unit circle are."""
+    def method(self, on_circle: str) -> str:
+        """How the intervals are found, in a line; on_circle: how those of the unit circle are."""
 
     def refuse_rates(self, name: str) -> None:
         """Raise UsageError if no intervals can be found along the number `name`, which changes

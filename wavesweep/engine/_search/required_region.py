@@ -41,8 +41,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
             columns = different(inside.column[open_])
             some = Slices(slices.loops.some(columns), columns.size)
             inside = in_place(inside, columns, _in_region(replace(question, span=span), some))
-    if bound.of_size:
-        return common([inside, rest(replace(question, bound=bound.of_size), slices)])
+    if bound.on_radius:
+        return common([inside, rest(replace(question, bound=bound.on_radius), slices)])
     return inside
 
 

@@ -16,7 +16,7 @@ from wavesweep.engine._stability.dominance import DominanceTests, ExactFrames
 from wavesweep.engine._stability.entries import Panels, nodes, sizes_of
 from wavesweep.engine._stability.leaving_one import proved_from_one
 from wavesweep.engine._stability.regions import Regions
-from wavesweep.engine.doubles import EPS
+from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows, different
 
@@ -381,7 +381,7 @@ class _Round:
         place = open_.place
         column = panels.column[open_.panel]
         half = panels.half[open_.panel]
-        pad = 4 * EPS * np.abs(span).max() / half
+        pad = FEW_ROUNDINGS * np.abs(span).max() / half
         length = (open_.high - open_.low) / half
         x = (place - panels.middle[open_.panel]) / half
         exact = _exact_frames(errors, column, open_, panels.error.shape[-1])
@@ -391,7 +391,7 @@ class _Round:
         crossing = _Nearest.of(models, roots, place, half)
         h = crossing.h
 
-        low, high = (np.maximum(slack(end), 4 * EPS * np.abs(end)) for end in span)
+        low, high = (np.maximum(slack(end), FEW_ROUNDINGS * np.abs(end)) for end in span)
         at_end = np.where(crossing.value - span[0] <= low, -1, 0)
         at_end[span[1] - crossing.value <= high] = 1
 
@@ -674,7 +674,7 @@ def _in_doubt(joined: Tiles, outer: np.ndarray, attached: tuple[float, float]) -
     high = joined.low[last]
     at_end = outer[first] | outer[last]
     attached_there = np.where(outer[first], *attached) * at_end  # at the low end, or the high one
-    slack = 4 * EPS * np.abs(high) + attached_there
+    slack = FEW_ROUNDINGS * np.abs(high) + attached_there
     uncovered = high - low - between(joined.high - joined.low)
     open_ = uncovered > slack
     doubtful = open_ | (between(plain & rough) > 0)

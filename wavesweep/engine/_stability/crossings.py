@@ -98,27 +98,27 @@ def sampled_polynomial(
     def largest(samples: np.ndarray) -> np.ndarray:
         return np.abs(samples).max((0, -1))
 
-    on_unit = unit * solved.conj()
-    on_fixed = fixed * solved.conj()
+    unit_part = unit * solved.conj()
+    fixed_part = fixed * solved.conj()
     factors = 0
     if not np.any(fixed):
         factors = (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
-    f_unit = on_unit
-    f_fixed = on_fixed
+    f_unit = unit_part
+    f_fixed = fixed_part
     if factors:
-        f_unit = on_unit / (1 - np.cos(phi)) ** factors
-        f_fixed = on_fixed / (1 - np.cos(phi)) ** factors
+        f_unit = unit_part / (1 - np.cos(phi)) ** factors
+        f_fixed = fixed_part / (1 - np.cos(phi)) ** factors
     of_curve = [f_unit.imag, -f_fixed.imag]
     curve, noise = _sines(
         of_curve, [largest(f_unit), largest(f_fixed)], transform, cut.order - factors
     )
-    of_value = [
-        on_unit.real * np.sin(phi),
-        on_fixed.real * np.sin(phi),
+    times_sine = [
+        unit_part.real * np.sin(phi),
+        fixed_part.real * np.sin(phi),
         np.abs(solved) ** 2 * np.sin(phi),
     ]
-    sizes = [largest(on_unit), largest(on_fixed), largest(solved) ** 2]
-    value, value_noise = _sines(of_value, sizes, transform, cut.order + 1)
+    sizes = [largest(unit_part), largest(fixed_part), largest(solved) ** 2]
+    value, value_noise = _sines(times_sine, sizes, transform, cut.order + 1)
     at = np.flatnonzero(rough)
     if at.size:
         sizes = np.abs(unit[0, at]), np.abs(fixed[0, at]), np.abs(solved[0, at])

@@ -30,7 +30,7 @@ from wavesweep.engine._monodromy.unit_circle import inverse, solve
 from wavesweep.engine._stability.covering import OVERLAID, WINDOW, WINDOW_OF_ERRORS, Tiles
 from wavesweep.engine._stability.entries import Panels
 from wavesweep.engine._stability.spectrum import count_outside
-from wavesweep.engine.doubles import EPS
+from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows
 
@@ -370,7 +370,7 @@ def tiles_by_lines(
     equation = ReducedEquation(panels, lines, off_link)
     if equation.lag.size > 1000:  # terms of S
         return None
-    pad = 4 * EPS * np.abs(span).max() / panels.half
+    pad = FEW_ROUNDINGS * np.abs(span).max() / panels.half
     low = (panels.low - panels.middle) / panels.half - pad
     high = (panels.high - panels.middle) / panels.half + pad
     boxes = _around_circle(equation, np.arange(panels.low.size), low, high)
@@ -458,11 +458,13 @@ def _windows(
             high[last] = max(high[last], high[at])
         else:
             kept.append(at)
-    kind = np.full(order.size, WINDOW)
-    found = Tiles(column, low, high, kind, value, crossings.theta[order], EPS * np.abs(value), kind)
-    windows = found.take(np.array(kept, int))
-    wide = windows.high - windows.low > 2 * WINDOW_OF_ERRORS * slack(windows.value)
-    return replace(windows, doubt=np.where(wide, Doubt.ROUNDING, Doubt.NONE))
+    windows = np.full(order.size, WINDOW)
+    theta = crossings.theta[order]
+    miss = EPS * np.abs(value)
+    wide = high - low > 2 * WINDOW_OF_ERRORS * slack(value)
+    doubt = np.where(wide, Doubt.ROUNDING, Doubt.NONE)
+    found = Tiles(column, low, high, windows, value, theta, miss, doubt)
+    return found.take(np.array(kept, int))
 
 
 def _without(boxes, panels, column, low, high, pad):

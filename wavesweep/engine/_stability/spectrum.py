@@ -11,8 +11,11 @@ from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.components import strong_components
 from wavesweep.engine.doubles import EPS
 
-CIRCLE_ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
-# of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
+# An eigenvalue is neither inside nor outside that is nearer to the circle than so many roundings of
+# the largest entry.
+CIRCLE_ROUNDINGS = 256
+# The computed eigenvalues of a balanced matrix are exact for entries that are off by so many
+# roundings of the largest one.
 BACKWARD = 16
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
 # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known

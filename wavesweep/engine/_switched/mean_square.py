@@ -30,7 +30,7 @@ from wavesweep.engine._switched.loop_frames import LoopFrames
 from wavesweep.engine._switched.norm_check import Norms, shrink_on_average, shrink_over
 from wavesweep.engine._switched.norms import acting, packed, unpacked
 from wavesweep.engine._switched.stretches import ProvedStretch
-from wavesweep.engine.doubles import EPS
+from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
 
 MOMENT_BISECTIONS = 60  # more halve no interval of doubles
 # Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its
@@ -121,7 +121,7 @@ class Chances:
             return False
         E, dE = points
         A, slope, rest = _line(E + np.eye(E.shape[-1]))
-        rest = rest + dE.max(0) + 4 * EPS * (np.abs(A) + np.abs(slope))
+        rest = rest + dE.max(0) + FEW_ROUNDINGS * (np.abs(A) + np.abs(slope))
         nothing = np.zeros_like(A)
         forms = np.stack([(P[0] + P[1]) / 2, (P[1] - P[0]) / 2])
         along = np.concatenate([forms, np.zeros_like(forms)])
