@@ -335,8 +335,9 @@ def end_errors(
         further = least * np.abs(solved)
         size = np.abs(t.unit) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + further
         size = np.where(size > 0, size, 1)  # at K = 0 the equation is 0 = 0 by structure
-        sizes = np.abs(w), (np.abs(pair[0]), np.abs(pair[1])), np.abs(left), np.abs(state)
-        rounding, error = _with_errors(cut, *sizes, _left(cut, w, state))
+        numbers = np.abs(pair[0]), np.abs(pair[1])
+        sizes = _Sizes(np.abs(w), numbers, np.abs(left), np.abs(state))
+        rounding, error = _errors_of_equation(cut, sizes, _left(cut, w, state))
         late_terms = np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v)
         of_turn = np.where(on_axis, 0.0, cut.late * EPS * late_terms)
         rounding = rounding + of_turn
@@ -370,29 +371,38 @@ def _adjoint(
     return left + np.where(smaller, change, 0.0)
 
 
-def _with_errors(
-    cut: LinearFractional,
-    w: np.ndarray,
-    pair: tuple[np.ndarray, np.ndarray],
-    reach: np.ndarray,
-    size: np.ndarray,
-    missed: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the errors of the characteristic equation, `(...)`, all arguments but the last being
-    sizes.
+class _Sizes(NamedTuple):
+    """Absolute values of what makes the characteristic equation at crossings, `(...)`.
 
-    The first are those of a rounding of every entry and of the solve itself, the second ones those
-    of the bounds on the errors of the entries, and of the solve. reach, size: of adjoint and
-    states. missed: what the states leave of their equations.
+    w: `z - 1`. numbers: K and B, which read the row q of the states and the force. adjoint: `l = q C
+    (w I - E)^-1`, `(..., n)`. states: `s = (w I - E)^-1 B`, `(..., n, 1)`.
     """
 
-    def in_equation(E: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> np.ndarray:
-        """What errors of the matrices that are so large reach the equation by."""
-        of_states = (reach * (E @ size + B)[..., 0]).sum(-1)
-        of_outputs = (_read_row(cut, w, pair, C) * size[..., 0]).sum(-1)
-        return of_states + of_outputs + _read_row(cut, w, pair, D)[..., 0]
+    w: np.ndarray
+    numbers: tuple[np.ndarray, np.ndarray]
+    adjoint: np.ndarray
+    states: np.ndarray
 
-    of_solve = (reach * np.abs(missed)[..., 0]).sum(-1)
-    terms = in_equation(np.abs(cut.E), np.abs(cut.B), np.abs(cut.C), np.abs(cut.D))
+    def moved_by(
+        self, cut: LinearFractional, E: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+    ) -> np.ndarray:
+        """What errors of the matrices that are no larger than E, B, C and D move the equation by:
+        `|l| (E |s| + B) + |q| (C |s| + D)`."""
+        of_states = (self.adjoint * (E @ self.states + B)[..., 0]).sum(-1)
+        of_outputs = (_read_row(cut, self.w, self.numbers, C) * self.states[..., 0]).sum(-1)
+        return of_states + of_outputs + _read_row(cut, self.w, self.numbers, D)[..., 0]
+
+
+def _errors_of_equation(
+    cut: LinearFractional, sizes: _Sizes, left: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what moves the characteristic equation, twice `(...)`: a rounding of every entry, and
+    the bounds on the errors of the entries.
+
+    Both have with them what the solve leaves of `(w I - E) s = B`, which is `left`, `(..., n, 1)`:
+    it moves the equation by `|l| |left|`.
+    """
+    of_solve = (sizes.adjoint * np.abs(left)[..., 0]).sum(-1)
+    terms = sizes.moved_by(cut, np.abs(cut.E), np.abs(cut.B), np.abs(cut.C), np.abs(cut.D))
     rounding = EPS * terms + of_solve
-    return rounding, rounding + in_equation(cut.dE, cut.dB, cut.dC, cut.dD)
+    return rounding, rounding + sizes.moved_by(cut, cut.dE, cut.dB, cut.dC, cut.dD)
