@@ -217,45 +217,42 @@ def _first_counts(
     growth_to_infinity: np.ndarray,
     follows: np.ndarray,
     least: np.ndarray,
-    count: Callable[..., Any],
+    count: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unstable eigenvalues in the first region of each column, -1 if not known, and
-    whether they were counted there.
+    """Return the number u of unstable eigenvalues in the first region of each column, -1 if not
+    known, and whether it was counted there, `(columns,)`.
 
-    growth_to_infinity: see `Crossings`; follows: `(columns,)`, whether the count may follow from
-    it. least: `(columns,)`, the lowest count relative to the first region. count(columns):
-    eigenvalues outside. At infinite values of the number as many eigenvalues are outside as the
-    loop has zeros there from the number's product to the signal that it multiplies, for any value
-    of the other one. That count less the growth at the crossings must be the same in the first and
-    the last column of a loop for which all crossings are known; then it holds for those between,
-    unless a count there is negative.
+    At infinite values of the number z eigenvalues are outside, the zeros that the loop has there
+    from the number's product to the signal that it multiplies: `z = u + g`, g the growth at all
+    crossings, is one number of a loop, for any value of the other one. So the first and the last
+    column of a loop are counted, and if both give the same z, `u = z - g` holds for those between,
+    unless a later count `u + least` would be negative: then they are counted too.
+
+    owner: the loop of each column. growth_to_infinity: g, see `Crossings`. follows: whether u may
+    follow from it. least: the lowest count of a column's regions relative to u. count(columns):
+    eigenvalues outside in the first regions, -1 if not known.
     """
-    columns = np.flatnonzero(follows)
-    new = np.diff(owner[columns], prepend=-1) != 0
-    first = columns[new]  # of each loop
-    last = columns[np.append(new[1:], True)[: columns.size]]
-    counted = np.ones(owner.size, bool)
-    counted[columns] = False
-    counted[first] = True
-    counted[last] = True
-    begins = np.full(owner.size, -1)
-    at = np.flatnonzero(counted)
-    begins[at] = count(at)
+    following = np.flatnonzero(follows)
+    is_first = np.diff(owner[following], prepend=-1) != 0
+    is_last = np.append(is_first[1:], True)[: following.size]
+    counted = ~follows
+    counted[following[is_first | is_last]] = True
+    u = np.full(owner.size, -1)
+    u[counted] = count(np.flatnonzero(counted))
 
-    def at_infinity(columns: np.ndarray) -> np.ndarray:
-        return np.where(begins[columns] < 0, np.nan, begins[columns] + growth_to_infinity[columns])
-
-    agreed = np.where(at_infinity(first) == at_infinity(last), at_infinity(first), np.nan)
-    of_loop = agreed[np.cumsum(new) - 1]
-    between = ~counted[columns]
-    left = (of_loop - growth_to_infinity[columns])[between]
-    columns = columns[between]
-    sure = left + least[columns] >= 0
-    begins[columns[sure]] = left[sure]
-    again = columns[~sure]
-    begins[again] = count(again)
+    z = np.where(u < 0, np.nan, u + growth_to_infinity)
+    z_first = z[following[is_first]]
+    z_of_loop = np.where(z_first == z[following[is_last]], z_first, np.nan)
+    inner = ~is_first & ~is_last
+    between = following[inner]
+    loop = np.cumsum(is_first)[inner] - 1
+    u_between = z_of_loop[loop] - growth_to_infinity[between]
+    agrees = u_between + least[between] >= 0
+    u[between[agrees]] = u_between[agrees]
+    again = between[~agrees]
+    u[again] = count(again)
     counted[again] = True
-    return begins, counted
+    return u, counted
 
 
 def _counts_from_zero(
