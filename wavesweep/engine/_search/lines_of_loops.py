@@ -581,22 +581,33 @@ def _shown_on_panels(
 def _shown_by(
     drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The states that a spectrum shows as rows over states that are relative to others, `(n, n)`,
-    and which it shows of modes in which the states `taking` take part, masks `(..., n)`.
+    """Rows C with which a spectrum shows the states x of a frame, and which of them it shows of
+    modes.
 
-    They are the states of plants, also a position of theirs that nothing else reads; what programs
-    remember is held over ticks, and its spectrum is that of steps. Without a plant all are shown.
+    Ticks move states that are relative to the leads of a drift: `x_i = xi_i + f_i xi_l` of the lead
+    l that moves state i by a factor f_i (see `MarginalModes`). So `x = C xi`, `(n, n)`, has a one on
+    its diagonal, and f_i in the column of the lead.
+
+    A spectrum shows the states of plants, also a position of theirs that nothing else reads; what
+    programs remember is held over ticks, and shown only without a plant. taking: the states xi that
+    take part in each mode, a mask `(..., n)`, as the second result is. A lead takes part if a state
+    of its own block does.
     """
-    starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
-    starts += [f"{block.name}." for block in drawing.alone if block.plant]
-    blocks = np.array([name.rpartition(".")[0] for name in states])
     rows = np.eye(len(states))
+    blocks = np.array([name.rpartition(".")[0] for name in states])
     taking = taking.copy()
-    for lead, factors in drift.constant:
-        rows[[index for index, _ in factors], lead] = [factor for _, factor in factors]
-        taking[..., lead] = (taking & (blocks == blocks[lead])).any(-1)
-    plants = taking & [name.startswith(tuple(starts)) for name in states]
-    return rows, np.where(plants.any(-1, keepdims=True), plants, taking)
+    for lead, followers in drift.constant:
+        for follower, factor in followers:
+            rows[follower, lead] = factor
+        of_block = blocks == blocks[lead]
+        taking[..., lead] = (taking & of_block).any(-1)
+
+    members = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
+    alone = [f"{block.name}." for block in drawing.alone if block.plant]
+    starts = (*members, *alone)
+    of_plants = taking & [name.startswith(starts) for name in states]
+    has_plant = of_plants.any(-1, keepdims=True)
+    return rows, np.where(has_plant, of_plants, taking)
 
 
 def _in_ticks(
