@@ -3,9 +3,8 @@ spiral, or on the unit circle."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -201,20 +200,31 @@ class RequiredCircle:
         return np.where(bad, BAD, np.where(good, GOOD, OPEN))
 
 
+class LinesOfModes(Protocol):
+    """What the modes of eigenvalues less 1 turn in a frame (rad), `(n, r, 3)`, see `Spiral`."""
+
+    def __call__(
+        self, delta: np.ndarray, asked: np.ndarray, of_discs: np.ndarray | None = None, /
+    ) -> np.ndarray:
+        """Of the eigenvalues delta in the middles of panels, `(n, r)`, those that are asked about, a
+        mask; of_discs: the radii of discs in which they are on the panels; None: in the middles."""
+
+
 def verdicts(
     E: np.ndarray,
     dE: np.ndarray,
     rims: np.ndarray,
     place: Spiral | RequiredCircle,
-    lines: Callable[..., Any] | None = None,
+    lines: LinesOfModes | None = None,
 ) -> np.ndarray:
     """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice
-    the size about them.
+    the size about them, `(n, points, r, r)`. lines: where a spiral asks for them.
 
-    place: `Spiral` or `RequiredCircle`. lines: gives what modes turn, `(n, r, 3)`, where a spiral
-    asks for it: a function of the eigenvalues less 1 in the middles, of which of these it is asked
-    about, and of the radii of discs about them, in which they are on the panels, `(n, r)`; without
-    radii in the middles alone.
+    With eigenvectors V of E and W nearly their inverse, the frame E(p) of any p of a panel has the
+    eigenvalues of `W E(p) V (W V)^-1`. Of `W (E(p) - E) V`, which is 0 in the middle and analytic on
+    the circle, an entry is at most half of its largest on the circle (Schwarz's lemma); the rest of
+    what stands beside the eigenvalues delta of E is rounding. The row sums of all that bound discs
+    about delta (Gershgorin), also in units in which they are smaller.
     """
     n = E.shape[-1]
     rounding = sum_rounding(2 * n, of_complex=True)  # of products of three
