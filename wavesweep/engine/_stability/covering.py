@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from functools import cache
 from typing import Any
 
@@ -20,55 +19,44 @@ from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows, different
 
-# of half a panel, from a place to a crossing: how near the place is once both sides of it are
-# proved from there
-NEXT_TO = 1e-4
-# Half of a window about a crossing, of what an end may be off: so small a part that an end anywhere
-# in the window is as exact as promised.
+# Tests next to crossings. Lengths on a panel are in halves of it.
+NEXT_TO = 1e-4  # from a place to a crossing so near to it that both sides are proved from there
+MOST_STEPS = 5  # of a place towards a crossing on the panel's polynomials
+WITH_TIGHT_ERRORS = 2  # windows that were tried, from which on frames have tight bounds
+MOST_WINDOWS = 6  # that are tried about a crossing
+
+# Half of a window about a crossing. It is a part of what an end may be off, so small that an end
+# anywhere in the window is as exact as promised. The low end of the span stands for each crossing so
+# near to it: there the part is nearly all. It is also so many times what errors of entries move the
+# crossing by, beyond which the sides have to be proved.
 HALF_WINDOW = 0.1
-# The same at the low end of the span, which stands for each crossing so near to it; what is left to
-# 1 is for rounding.
 AT_LOW_END = 0.9
-# Half of a window is at least so many times what errors of entries move the crossing by: beyond them
-# the sides have to be proved.
 WINDOW_OF_ERRORS = 2.5
-# Crossings that are nearer than so many halves of a window share one: less than half a window would
-# be left between two.
-MERGED = 3
-# a window that is not proved even so gets wider by this factor with every try
+# A window whose sides are not proved even with tight errors gets wider with every try, up to so much.
 WINDOW_WIDENED = 2.0
-WIDEST_WINDOW = 1e-3  # up to this part of half a panel
-# widths of such a window, beyond which the stretch about it is tried again from elsewhere
+WIDEST_WINDOW = 1e-3
+# Crossings that are nearer to each other than so many halves of a window share one: less than half a
+# window would be left between two.
+MERGED = 3
+# About a window that is not proved at last, a stretch of more than so many widths of the window is
+# tried again from elsewhere; else so many widths to each side are given up.
 RETRIED = 1e3
-GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
+GIVEN_UP = 32
+SHORTEST_STRETCH = 1e-3  # of what an end may be off: a stretch so short is given up
+
+# What is spent.
 MOST_TESTS = 1000  # of a column
 TESTS_OF_PANEL = 40  # and as many more for each of its panels
 MOST_ROUNDS = 150  # of all columns together
 FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
-SHORTEST_STRETCH = 1e-3  # of what an end may be off: a stretch so short is given up
+
+# Of columns at values of the parameter: frames less identity, `(tests, n, n)`, and bounds on the errors
+# of their entries.
+FramesOf = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Slack = Callable[..., Any]  # how far an end may be off at values of the parameter, of their shape
+
 UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside, see `Tiles`
-
-
-class Stage(IntEnum):
-    """What the next test of a stretch is. A stage between two of these is one more step, or try, of
-    the one before it.
-
-    PLAIN: the place is any place, and both sides of it are proved as far as that goes. ON_ITS_WAY:
-    the place moves towards a crossing on the panel's polynomials, a stage with each step. ARRIVED:
-    no more steps are made. EXACT: a window about the crossing was tried, so from here on the frame
-    at the place itself is taken. TIGHT: from here on with tight bounds on its errors, and with each
-    further stage a wider window. LAST: no window is tried again. ELSEWHERE: the crossing of a short
-    stretch turned out to be beyond it, so no window reaches into it.
-    """
-
-    PLAIN = 0
-    ON_ITS_WAY = 1
-    ARRIVED = 6
-    EXACT = 7
-    TIGHT = 8
-    LAST = 12
-    ELSEWHERE = 13
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,28 +106,43 @@ class Tiles(Rows):
 
 @dataclass(frozen=True, slots=True)
 class _OpenStretches(Rows):
-    """Stretches of panels to be proved; place: where the next test is; stage: which test that is.
+    """Stretches of panels to be proved, each from low to high, and the test that is next, at a place.
 
-    A stretch begins PLAIN, or ON_ITS_WAY if its place is where an eigenvalue seems to cross. With
-    each step towards the crossing its stage grows by one, until the place is next to it, or the
-    stage has ARRIVED. Then a window about the crossing is tried. If its sides are not proved, or it
-    is wider than ends may be off, it is tried again, each time one stage later: EXACT, TIGHT, and
-    so on up to LAST.
+    steps: of the place towards where an eigenvalue seems to cross: 0 of any place, 1 of one that is
+    put there at first; with more than MOST_STEPS no other step is made. windows: that were tried
+    about the crossing next to the place. beyond: whether the crossing of a short stretch turned out
+    to be outside of it, so that no window reaches into it.
+
+    A place makes steps until it is next to the crossing. Then a window about the crossing is tried.
+    If its sides are not proved, or it is wider than ends may be off, it is tried again: with the
+    frame at the place itself, with tight bounds on the errors of that, and wider each time.
     """
 
     panel: np.ndarray
     low: np.ndarray
     high: np.ndarray
     place: np.ndarray
-    stage: np.ndarray
+    steps: np.ndarray
+    windows: np.ndarray
+    beyond: np.ndarray
+
+    @property
+    def is_exact(self) -> np.ndarray:
+        """Whether the frame at the place itself is taken."""
+        return self.beyond | (self.windows > 0)
+
+    @property
+    def is_tight(self) -> np.ndarray:
+        """Whether that has tight bounds on its errors."""
+        return self.beyond | (self.windows >= WITH_TIGHT_ERRORS)
 
 
 def tiles_of(
     panels: Panels,
-    errors: tuple[Callable[..., Any], Callable[..., Any]],
+    errors: tuple[FramesOf, FramesOf],
     span: tuple[float, float],
     columns: int,
-    slack: Callable[..., Any],
+    slack: Slack,
     *,
     from_one: bool = False,
 ) -> Tiles:
@@ -168,7 +171,7 @@ def tiles_of(
 
 
 def _beside_one(
-    panels: Panels, errors: Callable[..., Any], low: float, open_: _OpenStretches
+    panels: Panels, errors: FramesOf, low: float, open_: _OpenStretches
 ) -> tuple[Tiles, _OpenStretches]:
     """The tiles next to the low end of the span, where an eigenvalue is 1, and what is left
     open."""
@@ -185,9 +188,7 @@ def _beside_one(
     return tiles.take(proved), left.take(begin < open_.high)
 
 
-def _with_ends_in_gaps(
-    tiles: Tiles, errors: Callable[..., Any], slack: Callable[..., Any]
-) -> Tiles:
+def _with_ends_in_gaps(tiles: Tiles, errors: FramesOf, slack: Slack) -> Tiles:
     """Add windows where a gap between a stable and an unstable tile is as narrow as ends are exact:
     the end is in it.
 
@@ -259,8 +260,10 @@ def _unstable_by_traces(panels: Panels) -> tuple[Tiles, _OpenStretches]:
     high = edges[:, 1:][last]
     done = proved[first] & (high > low)
     left = ~proved[first] & (high > low)
-    open_ = _OpenStretches(panel, low, high, (low + high) / 2, Stage.PLAIN + 0 * panel)
-    return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_.take(left)
+    tiles = Tiles.of(panels.column[panel[done]], low[done], high[done], 1)
+    none = 0 * panel
+    open_ = _OpenStretches(panel, low, high, (low + high) / 2, none, none, none > 0)
+    return tiles, open_.take(left)
 
 
 def _traces(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -373,11 +376,18 @@ class _Round:
     def of(
         cls,
         panels: Panels,
-        errors: tuple[Callable[..., Any], Callable[..., Any]],
+        errors: tuple[FramesOf, FramesOf],
         span: tuple[float, float],
-        slack: Callable[..., Any],
+        slack: Slack,
         open_: _OpenStretches,
     ) -> _Round:
+        """The tests at the places of stretches.
+
+        About a crossing at h of an eigenvalue that is known to u, and whose distance from the circle
+        changes by s a half panel, the window is from `h - e` to `h + e` with `e = max(c d, 2.5
+        u/|s|) 2^t`: d is what an end may be off, c HALF_WINDOW or AT_LOW_END, and t the number of
+        windows that were tried with tight errors. Crossings within MERGED e of h share it.
+        """
         place = open_.place
         column = panels.column[open_.panel]
         half = panels.half[open_.panel]
@@ -395,14 +405,13 @@ class _Round:
         at_end = np.where(crossing.value - span[0] <= low, -1, 0)
         at_end[span[1] - crossing.value <= high] = 1
 
-        # The window: eps to both sides of the crossing, and of those that share it.
+        # Half of the window.
         off = np.where(at_end < 0, np.maximum(slack(place), low), slack(place)) / half
         moved = crossing.unsure / np.abs(crossing.slope)
-        eps = np.maximum(
-            np.where(at_end < 0, AT_LOW_END, HALF_WINDOW) * off, WINDOW_OF_ERRORS * moved
-        )
-        tries = np.where(open_.stage < Stage.ELSEWHERE, np.maximum(open_.stage - Stage.TIGHT, 0), 0)
-        eps = np.fmin(eps * WINDOW_WIDENED**tries, WIDEST_WINDOW)
+        part = np.where(at_end < 0, AT_LOW_END, HALF_WINDOW)
+        narrowest = np.maximum(part * off, WINDOW_OF_ERRORS * moved)
+        tries = np.where(open_.beyond, 0, np.maximum(open_.windows - WITH_TIGHT_ERRORS, 0))
+        eps = np.fmin(narrowest * WINDOW_WIDENED**tries, WIDEST_WINDOW)
 
         # 0.51, NEXT_TO and 0.3 only choose what is tried and where; what is proved does not rest on
         # them.
@@ -410,10 +419,9 @@ class _Round:
         inside = (np.abs(h - middle) <= 0.51 * length) & (radius == 1)
         closing = inside & (np.abs(h) <= NEXT_TO)
         closing &= (h + eps > (open_.low - place) / half) & (h - eps < (open_.high - place) / half)
-        closing &= (open_.stage < Stage.ELSEWHERE) | (
-            (crossing.value > open_.low) & (crossing.value < open_.high)
-        )
-        under_way = (open_.stage >= Stage.ON_ITS_WAY) & (open_.stage < Stage.ARRIVED)
+        within = (crossing.value > open_.low) & (crossing.value < open_.high)
+        closing &= within | ~open_.beyond
+        under_way = (open_.steps > 0) & (open_.steps <= MOST_STEPS)
         toward = inside & ~closing & under_way & (np.abs(h) < 0.3 * length)
 
         closed = closing[:, None] & (np.abs(roots - h[:, None]) < MERGED * eps[:, None])
@@ -447,8 +455,9 @@ class _Round:
             sides.proved[1] | (above >= open_.high)
         )
         failed = self.closing & ~both_proved
-        sharper = self.rough & (open_.stage < Stage.TIGHT)
-        again = self.closing & (failed | sharper) & (open_.stage < Stage.LAST)
+        sharper = self.rough & ~open_.is_tight
+        another = ~open_.beyond & (open_.windows < MOST_WINDOWS)
+        again = self.closing & (failed | sharper) & another
         tiles = []
         for low, high, proved, outside in (
             (sides.reached[0], below, sides.proved[0], sides.outside[0]),
@@ -489,9 +498,13 @@ class _Round:
         place = open_.place
         below, above = sides.inner
         moving = self.toward | again
-        stage = np.where(again, np.maximum(open_.stage, Stage.ARRIVED), open_.stage) + 1
-        repeated = _OpenStretches(open_.panel, a, b, np.clip(self.crossing.value, a, b), stage)
-        stretches = [repeated.take(moving)]
+        moved = replace(
+            open_,
+            place=np.clip(self.crossing.value, a, b),
+            steps=np.where(again, MOST_STEPS + 1, open_.steps + 1),
+            windows=open_.windows + again,
+        )
+        stretches = [moved.take(moving)]
         width = above - below
         halved = failed & (b - a > RETRIED * width)  # from elsewhere it may succeed
         given_up = np.where(failed & ~halved, GIVEN_UP * width, 0.0)
@@ -523,16 +536,14 @@ class _Round:
         place = before.place + sign * ahead
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length)
         trusted &= ahead < np.maximum(3 * gone, 0.5 * length)
-        trusted &= (self.radius[index] == 1) & (before.stage < Stage.ARRIVED)
+        trusted &= (self.radius[index] == 1) & (before.steps <= MOST_STEPS) & ~before.beyond
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
         crossing = self.crossing.value[index]
-        missed = (before.stage >= Stage.EXACT) & (
-            (crossing < before.low) | (crossing > before.high)
-        )
-        missed &= length <= 2.5 * NEXT_TO * self.half[index]
-        stage = np.where(trusted, Stage.ON_ITS_WAY, Stage.PLAIN)
-        stage[missed] = Stage.ELSEWHERE
-        return _OpenStretches(before.panel, low, high, place, stage)
+        missed = (crossing < before.low) | (crossing > before.high)
+        short = length <= 2.5 * NEXT_TO * self.half[index]
+        beyond = before.is_exact & missed & short
+        steps = np.where(trusted, 1, 0)
+        return _OpenStretches(before.panel, low, high, place, steps, 0 * steps, beyond)
 
     def _reached(self, inner: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """How far it is proved from the inner places on to both sides, and how many eigenvalues are
@@ -582,14 +593,14 @@ class _Round:
 
 
 def _exact_frames(
-    errors: tuple[Callable[..., Any], Callable[..., Any]],
+    errors: tuple[FramesOf, FramesOf],
     column: np.ndarray,
     open_: _OpenStretches,
     n: int,
 ) -> ExactFrames:
-    """The frames at the places next to crossings, from TIGHT on with tight bounds."""
-    tests = np.flatnonzero(open_.stage >= Stage.EXACT)
-    tight = open_.stage[tests] >= Stage.TIGHT
+    """The frames at places next to crossings."""
+    tests = np.flatnonzero(open_.is_exact)
+    tight = open_.is_tight[tests]
     E = np.empty((tests.size, n, n))
     off = np.empty((tests.size, n, n))
     for function, chosen in zip(errors, (~tight, tight), strict=True):
