@@ -24,10 +24,10 @@ number: a rank that is not the largest one there is the root of a polynomial tha
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.engine._loops.dead_time import SENSED
 from wavesweep.engine._loops.from_drawing import POSITION, REACTION
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 PRIME = 2**61 - 1  # of the field in which ranks are found
 Row = dict[str, int]  # unknown -> factor modulo PRIME
+HELD = " held"  # what the name of a state adds to that of the output that it holds
 
 
 def lasting_modes(
@@ -70,13 +71,25 @@ class _UnlikeRestError(Exception):
     """What a loop reads is not what its equations at rest read."""
 
 
+class _AnyBlock(NamedTuple):
+    """A block with its rest, and with random numbers P, Q and q for all else (see this file's head).
+
+    changes: P (R x + S u) of each state in a run. outputs: each as it is shown after a run. moving: a
+    sum that is 0 while a plant rests.
+    """
+
+    changes: dict[str, Row]
+    outputs: dict[str, Row]
+    moving: Row
+
+
 class _AnyLoop:
     """A loop of blocks with the rest that they have, and with random numbers for all else.
 
-    states: of blocks, and of outputs that they hold. changes: of the states of blocks in a run, and
-    outputs: of all blocks, as sums of states and ports. moving: a sum that is 0 while all plants
-    rest. wires: of each port, the outputs that it reads. registers: of each impulse of which pulses
-    alone are read, the register with which these are made; neither has states here.
+    states: the place of each state, of blocks and of outputs that they hold. changes: of the states
+    of blocks in a run, and outputs: of all blocks, as sums of states and ports. moving: a sum that is
+    0 while all plants rest. wires: of each port, the outputs that it reads. registers: of each impulse
+    of which pulses alone are read, the register with which these are made; neither has states here.
     """
 
     def __init__(
@@ -86,21 +99,20 @@ class _AnyLoop:
         self.random = random
         self.plants = rest.plants or set()
         self.registers = _registers(drawn, names, rest)
-        registers = set().union(*self.registers.values())
-        self.blocks = []
-        self.slow = set()
-        for placed in drawn.placed:
-            name = placed.block.name
-            if name in names and name not in registers:
-                self.blocks.append(placed.block)
-                if placed.every > 1:
-                    self.slow.add(name)
-        self.states: dict[str, int] = {}
+        here = names - set().union(*self.registers.values())
+        placed = [each for each in drawn.placed if each.block.name in here]
+        self.blocks = [each.block for each in placed]
         self.changes: dict[str, Row] = {}
         self.outputs: dict[str, Row] = {}
         self.moving: Row = {}
-        for block in self.blocks:
-            self._add(block, rest)
+        for each in placed:
+            if each.block.name not in self.registers:
+                rows = self._any_block(each.block, rest, slow=each.every > 1)
+                self.changes |= rows.changes
+                self.outputs |= rows.outputs
+                _add(self.moving, rows.moving, 1)
+        held = [_held(signal) for signal in self.outputs]
+        self.states = {name: place for place, name in enumerate([*self.changes, *held])}
         self.wires = {}
         for block in self.blocks:
             for port in block.inputs:
@@ -110,44 +122,43 @@ class _AnyLoop:
     def _number(self) -> int:
         return self.random.randrange(1, PRIME)
 
-    def _mixed(self, rows: Iterator[Any] | list[dict[str, int]]) -> Row:
+    def _mixed(self, rows: Iterable[Mapping[str, int]]) -> Row:
         """The sum of rows with random factors."""
         total: Row = {}
         for row in rows:
             _add(total, row, self._number())
         return total
 
-    def _add(self, block: Block, rest: RestEquations) -> None:
-        if block.name in self.registers:
-            return
-        own = [f"{block.name}.{state}" for state in block.states]
+    def _any_block(self, block: Block, rest: RestEquations, *, slow: bool) -> _AnyBlock:
+        """The rows of a block; slow: whether it does not run in every tick, and holds its outputs."""
+        states = [f"{block.name}.{state}" for state in block.states]
         ports = [f"{block.name}.{port}" for port in block.inputs]
-        residuals = []
-        for state in own:
+        signals = [f"{block.name}.{port}" for port in block.outputs]
+        residuals = []  # R x + S u
+        for state in states:
             if state in rest.changes:
                 residuals.append(_modulo(rest.changes[state]))
             else:  # of a block that settles where its inputs are
-                residuals.append(self._mixed({name: 1} for name in (*own, *ports)))
+                residuals.append(self._mixed({name: 1} for name in (*states, *ports)))
+        moving: Row = {}
         if block.name in self.plants:
-            own_outputs = [rest.outputs.get(f"{block.name}.{port}", {}) for port in block.outputs]
-            read = set().union(*residuals, *own_outputs)
+            read = set().union(*residuals, *(rest.outputs.get(signal, {}) for signal in signals))
             residuals += [{port: 1} for port in ports if port not in read]
-            _add(self.moving, self._mixed(residuals), 1)
-        for name in own:
-            self.states[name] = len(self.states)
-            self.changes[name] = self._mixed(residuals)
-        for port in block.outputs:
-            signal = f"{block.name}.{port}"
+            moving = self._mixed(residuals)
+        changes = {state: self._mixed(residuals) for state in states}
+        outputs = {}
+        for signal in signals:
             if signal not in rest.outputs:  # of a plant, as it is read by a dead time
                 continue
-            self.states[f"{signal} held"] = len(self.states)
             output = _modulo(rest.outputs[signal])
             _add(output, self._mixed(residuals), 1)
-            self.outputs[signal] = output
-            if block.name in self.slow:
-                share = self._number()
-                self.outputs[signal] = {f"{signal} held": -share % PRIME}
-                _add(self.outputs[signal], output, 1 + share)
+            if slow:  # y + q (y - held)
+                q = self._number()
+                shown = {_held(signal): -q % PRIME}
+                _add(shown, output, 1 + q)
+                output = shown
+            outputs[signal] = output
+        return _AnyBlock(changes, outputs, moving)
 
     def _wire(self, name: str, port: str, rest: RestEquations) -> Row:
         """The outputs that a port reads. What dead times add to it is 0 at rest."""
@@ -173,7 +184,8 @@ class _AnyLoop:
         return wire
 
     def lasting(self) -> int:
-        """The number of modes."""
+        """The number of modes: the dimension of the x with `(M - I) x` in W, `n + dim W - rank [M - I,
+        W]`, and one for each register."""
         from flint import nmod_mat
 
         sets, kind = self.drawn.schedule()
@@ -182,26 +194,22 @@ class _AnyLoop:
             return 0
         identity = nmod_mat(n, n, [int(i == j) for i in range(n) for j in range(n)], PRIME)
         ticks = []
-        unseen = []  # rows that are 0 for a shift that no tick changes and no hand sees
+        unseen: list[list[Any]] = []  # rows that are 0 for a shift in W
         for running in sets:
             tick, outside = self._tick({self.drawn.placed[index].block.name for index in running})
             ticks.append(tick)
             unseen += (tick - identity).tolist()
             unseen += outside.tolist()
-        for name, at in self.states.items():
+        for name, place in self.states.items():
             if name.rpartition(".")[0] in self.plants:
-                unseen.append([int(at == column) for column in range(n)])
-        shifts = nmod_mat(len(unseen), n, [int(x) for row in unseen for x in row], PRIME)
-        kernel, sums = shifts.nullspace()
-        frame = identity
+                unseen.append([int(place == column) for column in range(n)])
+        kernel, shifts = _of_rows(unseen, n).nullspace()
+        M = identity
         for number in kind.tolist():
-            frame = ticks[number] * frame
-        change = (frame - identity).tolist()
-        columns = kernel.tolist()
-        both = [[*row, *columns[at][:sums]] for at, row in enumerate(change)]
-        entries = [int(entry) for row in both for entry in row]
-        rank = nmod_mat(n, n + sums, entries, PRIME).rank()
-        return len(self.registers) + sums + n - rank
+            M = ticks[number] * M
+        W = [row[:shifts] for row in kernel.tolist()]
+        both = [[*row, *of_W] for row, of_W in zip((M - identity).tolist(), W, strict=True)]
+        return len(self.registers) + n + shifts - _of_rows(both, n + shifts).rank()
 
     def _tick(self, running: set[str]) -> tuple[Any, Any]:
         """The states after a tick in which these blocks run, and what the hand's port reads:
@@ -214,7 +222,7 @@ class _AnyLoop:
         shown = {}
         for signal, row in self.outputs.items():
             runs = signal.rpartition(".")[0] in running
-            shown[signal] = row if runs else {f"{signal} held": 1}
+            shown[signal] = row if runs else {_held(signal): 1}
         for impulse in self.registers:
             shown[f"{impulse}.sum"] = {f"{impulse}.u": 1} if impulse in running else {}
         rows: list[Row] = []
@@ -235,7 +243,7 @@ class _AnyLoop:
         after = []
         for name in self.states:
             row = {name: 1}
-            signal = name.removesuffix(" held")
+            signal = name.removesuffix(HELD)
             block = signal.rpartition(".")[0]
             if name != signal:
                 row = shown[signal]
@@ -285,6 +293,17 @@ def _registers(drawn: MultirateLoop, names: set[str], rest: RestEquations) -> di
         if all(total == -before for total, before in pairs):
             found[impulse] = registers
     return found
+
+
+def _held(signal: str) -> str:
+    """The state that an output holds between runs."""
+    return signal + HELD
+
+
+def _of_rows(rows: list[list[Any]], columns: int) -> Any:
+    from flint import nmod_mat
+
+    return nmod_mat(len(rows), columns, [int(entry) for row in rows for entry in row], PRIME)
 
 
 def _modulo(row: Mapping[str, Fraction]) -> Row:
