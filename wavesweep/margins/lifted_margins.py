@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS, NEXT_TO_ZERO
+from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.frames import (
     Frames,
@@ -224,7 +224,7 @@ class LiftedLoop:
             change = np.flatnonzero(above[:-1] != above[1:])
             low = points[change]
             high = points[change + 1]
-            while (high - low > NEXT_TO_ZERO + FEW_ROUNDINGS * high).any():
+            while (high - low > NEXT_TO_ZERO + 4 * EPS * high).any():
                 unit_angles = (low + high) / 2
                 is_below_root = (size(unit_angles) > 0) == above[change]
                 low = np.where(is_below_root, unit_angles, low)
