@@ -158,3 +158,20 @@ def test_what_is_required_has_no_proof_file(tmp_path, capsys):
     _, proof = written(tmp_path, text, "stability-region", "--no-plot")
     assert "no proof file for what [sweep] require asks for" in capsys.readouterr().err
     assert not proof.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("spec", "said", "claims"),
+    [
+        (FRAMES, "stable for all of [for_all]", ["modes", "for all"]),
+        (FRAMES.replace("k = 1.0", "k = 7.0"), "unstable with frames 3", ["modes", "refuted"]),
+        (BOX.replace("k = 1.0", "k = 7.0"), "unstable with a = 2", ["modes", "refuted"]),
+        (TANK.format(messages='loss = "p"'), "stable in mean square for all of [for_all]", ["modes", "mean square"]),
+    ],
+)
+def test_check_proves_what_it_says_of_all(spec, said, claims, tmp_path, capsys):
+    path, proof = written(tmp_path, spec, "check")
+    assert said in capsys.readouterr().err
+    assert [line["claim"] for line in lines_of(proof) if "claim" in line] == claims
+    assert checked_file(path, proof)[0] == 0

@@ -67,8 +67,8 @@ if TYPE_CHECKING:
 @click.option(
     "--proof",
     is_flag=True,
-    help="Write check.proof as well: that the spec's own design is stable, or how many modes are not, with a proof that `python -m "
-    "wavesweep.checker SPEC check.proof` checks without the rest of this program.",
+    help="Write check.proof as well: that the spec's own design is stable, or how many modes are not, and what is proved or refuted "
+    "for all of [for_all], with proofs that `python -m wavesweep.checker SPEC check.proof` checks without the rest of this program.",
 )
 @folder(
     "Folder for the pictures and the proof [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.",
@@ -141,7 +141,9 @@ def check(
         say(f"Wrote {', '.join(files)}")
     if of_proof:
         of_proof.parent.mkdir(parents=True, exist_ok=True)
-        say(offered("of_table").of_design(loaded, spec, overrides, of_proof))
+        proved = offered("of_table").of_design(loaded, spec, overrides, of_proof, judged.verdict)
+        for line in proved:
+            say(line)
     beyond = run is not None and bool(run["left"])
     return int(strict and (judged.answer != "yes" or beyond))
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from wavesweep.checker.reader.loops import Unreadable
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.number_words import rounded_up
 from wavesweep.program.spec import SYMBOLS, Spec, sweep_axes
-from wavesweep.program.tables.refuters import Refuters
+from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 from wavesweep.proofs.cells import WINDOW
 from wavesweep.proofs.claims import (
     Found,
@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 OWN = ("", "spec", "operator")  # rows of the spec's own loop
 CLAIMED = {"for_all": "for all", "mean_square": "mean square"}  # kinds of rows, and of claims
 UNCLAIMED = {"passive": "every passive hand", "box": "the hands of a range"}  # kinds of rows
+UNCLAIMED_FACTS = {"contact": "contact", "tick": "late ticks", "every_hand": "every passive hand"}
+FACTS = "for_all", "at_random"  # of `check`
+IN_ANY_ORDER = "for_all", "messages"  # their kinds that are not about means
+IN_WORDS = {"for all": "stable", "mean square": "stable in mean square"}
 REQUIRED = "what [sweep] require asks for"
 SLICES, ROWS, REFUTED = "slices", "rows for all of [for_all]", "refuted ends"
 SAME_END = 4 * WINDOW  # of an end or of the range: how far a row and its proof may differ
@@ -217,21 +221,49 @@ def end_without_proof(
     return 0.0
 
 
-def of_design(spec: Spec, source: str, overrides: Sequence[str], place: Path) -> str:
-    """Write the proof of a spec's own design, and say in a line what it proves."""
+def of_design(
+    spec: Spec, source: str, overrides: Sequence[str], place: Path, found: Mapping[str, Any]
+) -> Iterator[str]:
+    """Write the proof of a spec's own design, and of what is known of all of [for_all], and yield
+    lines that say what it proves. found: the facts of `check`."""
     text = text_of(source)
+    numbers = numbers_set(spec, overrides)
+    claims: list[Lines] = []
+    unproved = [
+        f"no proof file for {words}" for kind, words in UNCLAIMED_FACTS.items() if found.get(kind)
+    ]
+    if spec.require:
+        unproved.append(f"no proof file for {REQUIRED}")
     try:
-        found = claim_of_point(spec_of(text), numbers_set(spec, overrides))
+        if of_point := claim_of_point(spec_of(text), numbers):
+            outside, lines = of_point
+            claims.append(lines)
+            said = (
+                f"{outside} modes outside the unit circle"
+                if outside
+                else "the spec's own design is stable"
+            )
+            yield f"{place}: {said}, with its own numbers"
+        else:
+            unproved.append("no proof file: an eigenvalue is next to the unit circle")
     except (Refused, Unreadable) as error:
-        return f"no proof file: {error}"
-    if found is None:
-        return "no proof file: an eigenvalue is next to the unit circle"
-    outside, lines = found
-    write(place, text, [lines])
-    said = (
-        f"{outside} modes outside the unit circle" if outside else "the spec's own design is stable"
-    )
-    return f"{place}: {said}, with its own numbers"
+        unproved.append(f"no proof file: {error}")
+    for of_all in map(found.get, FACTS):
+        if not of_all or found.get("tick"):
+            continue
+        kind = "for all" if of_all["kind"] in IN_ANY_ORDER else "mean square"
+        try:
+            if of_all["verdict"] == "proved":
+                claims.append(claim_of_set(spec_of(text), kind, numbers, None))
+                yield f"{place}: {IN_WORDS[kind]} for all of [for_all]"
+            elif of_all["verdict"] == "refuted":
+                claims.append(claim_refuted(spec_of(text), numbers, of_all["counterexample"]))
+                yield f"{place}: unstable with {in_a_sentence(of_all['counterexample'])}"
+        except (Refused, Unreadable) as error:
+            unproved.append(f"no proof file for all of [for_all]: {error}")
+    if claims:
+        write(place, text, claims)
+    yield from unproved
 
 
 def checked(proof: Path, spec: str) -> Iterator[tuple[str, bool]]:
