@@ -29,7 +29,7 @@ LOOP = {
 @pytest.mark.parametrize("cut", ["net.y", "plant.y", "lag.y"])
 def test_its_eigenvalues_are_those_of_the_complex_loop_and_their_conjugates(cut):
     spec = load(LOOP)
-    complex_drawing = with_gain(spec.drawing, cut)
+    complex_drawing = with_gain(spec.drawing, cut, GAIN)
     real_drawing = with_complex_factor(complex_drawing, Tree.name("re"), Tree.name("im"))
     k = np.array([0.9 * np.exp(0.3j), 1.2 * np.exp(-0.5j), -2.0 + 0.1j])
     values = dict(spec.values)

@@ -58,11 +58,11 @@ class Loops(NamedTuple):
         """The loops at any value of a number: `unbuilt` if dead times follow from it."""
         return self.unbuilt if name_of(path) in self.drawing.timing else self
 
-    def with_gain_at(self, signal: str) -> "Loops":
-        """The loops with a gain behind a signal, the number GAIN, with the value 1: with it they
-        are cut there."""
-        drawing = gain_at_signal.with_gain(self.drawing, signal)
-        return Loops(drawing, {**self.values, path_of(gain_at_signal.GAIN): 1.0})
+    def with_gain_at(self, signal: str, number: str = gain_at_signal.GAIN) -> "Loops":
+        """The loops with a gain behind a signal, the number of that name, with the value 1: with it
+        they are cut there."""
+        drawing = gain_at_signal.with_gain(self.drawing, signal, number)
+        return Loops(drawing, {**self.values, path_of(number): 1.0})
 
     def later_at_gain(self, runs: int) -> "Loops":
         """These loops, cut by `with_gain_at`, in which all wires read the signal behind the gain so

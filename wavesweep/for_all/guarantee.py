@@ -4,6 +4,7 @@ box."""
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wavesweep.program.row_kinds import OPEN_BETWEEN, RowKind
@@ -69,7 +70,8 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
             device_held("box", own)
         return asked
     from wavesweep.for_all import every_hand
-    from wavesweep.for_all.rows import ForAllGuarantee, refuse_unsuitable_ranges
+    from wavesweep.for_all.at_cut import PATH, refused
+    from wavesweep.for_all.rows import ForAllGuarantee, own_cases, refuse_unsuitable_ranges
     from wavesweep.for_all.varying import Rules
 
     rules = Rules.of(spec)
@@ -88,12 +90,12 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
         refuse_velocity(own)
         every_hand.refuse(spec, rules, along)
         return [every_hand.EveryHandGuarantee(rules)]
-    spec.refuse_require("[for_all]")
     if own.asked.require:
-        raise UsageError(
-            "require: expected a spec without [for_all], which is about stability alone, found both"
-        )
+        if refusal := refused(own.asked.require, vary=rules.vary):
+            raise UsageError(f"{PATH}: {refusal}")
+        rules = replace(rules, require=own.asked.require)
     refuse_unsuitable_ranges(spec, along)
+    own_cases(rules, spec)
     swept = {axis.path for axis in own.grid.axes}
     if wrong := [axis.name for axis in spec.for_all.axes if axis.path in swept]:
         raise UsageError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,11 +17,14 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     """
     if not spec.for_all:
         return {}
+    from wavesweep.for_all.at_cut import refused
     from wavesweep.for_all.every_hand import damping
     from wavesweep.for_all.rows import claim
     from wavesweep.for_all.varying import Rules
 
     rules = Rules.of(spec)
+    if spec.require and not refused(spec.require, vary=rules.vary):
+        rules = replace(rules, require=spec.require)
     stability, verdict = claim(spec, rules)
     claims = [stability]
     answers: dict[str, Any] = {"for_all": verdict}

@@ -22,6 +22,7 @@ from wavesweep.engine.switched import (
     grows_everywhere,
     parts_that_decay,
 )
+from wavesweep.for_all.at_cut import with_factors
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.members import claims_hold, nowhere
@@ -39,11 +40,11 @@ from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import (
     MEAN_SQUARE,
     SETTLED_WITHIN,
-    STABLE,
     Claim,
     Property,
     Scope,
     Status,
+    required_by,
 )
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.number_words import (
@@ -67,6 +68,7 @@ QUICK = 3e10
 FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it"
+FACTORS = "; of margins the factor of the signal at the cut is one of these numbers"
 TEXT = 2000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
 
@@ -97,12 +99,11 @@ class ForAllGuarantee(Guarantee):
         """What its rows say of their loops."""
         if self.rules.at_random:
             return MEAN_SQUARE
-        return STABLE
+        return required_by(self.rules.require, drawn=bool(self.rules.drawing))
 
     def scope(self, spec: Spec) -> Scope:
         """The loops that its rows are of."""
-        own = Loops(own_loop(spec).drawing, dict(spec.values))
-        return scope_of(spec, self.rules, cases_of(self.rules, "", (0.0, 0.0), own))
+        return scope_of(spec, self.rules, own_cases(self.rules, spec))
 
     @property
     def method(self) -> str:
@@ -122,6 +123,7 @@ class ForAllGuarantee(Guarantee):
             "a quadratic form in every cell of the box of all numbers, a polynomial of these, which decreases: the frame is "
             "enclosed as a Taylor model, and the form proved by Cholesky with bounds on all errors; refuted by the exact "
             "intervals of the worst numbers found"
+            f"{FACTORS if self.rules.require else ''}"
         )
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
@@ -240,7 +242,7 @@ class Row:
 
 def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -> list[Case]:
     """Return a case for each combination of the numbers of [for_all] that have values, with the
-    ranges of the others.
+    ranges of the others, and for each margin that is required.
 
     A range of a number that dead times follow from is in pieces, in each of which these have the
     same whole ticks.
@@ -262,8 +264,16 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
             fixed_values[DELAY] = fixed_values[RATIO]
         drawing = rules.drawing_of(fixed_values, (along, *gains))
         for axes, whole_ticks in _pieces(drawing, fixed_values, ranges):
-            cases.append(Case(Loops(drawing, fixed_values | whole_ticks), along, span, axes, fixed))
+            loops = Loops(drawing, fixed_values | whole_ticks)
+            for with_factor, sides in with_factors(loops, rules.require, axes):
+                cases.append(Case(with_factor, along, span, sides, fixed))
     return cases
+
+
+def own_cases(rules: Rules, spec: Spec) -> list[Case]:
+    """The cases of a spec's own design."""
+    own = Loops(own_loop(spec).drawing, dict(spec.values))
+    return cases_of(rules, "", (0.0, 0.0), own)
 
 
 def _refuse_faults(rules, values, fixed) -> None:

@@ -78,6 +78,7 @@ from wavesweep.for_all.plan import ANY_NUMBER, FRAME, LOST, Plan
 from wavesweep.for_all.ring_search import BY_GAIN, bracket_ring, decide_ring
 from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.haptics.controller_page import loop_drawing
+from wavesweep.program.reading.tables import TableValue
 from wavesweep.program.spec import Axis, Spec
 
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
@@ -95,7 +96,8 @@ class Rules:
     drawing: that of a spec that draws its loop, None for a built-in controller. with_frame: whether
     results are in place with the next frame. elapsed: whether the slow environment integrates over
     the time since its last frame. messages: whether the loop has channels; at_random: whether these
-    lose messages at random, or frames and results are taken to be at random. work: operations of a
+    lose messages at random, or frames and results are taken to be at random. require: margins that all
+    loops have to have, see `at_cut`. work: operations of a
     proof over ranges beside what varies; begins: share of the number that it reaches, down to which
     it goes. said: words before what a proof has reached. words: that refuted earlier loops of a
     search for designs, for each rule of which frames may follow which; None where each loop is looked
@@ -108,6 +110,7 @@ class Rules:
     elapsed: bool = True
     messages: bool = False
     at_random: bool = False
+    require: TableValue | None = field(default=None, repr=False)
     work: float = OPERATIONS_OF_PROOFS
     begins: float = 0.0
     said: str = ""

@@ -11,10 +11,10 @@ BLOCK, LATE = "the cut", "later than the cut"
 GAIN = "gain of the cut"
 
 
-def with_gain(drawing: Drawing, signal: str) -> Drawing:
-    """The drawing with a gain behind a signal, which runs when its block does; all wires read
-    the signal behind it."""
-    return _with_block(drawing, signal, BLOCK, "gain", ("k", Tree.name(GAIN)))
+def with_gain(drawing: Drawing, signal: str, number: str) -> Drawing:
+    """The drawing with a gain behind a signal, the number of that name, which runs when its block
+    does; all wires read the signal behind it."""
+    return _with_block(drawing, signal, BLOCK, "gain", ("k", Tree.name(number)))
 
 
 def with_late_signal(drawing: Drawing, runs: int) -> Drawing:

@@ -413,11 +413,12 @@ def known_in_words(claims: Iterable[Claim]) -> str:
 
 
 def beyond_the_ends(claims: Iterable[Claim]) -> str:
-    """What is refuted of values beyond the ends of rows, in a sentence; a requirement is refuted
-    by what is not stable."""
+    """What is refuted of values beyond the ends of rows, in a sentence; a requirement of the spec's own
+    loop is refuted by what is not stable."""
     refuted = []
     for claim in claims:
-        what = STABLE if claim.what.required else claim.what
+        own_requirement = claim.what.required and claim.status is not Status.PROVED
+        what = STABLE if own_requirement else claim.what
         own = "" if scope_in_words(claim.scope) else f" {own_in_words(claim.scope)}"
         refuted.append(f"{failed(replace(claim, what=what))}{own}")
     return f"By what each line names: {'; '.join(dict.fromkeys(refuted))}."

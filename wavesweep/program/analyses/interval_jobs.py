@@ -253,6 +253,10 @@ def _columns(job, combination, records):
     columns["doubt"] = words(columns["doubt"])
     required = job.asked.require
     columns |= columns_of_ends(records, required.bound.set_by if required else ())
+    if job.asked.guarantee:  # what refutes it names what sets an end
+        columns |= {
+            name: np.full(records.size, "", object) for name in columns if name.endswith("_set_by")
+        }
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | columns
 

@@ -1,0 +1,157 @@
+"""Margins that all loops of [for_all] keep, held against an own matrix of a frame with a complex factor."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.for_all.on_check import facts
+from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
+
+T, N, D, TD = 0.001, 5, 0.5, 0.3
+
+
+def spec_of(margins, m, kp, **more):
+    """A mass with friction, whose sampled position and velocity come back as a force two frames later."""
+    return load(
+        {
+            "rates": {"tick_hz": 1000},
+            "numbers": {"m": 1.0, "kp": 100.0},
+            "block": {
+                "plant": {"type": "mass", "mass": "m", "damping": D},
+                "c": {"type": "hold", "every": N},
+                "z": {"type": "delay", "steps": 1, "every": N},
+            },
+            "wire": {"c.u": f"-kp*(plant.x + {TD}*plant.v)", "z.u": "c.y", "plant.f": "z.y + push"},
+            "ports": {"inputs": {"push": {"signal": "push"}}, "outputs": {"x": {"signal": "plant.x"}}},
+            "for_all": {"m": m},
+            "sweep": {"along": "kp", "kp": {"start": kp[0], "stop": kp[1]}, "require": {"margins": margins}},
+            **more,
+        }
+    )
+
+
+def radius(m, kp, factor):
+    """The largest eigenvalue of a frame: the force is that of the frame before, times the factor."""
+    plant = expm(np.array([[0, 1, 0], [0, -D / m, 1 / m], [0, 0, 0]]) * N * T)
+    frame = np.zeros((3, 3), complex)
+    frame[:2] = plant[:2]
+    frame[2, :2] = -factor * kp * np.array([1, TD])
+    return np.abs(np.linalg.eigvals(frame)).max()
+
+
+def factors_of(margin, size):
+    """Many factors with which a loop of this margin is stable."""
+    turns = np.exp(1j * np.linspace(-np.pi, np.pi, 241))
+    match margin:
+        case "gain":
+            return np.geomspace(1 / size, size, 41)
+        case "phase_deg":
+            return np.exp(1j * np.radians(np.linspace(-size, size, 41)))
+        case "disk":
+            return (1 + size / 2 * turns) / (1 - size / 2 * turns)
+    return 1 / (1 - turns / size)
+
+
+def named(margin, size, text):
+    """The member and the factor that a counterexample names."""
+    value = dict(re.findall(r"(\w+)(?: at c.y| at c.y turned by deg)? = ([-\d.e+]+)", text))
+    turn = np.exp(1j * np.radians(float(value[margin])))
+    match margin:
+        case "gain":
+            turn = float(value[margin])
+        case "disk":
+            turn = (1 + size / 2 * turn) / (1 - size / 2 * turn)
+        case "Ms":
+            turn = 1 / (1 - turn / size)
+    return float(value["m"]), turn
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("margin", "size"), [("phase_deg", 30.0), ("gain", 2.0), ("disk", 0.5)])
+def test_a_proved_value_keeps_the_margin_for_all_and_a_refuter_does_not(margin, size):
+    m = {"start": 0.9, "stop": 1.1}
+    rows = intervals(spec_of({"cut": "c.y", margin: size}, m, (200.0, 800.0)), jobs=1).columns
+    (row,) = np.flatnonzero(rows["guarantee"] == "for_all")
+    assert rows["certified"][row]
+    assert rows["settled"][row]
+    low, high = rows["low"][row], rows["high"][row]
+    factors = factors_of(margin, size)
+    members = [(each, value) for each in np.linspace(0.9, 1.1, 5) for value in np.linspace(low, high, 7)]
+    assert max(radius(each, value, factor) for each, value in members for factor in factors) < 1
+    fails_from = rows["fails_from"][row]
+    worst, factor = named(margin, size, rows["counterexample"][row])
+    assert radius(worst, fails_from * (1 + 1e-9), factor) > 1 > radius(worst, fails_from * (1 - 1e-6), factor)
+    assert high >= 0.99 * fails_from
+    assert abs(factor) == pytest.approx(1) if margin == "phase_deg" else np.abs(factors - factor).min() < 0.05
+    own = rows["guarantee"] == "spec"
+    assert high < rows["high"][own].max()
+
+
+@pytest.mark.slow
+def test_each_of_several_margins_at_several_cuts_is_kept():
+    """The least of them sets the end, and the text says which."""
+    margins = [{"cut": "c.y", "gain": 2.0, "phase_deg": 20.0}, {"cut": "z.y", "phase_deg": 70.0}]
+    rows = intervals(spec_of(margins, [0.9, 1.1], (100.0, 800.0)), jobs=1).columns
+    (row,) = np.flatnonzero(rows["guarantee"] == "for_all")
+    high = rows["high"][row]
+    assert "phase_deg at z.y = 70" in rows["counterexample"][row]
+    assert "m = 0.9" in rows["counterexample"][row]
+    turned = np.exp(1j * np.radians(70))
+    assert radius(0.9, high, turned) < 1 < radius(0.9, rows["fails_from"][row] * (1 + 1e-9), turned)
+    assert max(radius(0.9, high, factor) for factor in factors_of("gain", 2.0)) < 1
+
+
+@pytest.mark.parametrize(
+    ("require", "more", "said"),
+    [
+        ({"damping_ratio": 0.1}, {}, "expected margins alone beside .for_all., found damping_ratio"),
+        ({"margins": {"cut": "c.y", "Ms": 2}, "radius": 0.9}, {}, "found radius"),
+        (
+            {"margins": {"cut": "c.y", "Ms": 2}},
+            {"n": {"values": [5, 6], "varying": True}},
+            "found frames or messages that vary",
+        ),
+    ],
+)
+def test_what_cannot_be_held_for_all_is_refused_with_what_can(require, more, said):
+    spec = spec_of({"cut": "c.y", "Ms": 2}, [0.9, 1.1], (100.0, 800.0)).tables()
+    spec["sweep"]["require"] = require
+    spec["numbers"]["n"] = 5
+    spec["block"]["c"]["every"] = spec["block"]["z"]["every"] = "n"
+    spec["for_all"] |= more
+    with pytest.raises(UsageError, match=said):
+        intervals(load(spec), jobs=1)
+
+
+def test_a_circle_is_of_a_signal_that_is_made_once_in_a_frame():
+    spec = spec_of({"cut": "c.y", "Ms": 2}, [0.9, 1.1], (100.0, 800.0)).tables()
+    spec["block"]["z"]["every"] = 10
+    with pytest.raises(UsageError, match=r"margins.Ms: expected a signal that is made once in a frame .* found c.y"):
+        intervals(load(spec), jobs=1)
+
+
+@pytest.mark.parametrize(
+    ("margin", "size", "kp", "answer"),
+    [
+        ("phase_deg", 30.0, 300.0, "yes"),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (("phase_deg", 30.0, 480.0, "no"), ("Ms", 2.0, 150.0, "yes"), ("Ms", 2.0, 300.0, "no"))
+        ),
+    ],
+)
+def test_check_says_whether_the_spec_keeps_the_margin_for_all(margin, size, kp, answer):
+    spec = spec_of({"cut": "c.y", margin: size}, {"start": 0.9, "stop": 1.1}, (100.0, 800.0)).with_values({"numbers.kp": kp})
+    (claim,) = facts(spec)["claims"]
+    assert claim.status.answer == answer
+    assert claim.what.required.startswith("stability and")
+    if answer == "no":
+        worst, factor = named(margin, size, claim.reason)
+        assert np.abs(factors_of(margin, size) - factor).min() < 0.05
+        assert radius(worst, kp, factor) > 1
+    else:
+        assert max(radius(m, kp, factor) for m in (0.9, 1.0, 1.1) for factor in factors_of(margin, size)) < 1
