@@ -21,14 +21,16 @@ from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.record import Simulation, estimate
 
 
-def simulation_of(spec: Spec, force, **changes: Any) -> Simulation:
-    """Run the experiment of a spec's [simulate] table. spec, force, changes: see
-    `analysis.simulation.simulated`.
+def simulation_of(
+    spec: Spec, force, given: Mapping[str, np.ndarray] | None = None, **changes: Any
+) -> Simulation:
+    """Run the experiment of a spec's [simulate] table. spec, force, given, changes: see
+    `from_spec.simulated`.
 
     Errors: SpecError for a drawn loop with a hand whose position no plant has.
     """
     refuse_what_makes_no_loop(spec)
-    return simulated(spec, force, **changes)
+    return simulated(spec, force, given, **changes)
 
 
 def refuse_what_makes_no_loop(spec: Spec) -> None:

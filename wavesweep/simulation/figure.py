@@ -29,6 +29,7 @@ from wavesweep.program.plots.style import (
     wide,
 )
 from wavesweep.program.tables.columns import signals_of
+from wavesweep.simulation.measured_run import BESIDE
 from wavesweep.simulation.table import set_in
 
 _DETAIL_FRAMES = 40  # that a detail shows
@@ -78,8 +79,9 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """
     spans = _spans(columns, facts)
     frames = _frames(facts)
-    rows = list(_ports(columns, facts))
-    rows += [*_at_the_hand(columns, facts), *frames, *_messages(columns, facts)]
+    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts)]
+    rows = [(title, [*_with_measured(signals, columns)]) for title, signals in rows]
+    rows += [*frames, *_messages(columns, facts)]
     if frames:
         columns = {**columns, FRAME: _lengths(columns)}
     wall = facts["spec"]["simulate"].get("wall")
@@ -108,6 +110,15 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
         note_below(canvas, assumption(facts))
         canvas.align_ylabels()
     return canvas
+
+
+def _with_measured(signals: Sequence[Signal], columns: Columns) -> Iterator[Signal]:
+    """Yield signals, and each as a log has it below it."""
+    for signal in signals:
+        measured = f"{BESIDE}{signal.column}"
+        if measured in columns:
+            yield Signal(measured, f"{signal.label}, measured", paler("0.2", 0.6), True)
+        yield signal
 
 
 def _draw_panel(axes: Any, columns: Columns, signals: Sequence[Signal], wall: float | None) -> None:
@@ -173,7 +184,12 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
 
     Outputs of one unit and about one size share a panel, with the inputs that are like them.
     """
-    units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
+    fields = signals_of(facts).items()
+    units = {
+        name: field.unit
+        for name, field in fields
+        if name in columns and not name.startswith(BESIDE)
+    }
     alike = _likeness(columns, units)
     ports = facts["spec"].get("ports", {})
     entries = [run_column("inputs", name) for name in ports.get("inputs", {})]
@@ -311,7 +327,7 @@ def _draw_signal(axes: Any, columns: Columns, signal: Signal, *, alone: bool) ->
     panel.
     """
     times, values = columns["time_s"], columns[signal.column]
-    if signal.column in ("x", "x_s"):
+    if signal.column.removeprefix(BESIDE) in ("x", "x_s"):
         values = 1e3 * values  # mm
     if np.isnan(values).all():
         return

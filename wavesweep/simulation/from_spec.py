@@ -7,6 +7,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from wavesweep.capabilities import offered
 from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
@@ -23,11 +25,14 @@ from wavesweep.simulation.record import Simulation
 from wavesweep.simulation.running_blocks import FrameClock
 
 
-def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
+def simulated(
+    spec: Spec, force=None, given: Mapping[str, np.ndarray] | None = None, **changes: Any
+) -> Simulation:
     """Run the experiment of a spec's [simulate] table.
 
     Parameters: `force` the hand's force (N), or the signal of the input that [simulate] names, per
-    fast tick, in place of what the spec describes, shape ``(ticks,)``; `changes` fields of
+    fast tick, in place of what the spec describes, shape ``(ticks,)``; `given` records of several
+    inputs by their signals, in place of both; `changes` fields of
     `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
 
     Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that
@@ -43,12 +48,18 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
             f"option {', '.join(unknown)}: expected some of {', '.join(effect_names)}, found an unknown name"
         )
     effects = replace(effects_of(spec), **changes)
-    if force is None:
+    entry = entry_of(spec)
+    others = {**(given or {})}
+    if given:
+        hand = spec.drawing.hand[0] if spec.drawing and spec.drawing.hand else "f_h"
+        entry = hand if hand in given else next(iter(given))
+        force = others.pop(entry)
+    elif force is None:
         force = hand_force(spec.asking("simulate"), effects.seed).force
     else:
         force = inputs.given(force).force
     frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
-    described = {"drawing": spec.drawing, "units": units, "entry": entry_of(spec)}
+    described = {"drawing": spec.drawing, "units": units, "entry": entry, "others": others}
     return simulate(
         spec.values, force, effects, **described, frames=frames, messages=spec.simulate["messages"]
     )

@@ -57,6 +57,7 @@ def simulate(
     entry: str = "",
     frames: FrameClock | None = None,
     messages: Messages | None = None,
+    others: Mapping[str, np.ndarray] = MappingProxyType({}),
 ) -> Simulation:
     """Run the experiment under a record of hand forces.
 
@@ -66,7 +67,7 @@ def simulate(
     of the hand's force; all others are 0. frames: of the slow blocks, in place of the rate and the
     delay of the slow environment. messages: the ticks by which those of each channel are late in
     turn, repeated for ever, None for one that is lost; those of other channels are in time, or lost
-    at random by their own probabilities.
+    at random by their own probabilities. others: records of more inputs, by their signals.
 
     The simulation stops early if the position exceeds `FARTHEST_POSITION` or a force `STRONGEST`,
     as those of an unstable loop do; `Simulation.stopped` then gives the reason. Errors: UsageError
@@ -83,7 +84,7 @@ def simulate(
     loop = loop_of(loop_drawing(values) if drawing is None else drawing, values, frames)
     return March(
         loop, effects, entry=entry, drawn=drawing is not None, messages=messages or {}
-    ).under(np.asarray(force, dtype=float), x, units)
+    ).under(np.asarray(force, dtype=float), x, units, others)
 
 
 class MarchedRows(NamedTuple):
@@ -224,22 +225,29 @@ class March:
         self.ticks = TickSums(loop, moved_here, delayed)
 
     def under(
-        self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")
+        self,
+        force: np.ndarray,
+        x: float = 0.0,
+        units: tuple[str, str] = ("m", "N"),
+        others: Mapping[str, np.ndarray] = MappingProxyType({}),
     ) -> Simulation:
         """The experiment under the hand's force (N), or the record of another input, `(ticks,)`,
-        from rest at x (m)."""
+        from rest at x (m); others: records of more inputs, by their signals."""
         loop = self.loop
         lengths = tick_lengths(self.effects, loop.tick, len(force))
         late, results = self.draw_lateness(len(force))
         names = loop.shown | {name: name for name in self.watched}
-        rows, touched, last, stopped = self._rows(names.values(), force.tolist(), lengths, x, units)
+        rows, touched, last, stopped = self._rows(
+            names.values(), force.tolist(), lengths, x, units, others
+        )
         count = len(rows)
         signals = {"time_s": np.concatenate([[0.0], np.cumsum(lengths)])[:count]}
         entries = dict(loop.entries)
         if loop.hand:
             entries["f_h"] = loop.hand
         for name, signal in entries.items():
-            signals[name] = force[:count] * (signal == self.entry)
+            given = others.get(signal, np.zeros(len(force)))
+            signals[name] = (force if signal == self.entry else given)[:count]
         columns = np.array(rows).reshape(count, len(names)).T
         for name, column in zip(names, columns, strict=True):
             signals[name] = column.copy()
@@ -330,7 +338,13 @@ class March:
         return [-1 if ticks is None else ticks for ticks in late], numbers
 
     def _rows(
-        self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]
+        self,
+        names,
+        force: list,
+        lengths: np.ndarray,
+        x: float,
+        units: tuple[str, str],
+        others: Mapping[str, np.ndarray],
     ) -> MarchedRows:
         """Run the ticks under these forces."""
         loop = self.loop
@@ -338,6 +352,7 @@ class March:
         device = loop.device
         shown = itemgetter(*(ticks.place(name) for name in names), ticks.place(POSITION))
         hand = ticks.place(self.entry)
+        given = [(ticks.place(signal), record.tolist()) for signal, record in others.items()]
         position = ticks.place(POSITION)
         pull = ticks.place(REACTION)
         net = ticks.place(besides(f"{device}.f"))
@@ -367,6 +382,8 @@ class March:
         v = 0.0
         for k, f in enumerate(force):
             z[hand] = f
+            for place, record in given:
+                z[place] = record[k]
             z[sensed_x] = measure(x)
             z[sensed_v] = v
             z[own_x] = x

@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from math import log
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,9 +62,18 @@ def _frame_lengths(simulation, columns):
     return dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
 
 
-def simulate(spec: Spec) -> list[Table]:
+def simulate(
+    spec: Spec,
+    log: str | None = None,
+    columns_of_log: Mapping[str, str] = MappingProxyType({}),
+    scales: Mapping[str, float] = MappingProxyType({}),
+) -> list[Table]:
     """The time series of the simulated spec and, for settled sines, the response estimated from
-    it."""
+    it.
+
+    log: a file whose inputs are simulated, and whose outputs stand beside; columns_of_log, scales:
+    see `read_run`.
+    """
     from wavesweep.simulation.experiment import (
         linear_loop,
         seen_response,
@@ -71,10 +81,11 @@ def simulate(spec: Spec) -> list[Table]:
         simulation_of,
     )
     from wavesweep.simulation.from_spec import hand_force
-    from wavesweep.simulation.march import FARTHEST_POSITION, STRONGEST
     from wavesweep.simulation.record import recorded
 
     started = time.perf_counter()
+    if log is not None:
+        return [_beside_log(spec, log, columns_of_log, scales)]
     hand = hand_force(spec)
     simulation = simulation_of(spec, hand.force)
     columns = recorded(simulation)
@@ -84,19 +95,7 @@ def simulate(spec: Spec) -> list[Table]:
         "linear_loop": linear
     }
     rows = len(columns["tick"])
-    stopped = simulation.stopped or ("numbers overflow" if rows < len(hand.force) else "")
-    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": stopped}
-    if spec.drawing:  # whose rate may be an expression
-        facts["tick_s"] = 1 / spec.tick_hz
-    late = simulation.late
-    facts["slow_results"] = {
-        "results": len(late),
-        "late": int((late > 0).sum()),
-        "lost": int((late < 0).sum()),
-    }
-    if spec.simulate.frames_file or spec.simulate["frames"] == RANDOM:
-        facts["frames"] = _frame_lengths(simulation, columns)
-    facts["limits"] = {"position_m": FARTHEST_POSITION, "force_N": STRONGEST}
+    facts |= _facts_of_run(spec, simulation, columns, len(hand.force))
     at_random = spec.drawing is not None and spec.drawing.at_random
     alike = not (
         spec.simulate["frames"] or spec.simulate["messages"] or at_random
@@ -111,6 +110,63 @@ def simulate(spec: Spec) -> list[Table]:
         facts = _facts(spec, RESPONSE_METHODS, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
+
+
+def _facts_of_run(spec, simulation, columns: Columns, wanted: int) -> dict[str, Any]:
+    """The facts of a run of so many ticks."""
+    from wavesweep.simulation.march import FARTHEST_POSITION, STRONGEST
+
+    rows = len(columns["tick"])
+    stopped = simulation.stopped or ("numbers overflow" if rows < wanted else "")
+    late = simulation.late
+    facts: dict[str, Any] = {
+        "ticks": {"wanted": wanted, "simulated": rows, "stopped": stopped},
+        "slow_results": {
+            "results": len(late),
+            "late": int((late > 0).sum()),
+            "lost": int((late < 0).sum()),
+        },
+        "limits": {"position_m": FARTHEST_POSITION, "force_N": STRONGEST},
+    }
+    if spec.drawing:  # whose rate may be an expression
+        facts["tick_s"] = 1 / spec.tick_hz
+    if spec.simulate.frames_file or spec.simulate["frames"] == RANDOM:
+        facts["frames"] = _frame_lengths(simulation, columns)
+    return facts
+
+
+def _beside_log(
+    spec: Spec, log: str, columns_of_log: Mapping[str, str], scales: Mapping[str, float]
+) -> Table:
+    """The time series under the inputs of a log, with what it has measured beside."""
+    from wavesweep.simulation.experiment import linear_loop, simulation_of
+    from wavesweep.simulation.measured_run import beside, notices_of, read_run
+    from wavesweep.simulation.record import recorded
+
+    started = time.perf_counter()
+    run = read_run(log, columns_of_log, scales, spec)
+    simulation = simulation_of(spec, None, run.inputs)
+    columns = recorded(simulation)
+    measured, apart = beside(columns, run)
+    first = len(TICKS) + len(simulation.shown)
+    names = [*columns]
+    columns = {
+        **{name: columns[name] for name in names[:first]},
+        **measured,
+        **{name: columns[name] for name in names[first:]},
+    }
+    notices = [*notices_of(run, columns), *_notices(spec)]
+    seconds = {"march_s": time.perf_counter() - started}
+    facts = _facts(spec, METHODS, seconds, notices) | {"linear_loop": linear_loop(spec)}
+    facts |= _facts_of_run(spec, simulation, columns, len(run.fresh))
+    facts["log"] = {
+        "file": Path(log).name,
+        "sha256": run.sha256,
+        "columns": {**run.columns},
+        "units": {name: unit for name, unit in run.units.items() if f"log_{name}" in columns},
+        "apart": apart,
+    }
+    return Table.of("simulate", columns, facts)
 
 
 def _reached(ends: Mapping[str, float], columns: Columns) -> dict[str, float]:
@@ -232,8 +288,8 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         entry = next(iter(ports.get("inputs") or ()), "")
     numbers: Numbers = {
         "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
-        "input": options["input"],
-        "from": options.get("from") or entry,
+        "input": "log" if "log" in facts else options["input"],
+        "from": facts["log"]["file"] if "log" in facts else options.get("from") or entry,
         "ticks": rows,
         "wanted_ticks": facts["ticks"]["wanted"],
         "seconds": rows * tick,
@@ -247,6 +303,7 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "slow_results": None,
         "energy": None,
         "outputs": {},
+        "log": facts.get("log", {}).get("apart"),
     }
     if not rows:
         return numbers
@@ -366,6 +423,10 @@ def _result_lines(found: Numbers) -> Iterator[Line]:
             f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost",
             False,
         )
+    for name, off in (found["log"] or {}).items():
+        differ = f"simulated and measured differ by {off['rms']:.4g} in the root mean square"
+        most = f"by {off['largest']:.4g} at most, at {off['largest_s']:.4g} s"
+        yield f"{name}: {differ}, of {off['measured_rms']:.4g} in the log, {most}", False
     for name, output in found["outputs"].items() if not found["stopped"] else ():
         yield _output_line(name, output), False
     if found["energy"] and not found["stopped"]:  # the energies of a run that explodes mean nothing
@@ -492,7 +553,7 @@ def _off(columns: Columns, name: str) -> float | None:
 def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute | None:
     from wavesweep.program.spec import load
 
-    if "frames_sha256" in facts:
+    if "frames_sha256" in facts or "log" in facts:
         return None  # the package does not have the path of the file
     spec = replace(load(facts["spec"]).asking("simulate"), name=name())
     return Recompute(spec.sha256, simulate(spec)[number].blocks)

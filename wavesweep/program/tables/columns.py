@@ -156,7 +156,7 @@ def _numbers_of_table(spec: Mapping[str, Any]) -> dict[str, Field]:
 
 
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
-    """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows."""
+    """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows, and of what was measured."""
     spec = (facts or {}).get("spec", {})
     ports = spec.get("ports", {})
     inputs = _signals_of_ports("inputs", ports, "input, held over the tick")
@@ -184,7 +184,11 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
         column = run_column("signals", name)
         if column not in inputs:
             named[column] = Field(column, "number", "", f"{name}: {text}")
-    return inputs | named | outputs
+    logged = {}
+    for name, unit in (facts or {}).get("log", {}).get("units", {}).items():
+        column = f"log_{name}"
+        logged[column] = Field(column, "number", unit, f"{name} as the log has it, its newest row")
+    return inputs | named | outputs | logged
 
 
 def _signals_of_ports(side: str, ports: Mapping[str, Any], meaning: str) -> dict[str, Field]:
