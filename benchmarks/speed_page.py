@@ -1,8 +1,8 @@
-"""Write what the benchmarks print into docs/speed.md, so that no number there is of another version than it says.
+"""Write what the benchmarks print into the pages, so that no number there is of another version than it says.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/speed_page.py [NAME ...]
 
-Each block of the page, from `<!-- measured: NAME -->` to `<!-- end -->`, has the lines that a command prints, and where and
+Each block of a page, from `<!-- measured: NAME -->` to `<!-- end -->`, has the lines that a command prints, and where and
 when it was run. Names: those of blocks, all by default.
 """
 
@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 HERE = Path(__file__).parent
-PAGE = HERE.parent / "docs" / "speed.md"
+PAGES = [HERE.parent / "docs" / name for name in ("speed.md", "in-place-of.md")]
 BLOCK = re.compile(r"^<!-- measured: (\w+) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 COMMANDS = {
     "questions": "python benchmarks/what_takes_how_long.py",
@@ -22,6 +22,7 @@ COMMANDS = {
     "grid": "python benchmarks/grid_ratio.py",
     "panels": "python benchmarks/panel_speed.py --least --rounds 3",
     "growth": "python benchmarks/cliffs.py --least",
+    "pairs": "python benchmarks/in_place_of.py",
 }
 
 
@@ -46,14 +47,14 @@ def _where() -> str:
 
 def main() -> None:
     """Write the blocks that are named."""
-    there = dict(BLOCK.findall(PAGE.read_text(encoding="utf-8")))
-    if unknown := [name for name in sys.argv[1:] if name not in there]:
-        sys.exit(f"docs/speed.md has no block {', '.join(unknown)}; it has {', '.join(there)}")
-    for name in sys.argv[1:] or there:
+    if unknown := [name for name in sys.argv[1:] if name not in COMMANDS]:
+        sys.exit(f"no page has a block {', '.join(unknown)}; there are {', '.join(COMMANDS)}")
+    for name in sys.argv[1:] or COMMANDS:
         block = f"<!-- measured: {name} -->\n\n{measured(name)}\n<!-- end -->"
-        text = PAGE.read_text(encoding="utf-8")
-        text = BLOCK.sub(lambda found, new=block, own=name: new if found[1] == own else found[0], text)
-        PAGE.write_text(text, encoding="utf-8")  # each as soon as it is there
+        for page in PAGES:
+            text = page.read_text(encoding="utf-8")
+            text = BLOCK.sub(lambda found, new=block, own=name: new if found[1] == own else found[0], text)
+            page.write_text(text, encoding="utf-8")  # each as soon as it is there
 
 
 if __name__ == "__main__":
