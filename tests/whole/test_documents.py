@@ -232,3 +232,11 @@ def test_the_page_on_what_takes_how_long_has_the_questions_that_are_measured():
     questions = PAGES["speed.md"].partition("## Beside")[0]
     shown = re.findall(r"^\| (.+?) \| (.+?) \| [\d.]+ (?:ms|s|min) \|$", questions, re.MULTILINE)
     assert shown == [(question, loop) for question, loop, _ in QUESTIONS]
+
+
+@pytest.mark.parametrize("path", ["docs/_static/site.css", "wavesweep/explore/page.css", "wavesweep/reports/report_page.py"])
+def test_a_page_that_is_dark_on_a_screen_is_light_on_paper(path):
+    """What makes figures dark stands within a query for screens, alone in its line or in the block that the query begins."""
+    for block in re.split(r"(?=@media)", (ROOT / path).read_text(encoding="utf-8")):
+        dark = "invert(" in block or "#17191c" in block
+        assert not dark or re.match(r"@media screen\b", block), block[:80]
