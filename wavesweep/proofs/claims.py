@@ -24,6 +24,7 @@ from wavesweep.proofs.cells import (
     tree,
 )
 from wavesweep.proofs.drifts import drifts_of
+from wavesweep.proofs.planes import Part, lines_of
 from wavesweep.proofs.refuted import read, word_of
 from wavesweep.proofs.sets import Cells, decimals, lines_over
 
@@ -135,6 +136,20 @@ def claim_refuted(tables: dict, numbers: Mapping[str, str], text: str) -> Lines:
         raise Refused(f"no form is found of what refutes it: {text}")
     head = {"claim": "refuted", "numbers": whole, "outside": found.outside, "word": claim.word}
     return [head | _coordinates(claim), found.line]
+
+
+def claim_of_plane(
+    tables: dict,
+    numbers: Mapping[str, str],
+    ends: Mapping[str, tuple[float, float]],
+    parts: Sequence[Part],
+) -> Lines:
+    """Return the lines of a map. ends: of its numbers; parts: what is known of each. Errors: Refused,
+    Unreadable."""
+    sides = {name: (exactly(low), exactly(high)) for name, (low, high) in ends.items()}
+    family, head = _family(tables, numbers, sides)
+    written = {name: [decimals(low), decimals(high)] for name, (low, high) in sides.items()}
+    return [head | {"sides": written, "open": True}, *lines_of(family, [*sides], parts)]
 
 
 def _family(tables, numbers, sides):

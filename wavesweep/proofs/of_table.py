@@ -16,6 +16,7 @@ from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import check, spec_of
 from wavesweep.checker.reader.loops import Unreadable
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.asked import key_named
 from wavesweep.program.number_words import rounded_up
 from wavesweep.program.spec import SYMBOLS, Spec, sweep_axes
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
@@ -23,12 +24,14 @@ from wavesweep.proofs.cells import WINDOW
 from wavesweep.proofs.claims import (
     Found,
     Lines,
+    claim_of_plane,
     claim_of_point,
     claim_of_set,
     claim_refuted,
     claims_along,
     write,
 )
+from wavesweep.proofs.planes import Part
 
 if TYPE_CHECKING:
     from wavesweep.program.columns import Columns
@@ -41,6 +44,7 @@ UNCLAIMED_FACTS = {"contact": "contact", "tick": "late ticks", "every_hand": "ev
 FACTS = "for_all", "at_random"  # of `check`
 IN_ANY_ORDER = "for_all", "messages"  # their kinds that are not about means
 IN_WORDS = {"for all": "stable", "mean square": "stable in mean square"}
+ORDINALS = "first", "second", "third"  # in the columns of a map
 REQUIRED = "what [sweep] require asks for"
 SLICES, ROWS, REFUTED = "slices", "rows for all of [for_all]", "refuted ends"
 SAME_END = 4 * WINDOW  # of an end or of the range: how far a row and its proof may differ
@@ -106,11 +110,45 @@ def with_proof(
     if not proofs.claims:
         return table
 
-    def more(folder: Path) -> None:
-        write(folder / f"{table.kind}.proof", text, proofs.claims)
+    return _with_file(table, text, proofs.claims)
 
-    facts = {**table.facts, "proof": f"{table.kind}.proof", "proved_spec": text.decode()}
+
+def _with_file(table: Table, text: bytes, claims: Sequence[Lines]) -> Table:
+    """The table that writes these claims about a text as well."""
+    name = f"{table.kind}.proof"
+
+    def more(folder: Path) -> None:
+        write(folder / name, text, claims)
+
+    facts = {**table.facts, "proof": name, "proved_spec": text.decode()}
     return replace(table, facts=facts, extra_files=more)
+
+
+def of_map(
+    table: Table, spec: Spec, source: str, overrides: Sequence[str], say: Callable[[str], None]
+) -> Table:
+    """Return a table of a map that writes its proof file as well; otherwise as `with_proof`."""
+    text = text_of(source)
+    columns = table.columns
+    names = [checked_name(key_named(spec, name).path) for name in table.facts["numbers"]]
+    ends = [(columns[f"{place}_low"], columns[f"{place}_high"]) for place in ORDINALS[: len(names)]]
+    boxes = np.moveaxis(np.array(ends, float), 2, 0).mT
+    parts = []
+    for box, outside in zip(boxes, columns["outside"].tolist(), strict=True):
+        parts.append(Part(box, None if np.isnan(outside) else int(outside)))
+    whole = np.array(table.facts["ends"]).T.tolist()
+    try:
+        lines = claim_of_plane(
+            spec_of(text),
+            numbers_set(spec, overrides),
+            dict(zip(names, map(tuple, whole), strict=True)),
+            parts,
+        )
+    except (Refused, Unreadable) as error:
+        say(f"no proof file: {error}")
+        return table
+    say(f"{table.kind}.proof: {sum('L' in line for line in lines)} parts with forms")
+    return _with_file(table, text, [lines])
 
 
 @dataclass(slots=True, eq=False)
@@ -181,7 +219,6 @@ class _Proofs:
 
 def _slices(spec: Spec, columns: Columns) -> Iterator[tuple[str, dict[str, str], Columns]]:
     """Yield what rows are of, their numbers and the rows of each combination of the axes."""
-    from wavesweep.program.analyses.asked import key_named
     from wavesweep.program.columns import axes_of, whose_column
 
     axes = axes_of(columns)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.checker import balls, file
+from wavesweep.checker import balls, file, form
 from wavesweep.checker.balls import Refused
 from wavesweep.engine.sets import Polynomials, Side
 from wavesweep.engine.switched import ALONE, Centre, Graph, OnAverage, cover
@@ -38,7 +38,7 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaf:
-    """A cell with its forms: from low to high of places of the sides."""
+    """A cell with its forms: from low to high of the sides, as doubles, `(2, sides)`."""
 
     box: np.ndarray
     line: dict[str, Any]
@@ -148,38 +148,30 @@ class Cells:
     def matrices(self, box: np.ndarray) -> Polynomials:
         """The matrices of the frames in a box, `(frames, n, n)`. Errors: Refused without a bound."""
         cell = balls.Cell(self.cell(box))
-        exponents = _exponents(cell.width)
         found = {}
         for kind in {frame.kind for frame in self.frames}:
-            A = self.family.matrix(kind, cell)
-            rest = np.array(A.error, float)
-            for powers, part in A.parts.items():
-                if sum(powers) > ORDER:
-                    rest += np.abs(np.array(part, float))
-            nothing = np.zeros_like(rest)
-            parts = [np.array(A.parts.get(powers, nothing), float) for powers in exponents]
-            found[kind] = np.array(parts) / balls.ONE, rest / balls.ONE
-        terms = np.stack([found[frame.kind][0] for frame in self.frames], 1)
-        rest = np.stack([found[frame.kind][1] for frame in self.frames])
+            found[kind] = polynomials_of(self.family.matrix(kind, cell), cell)
+        terms = np.stack([found[frame.kind].terms for frame in self.frames], 1)
+        rest = np.stack([found[frame.kind].rest for frame in self.frames])
         return Polynomials(terms, rest, cell.width, ORDER)
 
     def line(self, box: np.ndarray, centre: Centre, further: np.ndarray) -> dict[str, Any] | None:
         """What the file says of a box with forms, None if the checker refuses it."""
         ends = self.cell(box)
         cell = balls.Cell(ends)
-        exponents = _exponents(cell.width)[1:]
+        exponents = exponents_of(cell.width)[1:]
         roots = np.linalg.cholesky(centre.P).mT
         L = roots @ centre.inverse
         back = np.linalg.inv(roots)
         slopes = [back.mT @ each @ back for each in further]
         largest = np.abs(L).max()
         for digits in DIGITS:
-            nodes = []
+            nodes: list[dict[str, Any]] = []
             for node, rows in enumerate(L / largest):
-                nodes.append({"L": _written(rows, digits)})
+                nodes.append({"L": written(rows, digits)})
                 if slopes:
                     nodes[-1]["Q"] = [
-                        [[*powers], _written((each[node] + each[node].T) / 2, digits)]
+                        [[*powers], written((each[node] + each[node].T) / 2, digits)]
                         for powers, each in zip(exponents, slopes, strict=False)
                     ]
             line = self._of_nodes(nodes, centre.graph)
@@ -226,8 +218,19 @@ class _Enclosed:
         return self.matrices if np.array_equal(box, self.box) else self.cells.matrices(box)
 
 
-def _exponents(width):
-    """The monomials of matrices in so many sides."""
+def polynomials_of(A: form.Matrix, cell: balls.Cell) -> Polynomials:
+    """Return a matrix of the checker in doubles, `(n, n)`."""
+    rest = np.array(A.error, float)
+    for powers, part in A.parts.items():
+        if sum(powers) > ORDER:
+            rest += np.abs(np.array(part, float))
+    nothing = np.zeros_like(rest)
+    parts = [np.array(A.parts.get(each, nothing), float) for each in exponents_of(cell.width)]
+    return Polynomials(np.array(parts) / balls.ONE, rest / balls.ONE, cell.width, ORDER)
+
+
+def exponents_of(width: int) -> list[tuple[int, ...]]:
+    """Return the monomials of matrices in so many sides."""
     return [*map(tuple, Polynomials.constant(np.zeros(0), width, ORDER).exponents.tolist())]
 
 
@@ -263,7 +266,8 @@ def _chain(family):
     return frames, OnAverage(graph, np.array(weight))
 
 
-def _written(matrix, digits):
+def written(matrix: np.ndarray, digits: int) -> list[list[str]]:
+    """Return the entries of a form in so many digits."""
     if digits == 17:
         return [[repr(x + 0.0) for x in row] for row in matrix.tolist()]
     return [[f"{x + 0.0:.{digits}g}" for x in row] for row in matrix.tolist()]
@@ -296,7 +300,8 @@ def lines_over(cells: Cells, words: Sequence[tuple[int, ...]] = ()) -> tuple[flo
                 raise Refused(f"forms of {centre.graph.nodes} nodes; at most {file.NODES}")
             line = cells.line(part, centre, further)
             if line is not None:
-                leaves.append(Leaf(part, line))
+                ends = [tuple(map(float, each)) for each in cells.cell(part).values()]
+                leaves.append(Leaf(np.array(ends).T, line))
                 continue
             widths = np.ptp(part, 0) / np.ptp(cells.whole, 0).clip(LEAST)
             side = int(widths.argmax())
@@ -305,19 +310,18 @@ def lines_over(cells: Cells, words: Sequence[tuple[int, ...]] = ()) -> tuple[flo
             for half in (0, 1):
                 waiting.append(part.copy())
                 waiting[-1][1 - half, side] = part[:, side].mean()
-    return begins, list(_tree(cells, leaves))
+    return begins, list(tree([*cells.ends], leaves))
 
 
-def _tree(cells: Cells, leaves: Sequence[Leaf]) -> Iterator[dict[str, Any]]:
-    """The lines of cells that divide a box, in the order of the file."""
+def tree(names: Sequence[str], leaves: Sequence[Leaf]) -> Iterator[dict[str, Any]]:
+    """Yield the lines of cells that divide a box, in the order of the file."""
     if len(leaves) == 1:
         yield leaves[0].line
         return
     side, cut = _cut(leaves)
-    name = list(cells.ends)[side]
-    yield {"split": name, "at": decimals(cells.number(side, cut))}
-    yield from _tree(cells, [leaf for leaf in leaves if leaf.box[1, side] <= cut])
-    yield from _tree(cells, [leaf for leaf in leaves if leaf.box[0, side] >= cut])
+    yield {"split": names[side], "at": repr(cut)}
+    yield from tree(names, [leaf for leaf in leaves if leaf.box[1, side] <= cut])
+    yield from tree(names, [leaf for leaf in leaves if leaf.box[0, side] >= cut])
 
 
 def _cut(leaves):

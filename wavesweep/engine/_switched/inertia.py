@@ -15,12 +15,15 @@ class Inertia(NamedTuple):
 
     outside: the number of eigenvalues outside, -1 where it is not known, `(cells,)`. moves: by how
     much each number moves the slack, `(cells, numbers)`. rest: which part of the slack is lost to
-    what the matrices leave out, `(cells,)`.
+    what the matrices leave out, `(cells,)`. forms: their terms, `(monomials, cells, n, n)`, for
+    states z with x = basis z, `(cells, n, n)`.
     """
 
     outside: np.ndarray
     moves: np.ndarray
     rest: np.ndarray
+    forms: np.ndarray
+    basis: np.ndarray
 
 
 def inertia_of_cells(A: Polynomials) -> Inertia:
@@ -37,7 +40,7 @@ def inertia_of_cells(A: Polynomials) -> Inertia:
         outside, slack = outside_each(forms, seen)
         moves = _norm(slack.terms).T @ (1 - 0.5**A.exponents)  # what is gone if a side is halved
         size = _norm(np.abs(seen.terms).sum(0)) * _norm(np.abs(P).sum(0))
-        return Inertia(outside, moves, 2 * size * _norm(seen.rest))
+        return Inertia(outside, moves, 2 * size * _norm(seen.rest), P, basis)
 
 
 def _eigenvectors(A):

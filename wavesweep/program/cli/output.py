@@ -314,8 +314,7 @@ def produce_intervals(
     from wavesweep.program.tables.interval_table import intervals
 
     hands = None
-    if proof and not options.to_folder:
-        raise UsageError(f"--proof: expected a folder as --out, found {options.out}")
+    refuse_proof(proof, options)
     if for_hands:
         hands, kind = hands_of(for_hands), kind + HANDS
 
@@ -333,6 +332,12 @@ def produce_intervals(
         return [table]
 
     produce([kind], [source], options, compute)
+
+
+def refuse_proof(proof: bool, options: Options) -> None:
+    """Refuse a proof file where there is no folder for it. Errors: UsageError."""
+    if proof and not options.to_folder:
+        raise UsageError(f"--proof: expected a folder as --out, found {options.out}")
 
 
 def checkpoint_of(name: str, specs: Sequence[Spec], options: Options) -> Path:

@@ -151,17 +151,21 @@ def stability_region(
       wavesweep stability-region mine.toml --set 'sweep={along = "b", b = {start = 5, stop = 100}, B_VE = [1, 5]}'
       wavesweep stability-region mine.toml --map K_VE,b --set 'sweep.b={start=5, stop=100}'
     """
-    from wavesweep.program.cli.output import produce, produce_intervals
+    from wavesweep.program.cli.messages import say
+    from wavesweep.program.cli.output import produce, produce_intervals, refuse_proof
 
+    refuse_proof(proof, options)
     if mapped:
-        if for_hands or proof:
-            other = "--for-hands" if for_hands else "--proof"
-            raise click.UsageError(f"--map: expected it without {other}; leave one of them out")
+        if for_hands:
+            raise click.UsageError("--map: expected it without --for-hands; leave one of them out")
         maps = offered("stability_map")
         names = [name.strip() for name in mapped.split(",")]
 
         def compute(specs: list[Spec], progress: Any, **_: Any) -> list[Table]:
-            return [maps.stability_map(specs[0], names, share_open, progress)]
+            table = maps.stability_map(specs[0], names, share_open, progress)
+            if proof:
+                table = offered("of_table").of_map(table, specs[0], spec, options.overrides, say)
+            return [table]
 
         return produce(["stability-map"], [spec], options, compute)
 

@@ -1,0 +1,90 @@
+"""Planes of two or three numbers: the parts of a map, each with a form that has the count of its part."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavesweep.checker import balls, file, form
+from wavesweep.checker.balls import Refused
+from wavesweep.engine.switched import inertia_of_cells
+from wavesweep.proofs.cells import exactly
+from wavesweep.proofs.sets import DIGITS, Ends, Leaf, exponents_of, polynomials_of, tree, written
+
+SMALLER = 7  # times a part of a map is halved before it stays open
+
+
+class Part(NamedTuple):
+    """A part of a map: its ends as doubles, `(2, numbers)`, and how many modes are outside; None if
+    it is open."""
+
+    box: np.ndarray
+    outside: int | None
+
+
+def lines_of(
+    family: file.Family, names: Sequence[str], parts: Sequence[Part]
+) -> list[dict[str, Any]]:
+    """Return the tree of cells of a map of some numbers. Its parts are smaller where the checker's
+    polynomials, of a lower order, ask for it."""
+    leaves: list[Leaf] = []
+    for part in parts:
+        leaves += _leaves(family, names, part, SMALLER)
+    return list(tree(names, leaves))
+
+
+def _leaves(family, names, part: Part, halvings: int) -> Iterator[Leaf]:
+    if part.outside is None:
+        yield Leaf(part.box, {"open": True})
+        return
+    ends = {}
+    for name, (low, high) in zip(names, part.box.T.tolist(), strict=True):
+        ends[name] = exactly(low), exactly(high)
+    line, side = _line(family, ends, part.outside)
+    if line is not None:
+        yield Leaf(part.box, line)
+    elif not halvings:
+        yield Leaf(part.box, {"open": True})
+    else:
+        middle = part.box[:, side].mean()
+        for half in (0, 1):
+            box = part.box.copy()
+            box[1 - half, side] = middle
+            yield from _leaves(family, names, part._replace(box=box), halvings - 1)
+
+
+def _line(family, ends: Ends, outside: int) -> tuple[dict[str, Any] | None, int]:
+    """What the file says of a cell, None without; and the side along which it is halved then."""
+    cell = balls.Cell(ends)
+    try:
+        A = family.matrix("", cell)
+    except Refused:
+        return None, 0
+    found = inertia_of_cells(polynomials_of(A, cell).of(None))
+    side = int(np.nan_to_num(found.moves[0], nan=np.inf).argmax())
+    if found.outside[0] != outside:
+        return None, side
+    for digits in DIGITS:
+        line = _of_form(found, exponents_of(cell.width)[1:], digits)
+        signs = [1 if sign == "+" else -1 for sign in line["signs"]]
+        P = file.form_from(line, cell, signs)
+        if form.decreases(P, [(None, A, P)]):
+            return line, side
+    return None, side
+
+
+def _of_form(found, exponents, digits) -> dict[str, Any]:
+    P, *further = found.forms[:, 0]
+    values, vectors = np.linalg.eigh(P)
+    roots = np.sqrt(np.abs(values))[:, None] * vectors.T
+    back = np.linalg.inv(roots)
+    L = roots @ np.linalg.inv(found.basis[0])
+    slopes = []
+    for powers, each in zip(exponents, further, strict=False):
+        Q = back.T @ each @ back
+        slopes.append([[*powers], written((Q + Q.T) / 2, digits)])
+    return {
+        "L": written(L / np.abs(L).max(), digits),
+        "signs": "".join("+" if value > 0 else "-" for value in values),
+        "Q": slopes,
+    }
