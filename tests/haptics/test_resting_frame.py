@@ -62,8 +62,9 @@ def sampled_wall(rng):
     return blocks, {"h.u": "device.x", "wall.u": "h.y"}, "wall.y + B*device.v + b*device.v"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("seed", "drawn"), [(0, wave_line), (4, wave_line), (8, sampled_wall)])
+@pytest.mark.parametrize(
+    ("seed", "drawn"), [pytest.param(0, wave_line, marks=pytest.mark.slow), (4, wave_line), (8, sampled_wall)]
+)
 def test_what_is_felt_at_an_end_is_the_response_at_0_hz(drawn, seed, monkeypatch):
     blocks, wires, force = drawn(np.random.default_rng(seed))
     tables = TABLES | {"block": {"device": DEVICE, **blocks}}

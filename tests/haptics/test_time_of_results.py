@@ -2,13 +2,14 @@
 
 from fractions import Fraction
 from itertools import pairwise
-from math import exp, floor, pi, sqrt, tan
+from math import ceil, exp, floor, pi, sqrt, tan
 
 import numpy as np
 import pytest
 
 import wavesweep as package
 from wavesweep import load
+from wavesweep.haptics.controller_page import Slow
 
 MASS, DAMPING, B_VE = 0.1, 1.5, 1.0  # kg, N s/m, N s/m: the defaults
 B, CUTOFF_HZ = 25.0, 10.0  # N s/m of the waves, Hz of LP1
@@ -114,6 +115,32 @@ def test_a_result_is_in_place_when_its_time_has_come():
     assert [in_place(tick, frame, "frame") for tick in range(6)] == [-1, -1, -1, 0, 0, 1]
     assert [in_place(tick, frame, 0) for tick in range(6)] == [0, 0, 0, 1, 1, 2]
     assert [in_place(tick, frame, 3) for tick in range(7)] == [-2, -1, -1, 0, 0, 0, 1]
+
+
+def shown_by(slow: Slow, frame: Fraction) -> list[int]:
+    """Numbers of the results that the blocks of a page show in the ticks of a frame, some frames after the start."""
+    computed = kept = before = shown = -1
+    found = []
+    for tick in range(6 * frame.numerator):
+        at = tick % frame.numerator
+        computed += slow.reads.count(at)
+        kept = computed if at in slow.stored or not slow.stored else kept
+        if at in slow.shown:
+            shown, before = (kept if slow.by == "hold" else before), kept
+        found.append(shown if slow.shown else kept)
+    return found
+
+
+def test_the_blocks_of_a_page_show_each_result_when_its_time_has_come():
+    """For frames of a tick, of two and of up to 11, whole and not, and all delays."""
+    kinds = set()
+    for frame in {Fraction(ticks, steps) for ticks in range(1, 12) for steps in range(1, ticks // 2 + 1)} | {Fraction(1)}:
+        for late in ["frame", *range(ceil(frame) + 1)]:
+            slow = Slow.of({"rates.ratio": float(frame), "environment.delay": frame if late == "frame" else late})
+            kinds.add((slow.by, bool(slow.stored), bool(slow.shown)))
+            right = [in_place(tick, frame, late) for tick in range(6 * frame.numerator)]
+            assert shown_by(slow, frame)[3 * frame.numerator :] == right[3 * frame.numerator :], (frame, late)
+    assert len(kinds) == 5
 
 
 @pytest.mark.parametrize(("slow_hz", "right"), [(400.0, 576.5787485710594), (60.0, 96.11155302501459)])
