@@ -95,8 +95,8 @@ def _seconds_of(task):
 def _samples(job):
     """The job in small chunks, and some of them, from its middle and its ends."""
     chunks = job.chunks
-    # A tenth of a chunk, large enough that the overhead of a batch does not decide.
-    enough = max(1, chunks.deep * chunks.wide // 10)
+    # Half a chunk, so that neither the overhead of a batch nor one dear loop of it decides.
+    enough = max(1, chunks.deep * chunks.wide // 2)
     wide = min(chunks.points, enough)
     deep = max(1, enough // wide)
     if (
