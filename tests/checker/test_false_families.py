@@ -1,0 +1,86 @@
+"""Two sets that were once called proved and are not: what proves a smaller set, or another one, is refused for them."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from checker.test_messages import proof_of
+from scipy.linalg import solve_discrete_lyapunov
+from support.proofs import checked
+
+from wavesweep.checker import balls, file
+from wavesweep.proofs.cells import cells_along, tree
+
+# Masses that are constant are stable from 0.0327 to 0.2168 kg; a, a, b, b in turn grow by 1.2077 a frame.
+MASSES = """
+[rates]
+ratio = 10
+[device]
+damping = 0.3
+velocity = "difference"
+[environment]
+integration = "explicit"
+delay = 1
+K_VE = 325
+B_VE = 2
+[controller]
+kind = "dc-slow"
+[for_all]
+"device.mass" = { start = 0.0327, stop = 0.2168 }
+"""
+ENDS = {"device.mass": ["0.0327", "0.2168"]}
+# With the dead time in seconds s = 15.4692 was called proved; refuted from 14.2968 on by messages that come, and are lost, in turn.
+LOSSES = """
+rates.tick_hz = 100
+numbers.s = 15.0
+[block]
+x = { type = "mass", mass = 2, damping = 1.68 }
+ca = { type = "channel", every = 7, lost = 1 }
+z = { type = "delay", seconds = 0.05 }
+[wire]
+"ca.u" = "-s*x.x"
+"z.u" = "ca.y"
+"x.f" = "z.y"
+"""
+IN_TURN = ["0: ca gets 0", "0: ca has 1"]
+
+
+@pytest.mark.slow
+def test_masses_that_vary_are_not_proved_by_masses_that_are_constant(tmp_path):
+    sides = {name: tuple(map(Fraction, ends)) for name, ends in ENDS.items()}
+    claim = file.Claim("for all", sides=sides)
+    family = file.family_of(file.spec_of(MASSES.encode()), claim)
+    cells = cells_along(family, "device.mass", 0.0327, 0.2168, [])
+    lines = [{"claim": "for all", "sides": ENDS, "states": family.states}, *tree("device.mass", cells)]
+    assert checked(tmp_path, MASSES, lines)[0] == 0
+    varying = MASSES.replace("0.2168", "0.2168, varying = true")
+    code, words = checked(tmp_path, varying, lines)
+    assert code == 2
+    assert "device.mass varies from frame to frame" in words
+
+
+@pytest.mark.parametrize("written", ["seconds = 0.05", "steps = 5"])
+def test_a_dead_time_behind_losses_is_taken_whole(written, tmp_path):
+    spec = LOSSES.replace("seconds = 0.05", written)
+    assert checked(tmp_path, spec, proof_of(spec, "14.2", "s"))[0] == 0
+    shorter = spec.replace("0.05", "0.03").replace("= 5", "= 3")
+    false = proof_of(shorter, "15.4692", "s")
+    assert checked(tmp_path, shorter, false)[0] == 0
+    code, words = checked(tmp_path, spec, false)
+    assert code == 1
+    assert "REFUSED: all that [for_all] and its channels allow, s = 15.4692" in words
+
+
+def test_the_frames_that_refute_it_are_multiplied_out(tmp_path):
+    for value, code in (("15.4692", 0), ("14.2", 1)):
+        claim = file.Claim("refuted", {"s": Fraction(value)}, outside=2, word=IN_TURN)
+        family = file.family_of(file.spec_of(LOSSES.encode()), claim)
+        (part,) = family.matrix("", balls.Cell({})).parts.values()
+        A = np.array([[x / balls.ONE for x in row] for row in part])
+        P = solve_discrete_lyapunov(A.T, np.eye(len(A)))
+        sizes, vectors = np.linalg.eigh(P)
+        L = np.sqrt(abs(sizes))[:, None] * vectors.T
+        rows = [[f"{x:.15g}" for x in row] for row in L / abs(L).max()]
+        line = {"claim": "refuted", "numbers": {"s": value}, "outside": 2, "word": IN_TURN, "states": family.states}
+        cell = {"L": rows, "signs": "".join("+" if x > 0 else "-" for x in sizes)}
+        assert checked(tmp_path, LOSSES, [line, cell])[0] == code, value
