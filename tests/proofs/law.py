@@ -22,15 +22,13 @@ from wavesweep.proofs.claims import claims_along, write
 from wavesweep.proofs.of_table import checked_name, end_without_proof, ends_of
 
 PROVED = "proved"
-ASIDE = ("refused by the package", "no axis", "in doubt")  # nothing is certified
+ASIDE = ("no axis", "in doubt")  # nothing is certified
 LEAST = 0.98  # share of certified specs of each kind that are proved
 
 
 def fate(text: str, folder: Path) -> str:
     """What becomes of the own rows of a spec along its number: "proved", one of ASIDE, or what is in the way."""
     loop = compiled(text, folder)
-    if isinstance(loop, str):
-        return "refused by the package"
     spec = loop.spec
     axis = next((axis for axis in spec.sweep if axis.name == spec.along), None)
     if axis is None or axis.structural:

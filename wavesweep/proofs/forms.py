@@ -1,15 +1,20 @@
 """Forms P for a matrix that depends on one number, found in doubles; nothing rests on how."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import schur
 
 SLOPES = 2  # degree of P(s)
 LEAST_SLACK = 0.05  # of a form that is given to the checker, whose errors take the rest
 LEAST_INDEPENDENT = 1e14  # condition of L from which on it says nothing
 ENOUGH = 0.3  # with which no other form is tried
+SLOWEST = (0.9, 0.5)  # size of modes from which each has its own part in a form
+WELL_APART = 1e4  # condition of eigenvectors up to which they do alone
+SHARES = (10.0, 100.0, 1.0)  # of what lies beside them
 DIGITS = (4, 6, 9, 13, 17)  # of its entries, that are tried
 
 
@@ -22,32 +27,86 @@ class Form(NamedTuple):
     turn: int
 
 
+# L, signs, and what solves `X - A' X A = R`
+Candidate = tuple[np.ndarray, np.ndarray, Callable[..., np.ndarray]]
+
+
 def form_of(A: Sequence[np.ndarray]) -> Form | None:
     """Return a form of few digits with `P - A' P A > 0` for s from -1 to 1, None if none is found.
 
     A: the terms of the matrix by powers of s.
     """
-    for found in _candidates(A[0]):
-        with np.errstate(all="ignore"):
-            form = _with_slopes(found, A)
-            for digits in DIGITS if form else ():
-                rounded = _rounded(form, digits)
-                if slack(rounded, A) > LEAST_SLACK:
-                    return rounded
+    with np.errstate(all="ignore"):
+        for find in (_modal, _split, _stein):
+            candidates: list[Candidate] = []
+            with suppress(np.linalg.LinAlgError, ValueError):
+                candidates += [each for each in find(A[0]) if _is_usable(each)]
+            if not candidates:
+                continue
+            constant = [Form(L, signs, [], 0) for L, signs, _ in candidates]
+            left = [slack(form, A) for form in constant]
+            best = int(np.argmax(left))
+            form = constant[best] if left[best] > ENOUGH else _with_slopes(candidates[best], A)
+            if form and (rounded := _rounded(form, A)):
+                return rounded
     return None
 
 
-def _candidates(A) -> Iterator[tuple[np.ndarray, np.ndarray, Callable[..., np.ndarray]]]:
-    """Yield L and signs of forms for the middle, and what solves `X - A' X A = R`."""
-    with np.errstate(all="ignore"):
-        try:
-            yield _modal(A)
-            yield _stein(A)
-        except (np.linalg.LinAlgError, ValueError):
-            return
+def _is_usable(candidate: Candidate) -> bool:
+    L, signs, _ = candidate
+    return bool(np.isfinite(L).all() and signs.all() and np.linalg.cond(L) < LEAST_INDEPENDENT)
 
 
-def _modal(A):
+def _split(A) -> Iterator[Candidate]:
+    """Modes near the circle each by its distance, and by Stein's equation what lies beside them, in several
+    proportions: so neither dead times nor a mode next to the circle spoil the other."""
+    values, right = np.linalg.eig(A)
+    others, left = np.linalg.eig(A.T)
+    if np.linalg.cond(right) < WELL_APART:
+        return
+    solved = _solver(A)
+    for least in SLOWEST:
+        near = np.abs(values) > least
+        if not near.any() or near.all():
+            continue
+        V = right[:, near]
+        W = left.T[np.abs(others) > least]
+        W = np.linalg.solve(W @ V, W)
+        beside = np.eye(len(A)) - (V @ W).real
+        W = W * np.linalg.norm(V, axis=0)[:, None]
+        P = ((W.conj().T / (1 - np.abs(values[near]) ** 2)) @ W).real
+        units = np.diag(np.abs(np.diag(solved(beside.T @ beside))))
+        rest = solved(beside.T @ (units + A.T @ units @ A) @ beside)
+        size = ((np.abs(W) ** 2).sum(0) / np.diag(rest)).max()
+        for share in SHARES:
+            yield _factors(P + share * size * rest, solved)
+
+
+def _factors(P, solved) -> Candidate:
+    """L and signs with `P = L' diag(signs) L`."""
+    scale = 1 / np.sqrt(np.abs(np.diag(P)) + 1e-300)
+    values, vectors = np.linalg.eigh(P * scale * scale[:, None])
+    return (np.sqrt(np.abs(values)) * vectors).T / scale, np.sign(values), solved
+
+
+def _solver(A) -> Callable[..., np.ndarray]:
+    """What solves `X - A' X A = R`, by columns of Schur's form."""
+    T, U = schur(A, output="complex")
+    lower = T.conj().T
+    parts = [np.linalg.inv(np.eye(len(A)) - value * lower) for value in np.diag(T)]
+
+    def solved(R):
+        S = U.conj().T @ R @ U
+        Y = np.zeros_like(S)
+        for at, part in enumerate(parts):
+            Y[:, at] = part @ (S[:, at] + lower @ (Y[:, :at] @ T[:at, at]))
+        X = (U @ Y @ U.conj().T).real
+        return (X + X.T) / 2
+
+    return solved
+
+
+def _modal(A) -> Iterator[Candidate]:
     """In eigenvectors, each by its distance from the circle."""
     values, vectors = np.linalg.eig(A)
     inverse = np.linalg.inv(vectors / np.linalg.norm(vectors, axis=0))
@@ -67,35 +126,23 @@ def _modal(A):
         X = (left.conj().T @ R @ left) / (1 - np.outer(values.conj(), values))
         return (inverse.conj().T @ X @ inverse).real
 
-    return np.array(rows), np.array(signs), solved
+    yield np.array(rows), np.array(signs), solved
 
 
-def _stein(A):
+def _stein(A) -> Iterator[Candidate]:
     """Of Stein's equation, solved twice, the second time in units of the first."""
-    n = len(A)
-    inverse = np.linalg.inv(np.eye(n * n) - np.kron(A.T, A.T))
-
-    def solved(R):
-        X = (inverse @ R.ravel()).reshape(n, n)
-        return (X + X.T) / 2
-
-    units = np.diag(np.abs(np.diag(solved(np.eye(n)))))
-    P = solved(units + A.T @ units @ A)
-    scale = 1 / np.sqrt(np.abs(np.diag(P)) + 1e-300)
-    values, vectors = np.linalg.eigh(P * scale * scale[:, None])
-    L = (np.sqrt(np.abs(values)) * vectors).T / scale
-    return L, np.sign(values), solved
+    solved = _solver(A)
+    units = np.diag(np.abs(np.diag(solved(np.eye(len(A))))))
+    yield _factors(solved(units + A.T @ units @ A), solved)
 
 
 def _with_slopes(found, A) -> Form | None:
     """The form with the derivatives of its equation, and the turn that leaves most slack."""
     L, signs, solved = found
-    if not np.isfinite(L).all() or 0 in signs:
-        return None
     L = L / np.abs(L).max()
     P = [L.T * signs @ L]
-    if not np.linalg.cond(L) < LEAST_INDEPENDENT:
-        return None
+    best = Form(L, signs, [], 0)
+    most = slack(best, A)
     inverse = np.linalg.inv(L)
     if len(A) > 1:
         for k in range(1, SLOPES + 1):
@@ -108,8 +155,6 @@ def _with_slopes(found, A) -> Form | None:
     slopes = [inverse.T @ each @ inverse for each in P[1:]]
     if not np.isfinite(slopes).all():
         return None
-    best = Form(L, signs, slopes, 0)
-    most = slack(best, A)
     for turn, count in product((0, -1, 1), range(len(slopes), -1, -1)):
         if most > ENOUGH:
             break
@@ -120,12 +165,18 @@ def _with_slopes(found, A) -> Form | None:
     return best if most > LEAST_SLACK else None
 
 
-def _rounded(form, digits):
-    def few(matrix, count):
-        return np.array([[float(f"{x:.{count}g}") for x in row] for row in matrix])
+def _rounded(form: Form, A: Sequence[np.ndarray]) -> Form | None:
+    """With as few digits as leave slack."""
+    for digits in DIGITS:
+        slopes = [_few((each + each.T) / 2, digits + 1) for each in form.slopes]
+        found = form._replace(L=_few(form.L / np.abs(form.L).max(), digits), slopes=slopes)
+        if slack(found, A) > LEAST_SLACK:
+            return found
+    return None
 
-    slopes = [few((each + each.T) / 2, digits + 1) for each in form.slopes]
-    return form._replace(L=few(form.L, digits), slopes=slopes)
+
+def _few(matrix, digits):
+    return np.array([[float(f"{x:.{digits}g}") for x in row] for row in matrix])
 
 
 def slack(form: Form, A: Sequence[np.ndarray]) -> float:
