@@ -29,7 +29,7 @@ kind = "dc-slow"
 "device.mass" = { start = 0.0327, stop = 0.2168 }
 """
 ENDS = {"device.mass": ["0.0327", "0.2168"]}
-# With the dead time in seconds s = 15.4692 was called proved; refuted from 14.2968 on by messages that come, and are lost, in turn.
+# With the dead time in seconds s = 15.4692 was called proved; messages that come, and are lost, in turn refute 14.2968.
 LOSSES = """
 rates.tick_hz = 100
 numbers.s = 15.0

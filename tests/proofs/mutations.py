@@ -1,7 +1,7 @@
 """Proofs of both sides of an end, of random specs, are refused once a word of the spec or of the proof is another.
 
-`python -m proofs.mutations 0 50` draws 40 changes for each. A change that is not refused says the same only if the package, that
-reads the changed spec by itself, finds the end where the proof has it. It ends with 1 if one does not.
+`python -m proofs.mutations 0 50` draws 40 changes for each. A change that is not refused says the same only if the package,
+that reads the changed spec by itself, finds the end where the proof has it. It ends with 1 if one does not.
 """
 
 import json
