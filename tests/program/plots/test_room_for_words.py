@@ -82,10 +82,21 @@ def test_notes_are_as_wide_as_the_panels():
     with figure(TWO_COLUMNS, 2.0) as canvas:
         left, right = canvas.subplots(1, 2)
         left.set_ylabel("stiffness felt at the port (N/m)")
-        note_below(canvas, *(f"What is {LONG}." for _ in range(4)), axis="time (s)")
+        note_below(canvas, *(f"What is {LONG}." for _ in range(4)), "a_name_" * 30, axis="time (s)")
     canvas.draw_without_rendering()
     notes = canvas._supxlabel.get_window_extent()
     assert left.bbox.x0 - 1 < notes.x0
     assert notes.x1 < right.bbox.x1 + 1
     assert notes.width > 0.7 * (right.bbox.x1 - left.bbox.x0)
     assert_apart(canvas)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("table", ["plane", "family", "panels", "bars"])
+def test_texts_of_a_figure_of_intervals_are_apart(table, width, request):
+    assumed = "integrated over the time since the last frame, velocity from differences of position: engines usually"
+    with as_asked(width):
+        assert_apart(
+            plots.zwidth(request.getfixturevalue(table), {"assumes": assumed, "spec": {"controller": {"kind": "pmw"}}})
+        )

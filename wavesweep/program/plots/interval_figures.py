@@ -4,6 +4,7 @@ several hands or specs."""
 import logging
 from collections.abc import Mapping, Sequence
 from math import ceil
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -269,7 +270,8 @@ def _draw_plane(
     high = shown.layout.points[-1]
     somewhere = bool((columns["intervals"] > 0).any())
     if not somewhere:
-        nothing = _nothing_stable(columns, members)
+        # 12 letters in an inch of the panel, which has 0.8 of its part of the figure
+        nothing = fill(_nothing_stable(columns, members), int(12 * 0.8 * inches[0]))
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
     logarithmic = is_logarithmic(columns[x])
     if logarithmic:

@@ -19,7 +19,7 @@ from wavesweep.program.plots.region_figures import (
     CARET,
     DOWN,
     FELT,
-    FELT_LINE,
+    FELT_WIDTH,
     LADDER,
     LEFT,
     RIGHT,
@@ -119,7 +119,7 @@ def _marks(
     handles = []
     if any(artist.get_label() == FELT for artist in artists):
         colour = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
-        felt = {"color": colour, "linestyle": FELT_LINE, "linewidth": 0.8}
+        felt = {"color": colour, "linewidth": FELT_WIDTH}
         handles.append(Line2D([], [], **felt, label="stiffness felt at the limit"))
     if shown.best:
         handles.append(Line2D([], [], **BEST, label=_best(shown, members)))

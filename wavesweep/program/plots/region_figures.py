@@ -28,10 +28,10 @@ CARET = {
     "zorder": 6,
 }  # seen on the star of the best design
 LEFT, RIGHT, UP, DOWN = range(8, 12)  # carets of matplotlib whose base is at the point
-FELT_LINE = (0, (1, 1.2))
 BAR = {"marker": "|", "markersize": 8, "markeredgewidth": 2.5, "linestyle": "none"}  # in a legend
 LADDER = "_ladder"  # label of what is not known at a value of x
 FELT = "_felt"  # label of the stiffness felt
+FELT_WIDTH = 0.6  # points: thin beside the boundary with its strokes, whose dashes it has
 _SHARE = 0.5  # of its colour that a pale bar has
 _SEEN = 0.01  # of what is shown
 
@@ -191,8 +191,8 @@ def draw_felt(axes: Any, region: Region, look: Look) -> None:
         axes.plot(
             *zip(*line, strict=True),
             color=look.colour,
-            linewidth=0.8,
-            linestyle=FELT_LINE,
+            linewidth=FELT_WIDTH,
+            linestyle=look.line,
             label=FELT,
         )
     single = [(x, interval.felt_high) for x, interval in region.bars if interval.high_real]

@@ -419,6 +419,8 @@ def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
 def _fit_notes(canvas: Any) -> bool:
     """Wrap the notes below the panels to the width of these, with lines of about one length, and
     whether there are any. The figure grows with the lines."""
+    from textwrap import wrap
+
     notes = canvas._supxlabel  # noqa: SLF001 - matplotlib returns it once, as it is made
     panels = [axes.bbox for axes in canvas.axes if axes.get_visible()]
     if notes is None or not panels:
@@ -428,31 +430,23 @@ def _fit_notes(canvas: Any) -> bool:
     before = notes.get_text().split("\n")
     wrapped: list[str] = []
     for paragraph in before:
-        room = right - left
-        lines = _lines_within(notes, paragraph, room)
+        lines = [paragraph]
+        letters = len(paragraph)
+        notes.set_text(paragraph)
+        while notes.get_window_extent().width > right - left:
+            letters = int(0.95 * letters)
+            lines = wrap(paragraph, letters, break_on_hyphens=False)
+            notes.set_text("\n".join(lines))
         narrower = lines
         while len(narrower) == len(lines) > 1:
             lines = narrower
-            room *= 0.95
-            narrower = _lines_within(notes, paragraph, room)
+            letters -= 1
+            narrower = wrap(paragraph, letters, break_on_hyphens=False)
         wrapped += lines
     notes.set_text("\n".join(wrapped))
     notes.set_x((left + right) / 2 / canvas.bbox.width)
     canvas.set_figheight(canvas.get_figheight() + LINE_OF_NOTES * (len(wrapped) - len(before)))
     return True
-
-
-def _lines_within(text: Any, paragraph: str, room: float) -> list[str]:
-    """The lines of a paragraph that are as long (pixels) as there is room, set as `text` is."""
-    lines = [""]
-    for word in paragraph.split(" "):
-        longer = f"{lines[-1]} {word}".lstrip(" ")
-        text.set_text(longer)
-        if lines[-1] and text.get_window_extent().width > room:
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return lines
 
 
 def warn_above(canvas: Any, text: str) -> None:
