@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -145,12 +145,6 @@ class IntervalQuery:
         return along | {"guarantee": repr(self.guarantee)}
 
 
-def interval_job(grid: Grid, chunks: Chunks, asked: IntervalQuery) -> Job:
-    """The job of what is asked; guarantees have records of their own."""
-    dtype = RECORD if asked.guarantee is None else asked.guarantee.dtype
-    return Job(INTERVALS, grid, chunks, dtype, asked.identity, asked)
-
-
 def _task(job, chunk):
     query = job.asked
     if query.guarantee is None:
@@ -160,10 +154,11 @@ def _task(job, chunk):
 
 
 def searches_of(job: Job, chunk: Chunk, *, felt: bool = True) -> Searches:
-    """The searches for the intervals of the loops of a chunk; felt: see `HowSearched`."""
-    how = HowSearched(felt=felt, checked=job.grid.loops <= CHECKED, prover=ball_prover)
-    loops = job.grid.drawn(job.asked.drawn_along(job.grid.spec), chunk.loops)
-    return _searches(job.grid.spec, job.asked, loops, how)
+    """The searches for the intervals of the loops of a chunk; felt: see `_searches`."""
+    grid = job.grid
+    loops = grid.drawn(job.asked.drawn_along(grid.spec), chunk.loops)
+    checked = grid.loops <= CHECKED
+    return _searches(grid.spec, job.asked, loops, felt=felt, checked=checked, prover=ball_prover)
 
 
 def ball_prover(
@@ -280,45 +275,33 @@ def _sample(job):
 INTERVALS = JobKind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 
-class HowSearched(NamedTuple):
-    """How intervals are searched.
+def _searches(
+    spec: Spec,
+    asked: IntervalQuery,
+    loops: Iterable[Group],
+    *,
+    felt: bool = True,
+    checked: bool = True,
+    prover: Prover | None = None,
+) -> Searches:
+    """The searches for the intervals of loops of the spec.
 
     felt: whether to give what is felt at the ends and the lines of a spectrum. checked, prover: see
     `Search`.
     """
-
-    felt: bool = True
-    checked: bool = False
-    prover: Prover | None = None
-
-
-def _searches(
-    spec: Spec, asked: IntervalQuery, loops: Iterable[Group], how: HowSearched
-) -> Searches:
-    """The searches for the intervals of loops of the spec."""
     by_bound: dict = {}
     require = asked.require
     for members, alike in loops:
         bound = require and require.bound.over(frames_per_clock(spec, alike))
         by_bound.setdefault((alike.drawing, bound), []).append((members, alike.read))
+    path = asked.axis.path
+    span = asked.span
+    known = checked or not spec.drawing
+    at_port = FELT_AT_ENDS if felt else None
     searches = []
     for (drawing, bound), several in by_bound.items():
         groups = tuple((members, Loops(drawing, alike.values)) for members, alike in several)
-        at_port = FELT_AT_ENDS if how.felt else None
-        known = how.checked or not spec.drawing
-        searches.append(
-            Search(
-                asked.axis.path,
-                asked.span,
-                groups,
-                how.felt,
-                known,
-                how.prover,
-                bound,
-                at_port,
-                RECORD,
-            )
-        )
+        searches.append(Search(path, span, groups, felt, known, prover, bound, at_port, RECORD))
     return Searches(tuple(searches))
 
 
@@ -363,7 +346,8 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     # Of about SECONDS_OF_CHUNK each; `most` slices keep an error of the cost small.
     together = int(np.clip(SECONDS_OF_CHUNK / cost, FEWEST, most))
     chunks = Chunks(grid.loops, 1, together, 1)
-    return interval_job(grid, chunks, replace(query, way=way, cost=cost))
+    query = replace(query, way=way, cost=cost)
+    return Job(INTERVALS, grid, chunks, RECORD, query.identity, query)
 
 
 def _unsuitable(spec, path, value):
@@ -375,8 +359,10 @@ def _unsuitable(spec, path, value):
 
 
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:
-    """The job of the intervals that are guaranteed for hands or numbers."""
-    return interval_job(job.grid, job.chunks, replace(job.asked, guarantee=guarantee))
+    """The job of the intervals that are guaranteed for hands or numbers, with records of their
+    own."""
+    query = replace(job.asked, guarantee=guarantee)
+    return replace(job, dtype=guarantee.dtype, identity=query.identity, asked=query)
 
 
 def _orders_of_few(spec, asked, drawn):
@@ -385,7 +371,7 @@ def _orders_of_few(spec, asked, drawn):
     if sum(members.size for members, _ in drawn) > REMEMBERED_LOOPS:
         return []
     with suppress(IllPosedLoopError, *FAILURES):
-        searches = _searches(spec, asked, drawn, HowSearched(checked=True)).searches
+        searches = _searches(spec, asked, drawn).searches
         opened = [slices.opened for search in searches for _, slices in search.opened_groups()]
         if all(loops and loops.loops.cut for loops in opened):
             return [(loops.loops.cut.order, Way.CUT) for loops in opened]
@@ -462,12 +448,12 @@ def at_points(
     `slice`: the point's number.
 
     points: path -> value at each point, `(n,)`; no two points are the same. require: see
-    `IntervalQuery`. how: fields of `HowSearched`.
+    `IntervalQuery`. how: see `_searches`.
     """
     count = len(next(iter(points.values())))
     asked = IntervalQuery(axis, require=require)
     loops = drawn_groups(spec, points, count, rates=True, along=asked.drawn_along(spec))
-    records = _searches(spec, asked, loops, HowSearched(**how, checked=True)).records()
+    records = _searches(spec, asked, loops, **how).records()
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names}
     columns["doubt"] = words(records["doubt"])
     return columns | columns_of_ends(records)

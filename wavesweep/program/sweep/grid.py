@@ -72,7 +72,8 @@ class Grid:
         return tuple(_drawn(self.spec, self.groups(wanted), along))
 
     def groups(self, numbers: Sequence[int]) -> Iterator[tuple[np.ndarray, dict]]:
-        """Yield (members, values) of loops of the grid, see `groups`."""
+        """Yield (members, values) of loops of the grid: those of `drawn_groups` as flat values, with
+        arrays for those in which they differ."""
         return _alike(self.spec, self.loop_values(numbers), len(numbers), self.plain, self.resolved)
 
     def resolve_all(self, table: str = "sweep") -> None:
@@ -92,16 +93,11 @@ class Grid:
                 raise UsageError(
                     f"[{table}]: every combination is computed, and {named} makes no loop: {error}"
                 ) from error
-        if self.spec.drawing:
-            self._refuse_unsuitable()
-
-    def _refuse_unsuitable(self) -> None:
-        """Raise UsageError if the numbers of one of the `checked` loops make no loop, with the
-        place of the axis if there is only one."""
-        for _, values in self.groups(self.checked):
+        for _, values in self.groups(self.checked) if self.spec.drawing else ():
             try:
                 Loops(self.spec.drawing, values).refuse_unsuitable()
             except UsageError as error:
+                # The place of the axis, if there is only one.
                 place = self.loop_axes[0].place.location() if len(self.loop_axes) == 1 else ""
                 raise UsageError(f"{place}: {error}" if place else str(error)) from error
 
@@ -143,7 +139,7 @@ def make_grid(
 
     read: the keys that the controller reads, if they are known already. apart: whether slices
     follow each other as their combinations do; if not, those of one drawing follow each other.
-    rates: see `groups`.
+    rates: see `drawn_groups`.
     """
     read = keys_of(spec) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -204,29 +200,20 @@ def _digits(axes, index):
     return ()
 
 
-def groups(
-    spec: Spec, changes: Changes, size: int, *, rates: bool = False
-) -> Iterator[tuple[np.ndarray, dict]]:
-    """Yield (members, values): indices into the `size` loops, and flat values with arrays for those
-    in which they differ.
+def drawn_groups(
+    spec: Spec, changes: Changes, size: int, *, rates: bool = False, along: str = ""
+) -> Iterator[Group]:
+    """Yield (members, loops): indices into the `size` loops, and these in one drawing with all
+    numbers of the spec.
 
     Loops of one group differ in floats only. If such a float is zero in one of them, it is zero in
     all, since a zero may take a branch out of the drawing. Whole numbers and keys that others
     derive from go through the spec, once per distinct combination. rates: whether the loops of a
-    group may have different fast rates.
+    group may have different fast rates. along: path of a number that is varied in every loop in
+    addition to the changes, as that of an axis of intervals.
     """
-    return _alike(spec, changes, size, plain_paths(spec, changes, rates=rates), {})
-
-
-def drawn_groups(
-    spec: Spec, changes: Changes, size: int, *, rates: bool = False, along: str = ""
-) -> Iterator[Group]:
-    """Yield (members, loops): `groups`, each as loops with all numbers of the spec.
-
-    along: path of a number that is varied in every loop in addition to the changes, as that of an
-    axis of intervals.
-    """
-    return _drawn(spec, groups(spec, changes, size, rates=rates), along)
+    plain = plain_paths(spec, changes, rates=rates)
+    return _drawn(spec, _alike(spec, changes, size, plain, {}), along)
 
 
 def _alike(spec, changes, size, plain, resolved):
@@ -288,7 +275,7 @@ def frames_per_clock(spec: Spec, loops: Loops) -> float:
 
 
 def plain_paths(spec: Spec, changes: Iterable[str], *, rates: bool) -> frozenset[str]:
-    """Those of the changed paths along which floats of one drawing vary; rates: see `groups`."""
+    """Those of the changed paths along which floats of one drawing vary; rates: see `drawn_groups`."""
     return frozenset(path for path in changes if is_plain(spec, path, changes if rates else None))
 
 
