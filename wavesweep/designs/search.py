@@ -179,8 +179,9 @@ def _children(parents, places, rng):
 def _settled(alive, children, best, places, local, rng):
     """Return the designs in every place after the children have been offered.
 
-    A child of neighbours is offered to the neighbours of its own place. Any other child is offered
-    to the neighbours of the place of its kind that it improves most.
+    alive, children: a design of each place. best: the least objectives that are known. local: which
+    children are of neighbours. Such a child is offered to the neighbours of its own place. Any other
+    child is offered to the neighbours of the place of its kind that it improves most.
     """
     worth = _worth(best)
     now = worth(alive, places.weights)  # `(places,)`

@@ -255,7 +255,8 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     ]
     listed = [axis for axis in unknown if axis.choices]
     ranges = [axis for axis in unknown if axis not in listed]
-    cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
+    gains = [axis.path for axis in ranges]  # that are drawn even where the spec's own number is 0
+    cases = []
     for combination in product(*(axis.choices for axis in listed)):
         fixed = dict(zip((axis.path for axis in listed), combination, strict=True))
         fixed_values = values | fixed

@@ -319,21 +319,25 @@ def _torn(sums: Sums) -> tuple[list[str], list[str], dict[str, list[str]]]:
 
 
 def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
-    """Return the sums in an order in which they can be computed, and the numbers for which an
+    """Return the sums in an order in which they can be computed, and the numbers t for which an
     equation is solved.
 
-    Errors: IllPosedLoopError if it has no solution.
+    Numbers that follow from each other in a circle are computed as `t = a + S t`, where t are some of
+    them that are torn out of the circle. With 0 in place of t, the numbers before them give a, what
+    comes to t alone. Then t solves `(1 - S) t = a`, and all that t moves is computed again.
+    Errors: IllPosedLoopError if there is no solution.
     """
     torn, order, graph = _torn(sums)
     if not torn:
         return [(name, sums[name]) for name in order], torn
-    needed = _closure({s for name in torn for _, s in sums[name]}, graph)
-    once = [(name, sums[name]) for name in order if name in needed]
+    zeros = [(name, ()) for name in torn]
+    before = _closure({source for name in torn for _, source in sums[name]}, graph)
+    once = [(name, sums[name]) for name in order if name in before]
     alone = [(f"{name} alone", sums[name]) for name in torn]
     solved = _solved(torn, once, alone)
     moved = _closure(torn, _readers(sums))
-    again = [(name, sums[name]) for name in order if name not in needed or name in moved]
-    return [*((name, ()) for name in torn), *once, *alone, *solved, *again], torn
+    again = [(name, sums[name]) for name in order if name not in before or name in moved]
+    return [*zeros, *once, *alone, *solved, *again], torn
 
 
 def _solved(torn, once, alone) -> list[tuple[str, Sum]]:

@@ -44,7 +44,7 @@ class TickMaps:
         """Number of loops."""
         return len(self.maps[0][0])
 
-    def at(self, loops: np.ndarray | slice) -> "TickMaps":
+    def at(self, loops: np.ndarray | slice | list[int]) -> "TickMaps":
         """Return some of the loops."""
         maps = []
         for matrices in self.maps:
@@ -79,7 +79,7 @@ class TickMaps:
 
         return self._frame(owner, costs)
 
-    def loss_pencil(self, owner: np.ndarray, square: np.ndarray) -> Element:
+    def loss_pencil(self, owner: np.ndarray | list[int], square: np.ndarray) -> Element:
         """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see
         `hinf`."""
 

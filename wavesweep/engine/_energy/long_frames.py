@@ -14,7 +14,7 @@ for periodic loops S. Bittanti, P. Colaneri, Periodic Systems, 2009). No frequen
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,7 +74,11 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
 
 def largest_gains(lifted: LiftedMap, theta: np.ndarray) -> np.ndarray:
     """Return the largest singular value of the map of one loop at each angle, `(points,)`, or a
-    little less."""
+    little less.
+
+    The map is `T + O (w - E)^-1 G` at `w = exp(j theta) - 1`. Lanczos' method asks for what it makes
+    of rows v, `v L^T`, and back, `v conj(L)`, without the map itself.
+    """
     T = lifted.T[0]
     O = lifted.O[0]
     G = lifted.G[0]
@@ -202,7 +206,7 @@ def _largest(stored: Energies) -> np.ndarray:
 
 
 def _over_frame(
-    balances: list[tuple[np.ndarray, ...]], kinds: list[int], high: np.ndarray, low: np.ndarray
+    balances: list[tuple[Any, ...]], kinds: list[int], high: np.ndarray, low: np.ndarray
 ) -> tuple[Energies, np.ndarray]:
     """The energies back from those after the last tick, and the frame with the inputs they choose.
 

@@ -152,7 +152,13 @@ def _wires(
     outputs: tuple[str, ...],
     sizes: StateSpace,
 ) -> _Wires:
-    """Return the wires; those of a port that no state and no output depends on are 0."""
+    """Return the wires; those of a port that no state and no output depends on are 0.
+
+    Ports are `u = K y + L w` of the blocks' outputs `y = C x + D u` and the inputs w. So a port needs
+    all those from which `K D` leads to it, in any number of steps. A port is read by states if B has
+    a column for it, and by signals that are shown if these have it, or an output that D leads to.
+    sizes: |B|, |D| and so on of all blocks.
+    """
     made = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
     traced: dict = {signal: {signal: 1.0} for signal in (*made, *inputs)}
     wired = [_traced(port, sums, traced) for port in ports]
@@ -165,10 +171,12 @@ def _wires(
     of_made = _matrix(shown, made)
     of_inputs = _matrix(shown, inputs)
     of_ports = _matrix(shown, ports)
-    of_read = np.abs(of_made) @ sizes.D + np.abs(of_ports)
-    needs = _closure(_somewhere(np.abs(_matrix(wired, made)) @ sizes.D))
-    reads = _somewhere(sizes.B).any(0) | _somewhere(of_read).any(0) | needs.diagonal()
-    used = (reads | reads @ needs).tolist()
+    K = _matrix(wired, made)
+    shown_of_ports = np.abs(of_made) @ sizes.D + np.abs(of_ports)
+    needs = _closure(_somewhere(np.abs(K) @ sizes.D))
+    read = _somewhere(sizes.B).any(0) | _somewhere(shown_of_ports).any(0)
+    read |= needs.diagonal()  # a circle, which may have no solution
+    used = (read | read @ needs).tolist()
     wired = [row if is_used else {} for row, is_used in zip(wired, used, strict=True)]
     return _Wires(_matrix(wired, made), _matrix(wired, inputs), of_made, of_inputs, of_ports)
 

@@ -667,13 +667,14 @@ def _share_of_first(
     modes: ModesOfCut, label: np.ndarray, order: np.ndarray, s: np.ndarray, few: int
 ) -> np.ndarray:
     """The share of the first line in what is shown of each mode, in this order, which is that of
-    their loops `label`."""
+    their loops `label`; s: of all modes. `few` loops are computed at a time.
+
+    The modes of a loop stand in a row of a rectangle, whose rest is filled up with its first one.
+    """
     first, begins, counts = np.unique(label[order], return_index=True, return_counts=True)
     row = np.repeat(np.arange(first.size), counts)
     column = np.arange(order.size) - np.repeat(begins, counts)
-    index = np.repeat(
-        order[begins][:, None], counts.max(initial=1), axis=1
-    )  # of each loop's modes, filled up with its first
+    index = np.repeat(order[begins][:, None], counts.max(initial=1), axis=1)
     index[row, column] = order
     share = np.empty(index.shape)
     for batch in (slice(begin, begin + few) for begin in range(0, first.size, few)):
@@ -830,7 +831,7 @@ def lines_of(moved: np.ndarray, s: np.ndarray, period: np.ndarray) -> np.ndarray
     return hz
 
 
-def range_of_lines(moved, s, period) -> np.ndarray:
+def range_of_lines(moved: np.ndarray, s: np.ndarray, period: np.ndarray) -> np.ndarray:
     """Return the strongest line of modes (Hz), and the lowest and the highest one that may be it,
     `(..., 3)`; see `lines_of`.
 

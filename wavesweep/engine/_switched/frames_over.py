@@ -134,7 +134,7 @@ class FramesOver:
             break
         return enclosed
 
-    def _due(self, cells):
+    def _due(self, cells: np.ndarray) -> np.ndarray:
         """How much of what is left out of blocks and gains is due to each of the wide sides,
         `(cells, sides)`."""
         numbers = int((cells[0, 0] < cells[0, 1]).sum())
@@ -195,18 +195,22 @@ class FramesOver:
         rest = at_middle * np.exp(size) * (beyond + rounding)
         return Polynomials(terms[:, None], rest[None], frames.numbers, order)
 
-    def _frames(self, maps):
+    def _frames(self, maps: Polynomials) -> Polynomials:
+        """The frames over cells, by the maps of the kinds of ticks: `S T_k ... T_2 T_1` of a row of
+        ticks T and the sample S that ends it.
+
+        They are those of the states that the frames of the first cells do not forget, which are
+        `kept`. Errors: UnresolvedError for cells without a bound, or whose frames do not forget another
+        state.
+        """
         unbounded = ~np.isfinite(maps.whole).all((0, -1, -2))
         if unbounded.any():
             raise UnresolvedError(unbounded)
-        # "Frames are products of ticks."
         products = _Products(maps)
         for row in sorted(set(self.rows), key=len):
-            products.of(row)
+            products.of(row)  # which the products of longer rows take
         before = _stacked([products.of(row) for row in self.rows])
         frames = maps.of(list(self.samples)) @ before
-        # What a cell's frames do not forget has to be among the states that those of the first cells
-        # do not: the others are left out.
         sizes = np.moveaxis(frames.whole, 1, 0)
         every = np.arange(self.states)
         not_forgotten = [set(alive((of_cell > 0).any(0), every).tolist()) for of_cell in sizes]
@@ -360,7 +364,7 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     return E_RR + shift @ E.at(leads, remaining)
 
 
-def _below(E):
+def _below(E: Polynomials) -> Polynomials:
     """The rows of all kinds of ticks below each other, `(cells, kinds n, m)`."""
     kinds, cells, n, m = E.rest.shape
     terms = np.swapaxes(E.terms, 1, 2).reshape(len(E.terms), cells, kinds * n, m)
