@@ -3,7 +3,7 @@ whole; else it is halved."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
@@ -85,12 +85,14 @@ class Judge(Protocol):
         """GOOD, BAD or OPEN of panels; column: index into its columns. bounds: p beyond them has
         no loop."""
 
-    def worst(self, column, p) -> tuple[np.ndarray, np.ndarray]:
+    def worst(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What decides at values of a column, on the unit circle or near it, less 1, and by how
         much it is outside, NaN if that is not known."""
 
 
-def along_panels(judges, known, domain: Domain, accuracy: Accuracy) -> Intervals:
+def along_panels(
+    judges: Sequence[Any], known: np.ndarray, domain: Domain, accuracy: Accuracy
+) -> Intervals:
     """All intervals of a number within a domain in which all judges find GOOD, per column.
 
     known: columns of which anything is known, `(columns,)`. What is left are the ends, each in a

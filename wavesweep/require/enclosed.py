@@ -375,7 +375,9 @@ class _SlowMode(NamedTuple):
         return there, _SlowMode(*(part[there] for part in mode))
 
 
-def _with_slow_mode(E: Bounded, O: Bounded, start: Bounded, seen, mode: _SlowMode) -> Enclosed:
+def _with_slow_mode(
+    E: Bounded, O: Bounded, start: Bounded, seen: _Step, mode: _SlowMode
+) -> Enclosed:
     """The same as `_over_blocks`, where a slow mode is the last."""
     n = E.value.shape[-1]
     # The mode is the first state; the others are those of the loop, without their part in it.
@@ -462,7 +464,7 @@ def step(
         ends = O @ end + T @ ones
         ends = ends.part(..., 0)
 
-        def found(method: Callable[..., Any], at: np.ndarray, *more) -> Enclosed:
+        def found(method: Callable[..., Any], at: np.ndarray, *more: Any) -> Enclosed:
             seen = _Step(T.part(at), steps, ends.part(at), settling=settling)
             seen.known &= regular[at]
             return method(*(each.part(at) for each in (E, O, starts)), seen, *more)

@@ -163,7 +163,7 @@ def _below_half(_, rate, every, __):
     return f"a number < {rate / every / 2:g} (half the block's own rate)"
 
 
-def _within(key: Key, value):
+def _within(key: Key, value: Any) -> Any:
     """Whether a value, or each of an array, is one that the key of a number accepts."""
     low = -math.inf if key.low is None else key.low
     high = math.inf if key.high is None else key.high

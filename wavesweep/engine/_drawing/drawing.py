@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -38,7 +38,7 @@ def path_of_port(side: str, name: str) -> str:
     return f"ports.{name}" if name in ENVIRONMENT else f"ports.{side}.{name}"
 
 
-def _remembered(function):
+def _remembered(function: Callable[[Any], Any]) -> property:
     """Make a property of a drawing, computed once for all that are equal: a compiled loop is
     asked again and again."""
     return property(lru_cache(maxsize=64)(function))
@@ -79,7 +79,7 @@ class Drawing:
     def __hash__(self) -> int:
         return self.hashed
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), self._parts()  # another process has other hashes
 
     def _parts(self) -> tuple[Any, ...]:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 from wavesweep.engine._drawing.block_types import EVERY, PHASE, TYPES
 from wavesweep.engine._drawing.expressions import ONE, Terms, Tree
@@ -121,7 +122,7 @@ class DrawnBlock:
         """Yield the same of `limits`."""
         yield from self._trees(self.limits)
 
-    def _trees(self, keys):
+    def _trees(self, keys: Iterable[tuple[str, Any]]) -> Iterator[tuple[str, Tree]]:
         for name, value in keys:
             yield from ((name, tree) for tree in _trees(TYPES[self.type].keys[name].type, value))
 

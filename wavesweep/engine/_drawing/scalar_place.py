@@ -5,6 +5,7 @@ These are the functions behind the methods of `Drawing`, whose drawings they tak
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +47,7 @@ def _reads(tree: Tree, number: str) -> bool:
     return tree.reads(number)
 
 
-def _only_reader(drawing, number, words):
+def _only_reader(drawing: Any, number: str, words: Mapping[str, Any]) -> str:
     """The path of what alone reads a number, other than ports; empty if there is more. words:
     paths of blocks of firmware."""
     readers = set()
@@ -60,12 +61,12 @@ def _only_reader(drawing, number, words):
     return readers.pop()
 
 
-def _split(drawing, port, number):
+def _split(drawing: Any, port: str, number: str) -> bool:
     """Whether a number multiplies what a dead time brings to a plant, or both what it reads of
     plants and other signals."""
     multiplied = {signal for signal, gain in dict(drawing.wires)[port] if _reads(gain, number)}
-    brought = set()
-    sensed = set()
+    brought: set[str] = set()
+    sensed: set[str] = set()
     for plant in drawing.plants:
         brought.update(f"{name}.y" for arrives_at, name in plant.arriving if arrives_at == port)
         sensed.update(signal for signal, name in plant.sensed if f"{name}.u" == port)
@@ -94,7 +95,7 @@ def seen_by_hand(drawing: Any, number: str) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _readers(drawing, number):
+def _readers(drawing: Any, number: str) -> set[str]:
     """The paths of all that reads a number."""
     return {path for path, tree in drawing.trees() if _reads(tree, number)}
 

@@ -67,7 +67,7 @@ def inertia(
     return mass(name, period, inertia, damping, stiffness)
 
 
-def mass_matrix(name, period, **keys) -> Block:
+def mass_matrix(name: str, period: float, **keys: Any) -> Block:
     """`M a + D v + K x = f` with the forces held over the period: exact."""
     states, (A, B, C, D) = continuous("mass_matrix", keys)
     E, G, *of_E_and_G = held(A, B, period, sizes_of("mass_matrix", keys, A, B))
@@ -306,7 +306,7 @@ def butterworth(
     return sections(name, order, cutoff_hz, period, highpass=passes == "high")
 
 
-def defined(kind: str, name: str, period: float, **keys) -> Block:
+def defined(kind: str, name: str, period: float, **keys: Any) -> Block:
     """A block of a type that `definitions.running` defines, with its keys; see its description
     in `TYPES`."""
     period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)

@@ -242,7 +242,7 @@ def with_delays(equations: Equations, later: Sequence) -> Equations:
     return Equations(states, E, B, [[*equations.C[0], *later]], equations.D)
 
 
-def _static(D):
+def _static(D: list[list[Any]]) -> Equations:
     """A block without states."""
     return Equations((), [], [], [[] for _ in D], D)
 
@@ -252,7 +252,7 @@ def _unit(size: int) -> list[list[int]]:
     return [[int(i == j) for j in range(size)] for i in range(size)]
 
 
-def _ahead(T, method):
+def _ahead(T: Any, method: str) -> Any:
     """The share of a step's velocity that is read in the step itself, in seconds (`AHEAD` in
     `spec.keys`)."""
     return {"explicit": 0, "implicit": T, "trapezoidal": T / 2}[method]

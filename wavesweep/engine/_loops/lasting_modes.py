@@ -63,7 +63,7 @@ def lasting_modes(
         return 0
 
 
-def _moves(shift: dict[str, float], plants: set[str]) -> bool:
+def _moves(shift: Collection[str], plants: set[str]) -> bool:
     return any(state.rpartition(".")[0] in plants for state in shift)
 
 
@@ -220,14 +220,14 @@ class _AnyLoop:
                 for port in block.inputs:
                     ports[f"{block.name}.{port}"] = len(ports)
         shown = {}
-        for signal, row in self.outputs.items():
+        for signal, output in self.outputs.items():
             runs = signal.rpartition(".")[0] in running
-            shown[signal] = row if runs else {_held(signal): 1}
+            shown[signal] = output if runs else {_held(signal): 1}
         for impulse in self.registers:
             shown[f"{impulse}.sum"] = {f"{impulse}.u": 1} if impulse in running else {}
         rows: list[Row] = []
         for port in ports:
-            row: Row = {port: PRIME - 1}
+            row = {port: PRIME - 1}
             for signal, gain in self.wires[port].items():
                 _add(row, shown[signal], gain)
             if port.endswith(f".{SENSED}"):  # a body is read while it moves
@@ -244,10 +244,9 @@ class _AnyLoop:
         for name in self.states:
             row = {name: 1}
             signal = name.removesuffix(HELD)
-            block = signal.rpartition(".")[0]
             if name != signal:
                 row = shown[signal]
-            elif block in running:
+            elif signal.rpartition(".")[0] in running:
                 _add(row, self.changes[name], 1)
             after.append(row)
         outside = []

@@ -1,6 +1,6 @@
 """A loop of several rates: blocks that run every so many ticks, and the junctions between them."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -169,7 +169,7 @@ class MultirateLoop:
                 "put a delay or a hold into it, or change the gain that closes it"
             ) from error
 
-    def _rings(self, running) -> Iterator[list[str]]:
+    def _rings(self, running: Iterable[int]) -> Iterator[list[str]]:
         """Those among blocks (indices) that run together, by the terms that are not zero: the
         strong components of the graph of what signals depend on."""
         blocks = [self.placed[index].block for index in running]
@@ -262,7 +262,7 @@ def _port_names(blocks: list[Block], side: str) -> set[str]:
     return {f"{block.name}.{port}" for block in blocks for port in getattr(block, side)}
 
 
-def _comes_back(name, sums):
+def _comes_back(name: str, sums: Mapping[str, Mapping[str, object]]) -> bool:
     """Whether a junction is a part of itself, through junctions alone."""
     visited = set()
     open_ = list(sums[name])

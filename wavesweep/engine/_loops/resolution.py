@@ -48,7 +48,7 @@ MOST_SIDES = 3  # of an expression whose extremes are looked for, as places grow
 COST = 1  # points of a loop that take as long as the balls of one rectangle
 
 
-def _places_about_side():
+def _places_about_side() -> np.ndarray:
     """Where an expression is looked at about a side from -1 to 1: on the upper half of the ellipse
     `(rho u + 1/(rho u))/2`, |u| = 1, and at real places."""
     angles = np.pi * (np.arange(RIM_DEGREE // 2) + 0.5) / (RIM_DEGREE // 2)
@@ -478,7 +478,7 @@ def _library() -> SimpleNamespace:
     """Functions whose balls are not finite where they meet a cut."""
     from flint import acb
 
-    def root(ball):  # that of 0 everywhere is 0
+    def root(ball: Any) -> Any:  # that of 0 everywhere is 0
         return ball if ball.is_zero() else ball.sqrt(analytic=True)
 
     functions = {name: getattr(acb, name) for name in FUNCTIONS}

@@ -33,14 +33,14 @@ def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     return result.reshape(*batch, *size)
 
 
-def _product(A, B):
+def _product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     if (few := sparse(A)) is not None:
         return few @ B
     few = sparse(B.T)
     return A @ B if few is None else (few @ A.T).T
 
 
-def sparse(A):
+def sparse(A: np.ndarray) -> Any:
     """A matrix as those of its entries that are not zero, if it has many rows with few of these;
     None if it has not."""
     if A.ndim > 2 or len(A) < SPARSE_ROWS or np.count_nonzero(A) > SPARSE_SHARE * A.size:

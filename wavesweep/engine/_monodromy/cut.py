@@ -274,7 +274,7 @@ class CutColumns:
         fixed = self.fixed[rows]
         return CutColumns(own, np.arange(fixed.size), self.along, fixed)
 
-    def loops(self, column: np.ndarray) -> LinearFractional:
+    def loops(self, column: np.ndarray | int) -> LinearFractional:
         """Return the loops of these columns, one for each."""
         return self.cut.at(self.owner[column])
 

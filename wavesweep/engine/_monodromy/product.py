@@ -92,7 +92,7 @@ def product_with_norm_of_errors(
     in_units = units / units[:, None]
     bound = np.empty(batch)
 
-    def norm(matrix):
+    def norm(matrix: np.ndarray) -> np.ndarray:
         return (np.abs(matrix) * in_units).sum(-1).max(-1)
 
     def joined(first, second):

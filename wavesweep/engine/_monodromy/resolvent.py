@@ -320,10 +320,10 @@ class InLines:
     E: np.ndarray
     w: np.ndarray
 
-    def reached(self, columns):
+    def reached(self, columns: np.ndarray) -> np.ndarray:
         return self.lines.reached(self.E, columns, self.w)[..., None]
 
-    def row(self, rows):
+    def row(self, rows: np.ndarray) -> np.ndarray:
         return self.lines.row(self.E, rows[..., None, :], self.w)
 
 
@@ -335,14 +335,14 @@ class InForm:
     form: TriangularForm
     w: np.ndarray
 
-    def reached(self, columns):
+    def reached(self, columns: np.ndarray) -> np.ndarray:
         form = self.form
         units = form.units[0]
         right = (columns[..., 0] / units) @ form.Z[0].T
         states = form.reached(form.frames, right[..., None], self.w)
         return (units * (states @ form.V[0].T))[..., None]
 
-    def row(self, rows):
+    def row(self, rows: np.ndarray) -> np.ndarray:
         form = self.form
         units = form.units[0]
         read = form.row(form.frames, ((rows * units) @ form.V[0])[..., None, :], self.w)
@@ -359,7 +359,7 @@ class ManyStates:
     most: int
 
     @staticmethod
-    def of(E, B, C) -> "ManyStates":
+    def of(E: np.ndarray, B: np.ndarray, C: np.ndarray) -> "ManyStates":
         """E: `(n, n)`, B: `(n, 1)`, C: `(outputs, n)`."""
         lines = DelayLines.of(E)
         if lines.solved.size <= FEW_SOLVED:
@@ -368,7 +368,7 @@ class ManyStates:
         form = TriangularForm.of(E[None], B[None], C[None])
         return ManyStates(E, form, max(1, NUMBERS_AT_ONCE // len(E)))
 
-    def at(self, w) -> InLines | InForm:
+    def at(self, w: np.ndarray) -> InLines | InForm:
         """w: `(points,)`."""
         if isinstance(self.form, DelayLines):
             return InLines(self.form, self.E, w)

@@ -83,13 +83,13 @@ class Bordered:
         columns = concatenated((D, B[..., self.fast, :], no_force), -2)
         return StateSpace(E, B, rows, columns)
 
-    def outputs(self, points: Circle):
+    def outputs(self, points: Circle) -> Bounded:
         """Return the outputs of the port at the hand's frequency, `(..., p, points)`, and bounds
         on their errors."""
         A, b = self._system(points)
         return A.solved(b).part(..., slice(self.outputs_of_port), 0).mT
 
-    def _system(self, points):
+    def _system(self, points: Circle) -> tuple[Bounded, Bounded]:
         """Return matrix and right side of the system, at every point."""
         sums = self.sums_of(self.stretch, points)
         M = self.stretch.ticks
@@ -155,5 +155,5 @@ def _changing(E: np.ndarray) -> np.ndarray:
     return (E != 0).any((*range(E.ndim - 2), E.ndim - 1))
 
 
-def _at_points(rows):
+def _at_points(rows: np.ndarray) -> np.ndarray:
     return np.moveaxis(rows, -2, -3)

@@ -25,7 +25,7 @@ class Circle:
         self.high, self.low = _halves(self.cycles)
         self.rest = ((frequency - product) - error) / rate
 
-    def at(self, index) -> "Circle":
+    def at(self, index: slice | np.ndarray) -> "Circle":
         """Return some of the frequencies; the object itself if `index` is a slice of all of
         them."""
         if isinstance(index, slice) and index.start == 0 and index.stop >= self.frequency.size:

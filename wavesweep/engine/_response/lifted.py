@@ -192,7 +192,7 @@ class Sums:
     ddriven: np.ndarray
 
     @staticmethod
-    def of(stretch: Stretch, points, memo: dict | None = None) -> Sums:
+    def of(stretch: Stretch, points: Any, memo: dict | None = None) -> Sums:
         """Return the sums at these points of the circle (see `Circle`); memo: those of its
         halves, by identity."""
         memo = {} if memo is None else memo
@@ -344,11 +344,11 @@ def _all(frame: Stretch, test: Callable[..., Any]) -> bool:
     return np.logical_and.reduce(np.broadcast_arrays(*passed))
 
 
-def _without(port, lost):
+def _without(port: Port, lost: np.ndarray) -> Port:
     """Return the port with zeros in place of the loops that are lost."""
     lost = lost[..., None, None]
 
-    def zeroed(tick):
+    def zeroed(tick: StateSpace) -> StateSpace:
         return StateSpace(*(np.where(lost, 0.0, matrix) for matrix in tick))
 
     return replace(port, maps=tuple(map(zeroed, port.maps)), sizes=tuple(map(zeroed, port.sizes)))
@@ -397,7 +397,7 @@ def over_frame(port: Port, ticks: int, *, positions: bool) -> StateSpace:
         port = _with_position(port)
         row = slice(-1, None)
 
-    def of_row(matrices):
+    def of_row(matrices: Any) -> Any:
         return tuple(StateSpace(E, B, C[row], D[row]) for E, B, C, D in matrices)
 
     kind = np.tile(port.kind, ticks // port.kind.size)

@@ -60,10 +60,10 @@ def _summed(E: np.ndarray, G: np.ndarray, O: np.ndarray, T: np.ndarray) -> PeakG
         return None
     once = max(1, min(50_000 // ticks**2, 1024))  # frames that are summed together
     A = np.eye(n) + E
-    rows = [O]
+    powers = [O]
     for _ in range(once - 1):
-        rows.append(rows[-1] @ A)
-    rows = np.concatenate(rows)
+        powers.append(powers[-1] @ A)
+    rows = np.concatenate(powers)
     far = np.linalg.matrix_power(A, once)
     power = np.eye(n)
     shown = np.zeros_like(O)

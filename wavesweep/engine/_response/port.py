@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -157,7 +157,7 @@ class Port:
         """Return the port of some loops of a batch of one axis; index: `(loops,)`, of integers
         or truth values."""
 
-        def chosen(matrix):
+        def chosen(matrix: Any) -> Any:
             if matrix is None or matrix.ndim < 3:
                 return matrix
             return np.broadcast_to(matrix, (*self.batch, *matrix.shape[-2:]))[index]
@@ -368,7 +368,7 @@ def _fixed(ticks, followers, leads):
     return np.where(np.abs(V) <= dV, 0.0, V), dV
 
 
-def _one_above_the_other(matrices):
+def _one_above_the_other(matrices: Sequence[np.ndarray]) -> np.ndarray:
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
     return np.concatenate(
         [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices], axis=-2

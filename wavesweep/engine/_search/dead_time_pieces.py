@@ -64,7 +64,7 @@ def about(
     last = place + 1
     pieces = []
     while True:
-        piece = ends[place : place + 2]
+        piece = ends[place], ends[place + 1]
         pieces.append(_in_piece(question, piece, loop, loop, 1, rest))
         built = loop.changed(_built(question, piece, loop))
         work -= LEAST_WORK + len(built.drift_of_frames().states) ** 2
@@ -87,7 +87,7 @@ def about(
 
 def _in_piece(
     question: Question,
-    piece: list[float],
+    piece: tuple[float, float],
     loops: Loops,
     loop: Loops,
     size: int,
@@ -98,7 +98,7 @@ def _in_piece(
     return rest(replace(question, span=piece), Slices(built, size))
 
 
-def _built(question: Question, piece: list[float], loop: Loops) -> dict[str, int]:
+def _built(question: Question, piece: tuple[float, float], loop: Loops) -> dict[str, int]:
     """The whole numbers of ticks that the loop is built with in a piece of the range."""
     middle = loop.changed({question.along: sum(piece) / 2})
     return {path: int(ticks) for path, ticks in middle.building().items()}

@@ -40,7 +40,7 @@ class FramesAlong:
     along: str
     ticks: int
     period: np.ndarray
-    bounds: tuple
+    bounds: tuple[np.ndarray, np.ndarray]
     resolved: ResolvedAlong
     drift: MarginalModes
     open_ticks: OpenTicks | None
@@ -111,7 +111,7 @@ class FramesAlong:
         divisors = varied.guards_at(self.along, shape).reshape(p.size, -1)
         return replace(frames, pivots=np.concatenate([frames.pivots, divisors], axis=-1))
 
-    def _shared(self, number, p):
+    def _shared(self, number: np.ndarray, p: np.ndarray) -> Frames | None:
         """The frames from ticks without the shared number; None if too few loops share them, or
         some have no solution."""
         number, p = (array.ravel() for array in np.broadcast_arrays(number, p))
@@ -204,7 +204,7 @@ def _frames(
     pivot, condition = facts
     size = prod(shape)
 
-    def flat(array: np.ndarray | float, *tail) -> np.ndarray:
+    def flat(array: np.ndarray | float, *tail: int) -> np.ndarray:
         return np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail)
 
     pivots = flat(np.asarray(pivot)[..., None], 1)

@@ -124,7 +124,7 @@ class Search:
             of_groups.append((members, Slices(loops, members.size, opened)))
         return of_groups
 
-    def _with_zeros(self):
+    def _with_zeros(self) -> tuple[np.ndarray, Loops] | None:
         """Two groups as one, that are apart since a number which loops may be without is 0 in
         one of them; else None."""
         if len(self.groups) != 2:

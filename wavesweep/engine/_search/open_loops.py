@@ -227,7 +227,7 @@ def _fixed_beside(loops: Loops, number: str) -> str:
     they differ, see `varied_beside`, or with which delays are in series; none if they are in series
     with the number alone."""
 
-    def late(*numbers) -> int:
+    def late(*numbers: str) -> int:
         return without_whole_frames(loops.drawing, loops.values, *numbers)[2]
 
     varied = varied_beside(loops, number)

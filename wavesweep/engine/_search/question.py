@@ -26,25 +26,27 @@ class RequiredRegion(Protocol):
     cost: float
     on_radius: "RequiredRegion | None"
     on_circle: bool
-    gains: tuple
+    gains: tuple[Any, ...]
     of_modes: "RequiredRegion | None"
 
     def over(self, frames: float) -> "RequiredRegion":
         """The same for so many frames in place of one."""
 
-    def radius_of(self, period) -> np.ndarray:
+    def radius_of(self, period: np.ndarray) -> np.ndarray:
         """The radius of loops with these periods of a frame, in s. Errors: UsageError if it is
         too small."""
 
-    def logarithms(self, period, omega) -> np.ndarray:
+    def logarithms(self, period: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that just meet a bound, `(...,
         bounds)`."""
 
-    def intervals(self, frames: Any, span) -> Intervals:
+    def intervals(self, frames: Any, span: tuple[float, float]) -> Intervals:
         """All intervals in which eigenvalues are where they have to be, apart from their size;
         frames: `FramesAlong` the number."""
 
-    def within_gain(self, gain: Any, frames: Any, span, stable: Intervals) -> Intervals:
+    def within_gain(
+        self, gain: Any, frames: Any, span: tuple[float, float], stable: Intervals
+    ) -> Intervals:
         """All intervals along a number in which one of the gains is within its bound, as far as
         they are in `stable`.
 
@@ -61,7 +63,7 @@ class RequiredRegion(Protocol):
 
 # From loops, the path of a number and the periods of their frames (s) to what
 # `covering.proved_by_balls` asks; None: no prover.
-Prover = Callable[[Loops, str, np.ndarray], Callable | None]
+Prover = Callable[[Loops, str, np.ndarray], Callable[..., Any] | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

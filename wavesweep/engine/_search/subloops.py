@@ -65,7 +65,7 @@ def subloops_along(question: Question, loops: Loops) -> tuple[Drawing, ...]:
     return subloops(loops.drawing, without, every=question.bound is not None)
 
 
-def _drift_alike(question: Question, loops: Loops, drawings: tuple[Drawing, Drawing]) -> bool:
+def _drift_alike(question: Question, loops: Loops, drawings: tuple[Drawing, ...]) -> bool:
     """Whether as many shifts of the subloops are opposed by nothing as of all together, and nothing
     else is left out of them.
 
@@ -91,7 +91,7 @@ def _left_out(drift: MarginalModes) -> set[str]:
 
 def _feeds(drawing: Drawing, silent: frozenset[tuple[str, str]]) -> dict[str, set[str]]:
     """Return the blocks that read the outputs of each block."""
-    feeds = {block.name: set() for block in drawing.blocks}
+    feeds: dict[str, set[str]] = {block.name: set() for block in drawing.blocks}
     for port, terms in (*drawing.wires, *drawing.couplings):
         for signal, _ in terms:
             source = signal.rpartition(".")[0]
@@ -167,7 +167,7 @@ def _terms(
 
 def _reached(feeds: dict[str, set[str]], name: str) -> set[str]:
     """The blocks that a block acts on, by way of others too."""
-    reached = set()
+    reached: set[str] = set()
     front = {name}
     while front:
         fed = [feeds[block] for block in front]

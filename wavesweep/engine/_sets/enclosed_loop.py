@@ -203,7 +203,7 @@ class LoopModel:
                 if isinstance(gain, TaylorModel):
                     yield np.abs(gain.terms), gain.rest
 
-    def _zeros(self, *shape) -> Polynomials:
+    def _zeros(self, *shape: int) -> Polynomials:
         return Polynomials.constant(np.zeros((*self.cells, *shape)), self.numbers, self.order)
 
     def _exactly(self, block: Block) -> BlockModel:
@@ -335,7 +335,7 @@ class _Evaluation:
                     raise UnresolvedError(late, number)
         return shares
 
-    def _once(self, block: DrawnBlock, make: Callable[..., Any], *arguments) -> BlockModel:
+    def _once(self, block: DrawnBlock, make: Callable[..., Any], *arguments: Any) -> BlockModel:
         """The model of a block, kept for all cells if it reads none of the sides, and else for
         other loops in this cell."""
         trees = [self.loop.drawing.tick_hz, *(tree for _, tree in block.trees())]

@@ -334,7 +334,7 @@ class TaylorModel:
             return power if exponent >= 0 else power.inverse()
         return (self.log() * exponent).exp()
 
-    def __rpow__(self, base):
+    def __rpow__(self, base: Any) -> TaylorModel:
         return (self * (base if isinstance(base, arb) else arb(base)).log()).exp()
 
     def _composed(self, coefficients: list[list[arb]], left_out: float) -> TaylorModel:
@@ -548,7 +548,7 @@ class TaylorModel:
         return _most(self._moves())
 
 
-def _most(moves):
+def _most(moves: np.ndarray) -> np.ndarray:
     """The index of the largest of the last axis; -1 where all are 0."""
     if not moves.shape[-1]:
         return np.full(moves.shape[:-1], -1)

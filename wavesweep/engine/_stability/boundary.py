@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine._monodromy.cut import ADVANCE, FIRST, OFFSET, VELOCITY, LinearFractional
-from wavesweep.engine._monodromy.resolvent import Inverse, ManyStates
+from wavesweep.engine._monodromy.resolvent import InForm, InLines, Inverse, ManyStates
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.doubles import EPS
 
@@ -66,7 +66,7 @@ def turned_back(cut: LinearFractional, w: np.ndarray) -> np.ndarray:
     return (1 + w) ** -float(cut.late)
 
 
-def terms(cut: LinearFractional, w) -> Terms:
+def terms(cut: LinearFractional, w: np.ndarray) -> Terms:
     """Return the terms of the characteristic equation at `w = z - 1`; cut: one loop per point
     (leading axes as `w`).
 
@@ -204,7 +204,12 @@ def polish(
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def polish_of_many_states(
-    cut: LinearFractional, states: ManyStates, along: str, fixed: float, theta, scale
+    cut: LinearFractional,
+    states: ManyStates,
+    along: str,
+    fixed: float,
+    theta: np.ndarray,
+    scale: float,
 ) -> PolishedCrossings:
     """`polish` for a single loop of many states, without inverses, and so in little memory."""
     theta = theta.astype(float)
@@ -296,7 +301,7 @@ def end_errors(
     value: np.ndarray,
     w: np.ndarray,
     on_axis: np.ndarray,
-    resolvent: Inverse | None = None,
+    resolvent: Inverse | InLines | InForm | None = None,
     least: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residuals of the characteristic equation at crossings, and two effects of

@@ -406,7 +406,10 @@ class CrossingsAtEnds(NamedTuple):
 
 
 def at_both_ends(
-    columns: CutColumns, sign_at_one, sign_at_minus_one, many=None
+    columns: CutColumns,
+    sign_at_one: np.ndarray,
+    sign_at_minus_one: np.ndarray,
+    many: ManyStates | None = None,
 ) -> tuple[CrossingsAtEnds, np.ndarray]:
     """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E`
     there; many: see `Crossings`.

@@ -72,7 +72,7 @@ class Panels(Rows):
         """
         n = self.error.shape[-1]
 
-        def padded(entries):
+        def padded(entries: np.ndarray) -> np.ndarray:
             larger = np.zeros((*entries.shape[:-2], order, order))
             larger[..., :n, :n] = entries
             return larger

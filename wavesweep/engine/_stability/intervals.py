@@ -126,7 +126,7 @@ def doubts_of(regions: Regions, doubt: np.ndarray) -> np.ndarray:
     return doubt
 
 
-def joined(intervals) -> Intervals:
+def joined(intervals: Sequence[Intervals]) -> Intervals:
     """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt
     is that of a whole column."""
     merged = Intervals.join(intervals)
@@ -222,7 +222,12 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     )
 
 
-def without_any(intervals: Intervals, columns, span=None, doubt: int = Doubt.NONE) -> Intervals:
+def without_any(
+    intervals: Intervals,
+    columns: np.ndarray,
+    span: tuple[float, float] = (np.nan, np.nan),
+    doubt: int = Doubt.NONE,
+) -> Intervals:
     """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is
     known of their whole span."""
     index = columns[intervals.column]

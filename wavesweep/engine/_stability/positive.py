@@ -145,7 +145,9 @@ class _Judged(NamedTuple):
     number: np.ndarray
 
 
-def _judged(functions, units, boxes, wide) -> _Judged:
+def _judged(
+    functions: Functions, units: np.ndarray, boxes: np.ndarray, wide: np.ndarray
+) -> _Judged:
     series = _series(wide.size)
     t = series.t
     half = (boxes[:, 1] - boxes[:, 0]) / 2

@@ -327,7 +327,7 @@ def _terms(nonzero: np.ndarray, lines: DelayLines) -> np.ndarray:
     return np.array(terms, int).reshape(-1, 5).T
 
 
-def _trace(matrices):
+def _trace(matrices: np.ndarray) -> np.ndarray:
     return np.trace(matrices, axis1=1, axis2=2)
 
 
@@ -485,7 +485,7 @@ def _without(boxes, panels, column, low, high, pad):
     return _Boxes.join(left)
 
 
-def _stretches(panels, windows):
+def _stretches(panels: Panels, windows: Tiles) -> tuple[np.ndarray, ...]:
     """The parts of the panels of a column between its windows: column, low, high."""
     rows = []
     for column in np.unique(panels.column).tolist():
@@ -506,7 +506,7 @@ def _stretches(panels, windows):
     return [np.array(fact) for fact in zip(*rows, strict=True)]
 
 
-def _counted(stretches, errors):
+def _counted(stretches: tuple[np.ndarray, ...], errors: Callable[..., Any]) -> Tiles:
     """Tiles of stretches in which nothing crosses, with the number of eigenvalues outside, as
     far as a count is clear."""
     column, low, high = stretches

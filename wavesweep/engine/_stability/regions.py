@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import FIRST, SECOND, CutColumns
-from wavesweep.engine._monodromy.resolvent import Inverse
+from wavesweep.engine._monodromy.cut import FIRST, SECOND, CutColumns, LinearFractional
+from wavesweep.engine._monodromy.resolvent import Inverse, ManyStates
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.boundary import end_errors
 from wavesweep.engine._stability.crossings import SLIVER, Crossings
@@ -346,7 +346,13 @@ def _judged_ends(
     return error, doubt
 
 
-def _errors_of_many_states(loop, along, places, many, least):
+def _errors_of_many_states(
+    loop: LinearFractional,
+    along: str,
+    places: tuple[np.ndarray, ...],
+    many: ManyStates,
+    least: float,
+) -> np.ndarray:
     """`end_errors` of a single loop of many states, in portions."""
     errors = np.zeros((3, places[0].size))
     for first in range(0, places[0].size, many.most):

@@ -222,7 +222,9 @@ def _by_polynomial(
     return replace(labelled, column=rows[labelled.column]), doubt
 
 
-def _by_polynomial_alone(columns: CutColumns, span, followed):
+def _by_polynomial_alone(
+    columns: CutColumns, span: tuple[float, float], followed: np.ndarray
+) -> tuple[Regions, np.ndarray]:
     """The same for columns whose other number is 0, of loops that have poles at z = 1, which are
     divided out."""
     return _by_polynomial(columns, span, followed, alone=True)

@@ -43,7 +43,7 @@ def inertia_of_cells(A: Polynomials) -> Inertia:
         return Inertia(outside, moves, 2 * size * _norm(seen.rest), P, basis)
 
 
-def _eigenvectors(A):
+def _eigenvectors(A: np.ndarray) -> np.ndarray:
     """Real and imaginary parts of the eigenvectors of matrices; the states where eigenvectors are
     nearly dependent."""
     values, vectors = np.linalg.eig(A)
@@ -55,7 +55,7 @@ def _eigenvectors(A):
     return basis
 
 
-def _series(A):
+def _series(A: Polynomials) -> np.ndarray:
     """The terms of the series of P."""
     cells, n = A.rest.shape[:2]
     M = A.terms[0]
@@ -67,7 +67,7 @@ def _series(A):
         inverse = np.linalg.pinv(less)
     degree = A.exponents.sum(1)
 
-    def solved(right):
+    def solved(right: np.ndarray) -> np.ndarray:
         """X of `X - M' X M = right`."""
         X = (inverse @ right.reshape(*right.shape[:-2], n * n, 1)).reshape(right.shape)
         return (X + X.mT) / 2
@@ -85,7 +85,7 @@ def _series(A):
     return P
 
 
-def _norm(X):
+def _norm(X: np.ndarray) -> np.ndarray:
     """An upper bound on the largest singular value."""
     size = np.abs(X)
     return np.sqrt(size.sum(-1).max(-1) * size.sum(-2).max(-1))

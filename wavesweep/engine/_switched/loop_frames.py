@@ -163,7 +163,7 @@ class LoopFrames:
         return E[..., *at], dE[..., *at]
 
     @property
-    def _whole_rows(self):
+    def _whole_rows(self) -> list[tuple[int, ...]]:
         """The kinds of each symbol's ticks, including the sample that ends its frame."""
         return [(*row, sample) for row, sample in zip(self.rows, self.samples, strict=True)]
 

@@ -371,7 +371,7 @@ def _norm(X: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _control(numbers):
+def _control(numbers: int) -> np.ndarray:
     """The weights of the monomials up to degree two in each of Bernstein's control points, three
     for each number."""
     weights = np.array([[1, 1, 1], [-1, 0, 1], [1, -1, 1]], float)  # of 1, s and s^2 at each

@@ -74,7 +74,7 @@ def covered(
             target = (x + end) / 2
         if not norms:
             return tuple(stretches), end, replace(centre, work=ahead.work)
-        stretches.append(ProvedStretch(*sorted((end, x)), norms))
+        stretches.append(ProvedStretch(min(end, x), max(end, x), norms))
         end = x
         centre = ahead
         report(end, 100 * (end - start) / (goal - start))
