@@ -14,7 +14,7 @@ from wavesweep.contact.wall_loop import WallsAlong
 # Shares of a linear interval, where a first value is looked for.
 SEEDS = (0.3, 0.1, 0.01, 0.001, 0.6, 0.9)
 TRIED_NEAR_END = 2e-4  # of a linear interval, how near to its ends a proof is tried
-RESOLVED = 1e-3  # of the end that is found, how far the next failure is known to be
+RESOLVED = 2e-4  # of the end that is found, how far the next failure is known to be
 STEPS_TO_END = 12  # at most, towards an end
 SAMPLED_AGAIN = 4  # times at most, with angles at which the check fails
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     )
     from wavesweep.engine._switched.average import ALONE, OnAverage
     from wavesweep.engine._switched.boxes import cover
-    from wavesweep.engine._switched.brackets import Bracket, LeftOpen, Refuted, driven
+    from wavesweep.engine._switched.brackets import Bracket, LeftOpen, Refuted, driven, nearest_of
     from wavesweep.engine._switched.climb import (
         climb,
         constant_growth,
@@ -61,14 +61,12 @@ if TYPE_CHECKING:
     from wavesweep.engine._switched.pattern_slopes import largest_modes, slopes_of
     from wavesweep.engine._switched.patterns import (
         Word,
-        begins,
         growing,
         growing_of,
         growth,
         improved,
         is_refuted,
         joined,
-        places_between,
         product_of,
         rates_of,
         short_words,
@@ -106,6 +104,7 @@ else:
                 "LeftOpen",
                 "Refuted",
                 "driven",
+                "nearest_of",
             ),
             "_switched.climb": (
                 "climb",
@@ -173,14 +172,12 @@ else:
             ),
             "_switched.patterns": (
                 "Word",
-                "begins",
                 "growing",
                 "growing_of",
                 "growth",
                 "improved",
                 "is_refuted",
                 "joined",
-                "places_between",
                 "product_of",
                 "rates_of",
                 "short_words",

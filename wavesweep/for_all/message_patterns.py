@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from wavesweep.engine.switched import (
     Refuted,
     Word,
-    begins,
     largest_modes,
-    places_between,
+    nearest_of,
     product_of,
     slopes_of,
 )
@@ -32,9 +30,8 @@ STEPS = 4  # from a number at which all periods are tried to the next one
 MOST_PLACES = 400  # of a pattern
 # Of the largest gain at a place: what a change of a path costs, in turn until the pattern grows.
 COSTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9)
-# Of the way to a refuted number from the last one at which no pattern was found, how far back
-# from it others are looked for.
-BACK = (0.5, 0.25, 0.1, 0.03, 0.01, 0.003)
+# Of a refuted number, how far back from it others are looked for.
+BACK = (0.04, 0.02, 0.008, 0.0025, 8e-4, 2.5e-4)
 
 
 def growing_pattern(
@@ -82,46 +79,25 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> Refuted:
     """Return the number closest to the start at which a pattern is proved to grow, of those that
     a search finds, and that pattern, if there is one.
 
-    It goes from the start to the limit by numbers that follow from neither, and then back from
-    the first one that is refuted: so a limit farther away finds the same. At each the climbs begin
-    with the patterns of the number before, the best of each length, and at some with all others.
+    At each number the climbs begin with the patterns of the number before, the best of each length,
+    and at some with all others.
     """
     ring = _Ring.of(family)
-    best = Refuted()
     tracked: dict[int, tuple[float, Word]] = {}
-    for before, x, periods in _tried(start, limit):
-        known = [word for _, word in tracked.values()]
-        tracked = {}
-        for rate, word in _climbs(family.at(x), ring, (*known, *_starts(ring, periods))):
-            found = begins(family, word, before, x) if rate >= 1 else None
-            if found is not None and (limit - found) * (limit - start) >= 0:
-                best = Refuted(found, word)
-                break
-            tracked[len(word)] = max(tracked.get(len(word), (0.0, ())), (rate, word))
-        if best.word:
-            break
-    for back in BACK if best.word else ():
-        for _ in range(8):
-            x = best.x + back * (before - best.x)
-            if (x - start) * (limit - start) <= 0:
-                break
-            known = (best.word, *(word for _, word in tracked.values()))
-            rate, word = growing_pattern(family, x, known, SOON)
-            found = begins(family, word, before, x) if rate >= 1 else None
-            if found is None:
-                break
-            best = Refuted(found, word)
-    return best
 
+    def grown(x, like, many):
+        nonlocal tracked
+        known = [like, *(word for _, word in tracked.values())]
+        best: dict[int, tuple[float, Word]] = {}
+        starts = (*known, *_starts(ring, PERIODS if many else SOON))
+        for rate, word in _climbs(family.at(x), ring, starts):
+            if rate >= 1:
+                return [word]
+            best[len(word)] = max(best.get(len(word), (0.0, ())), (rate, word))
+        tracked = tracked if like else best
+        return []
 
-def _tried(start, limit):
-    """Yield numbers between, each with the one before it, and the periods of the patterns that are
-    tried there."""
-    for before, x in places_between(start, limit):
-        steps = np.linspace(before, x, 1 + STEPS)
-        for inside, ahead in pairwise(steps.tolist()):
-            if (ahead - start) * (limit - start) > 0:
-                yield inside, ahead, PERIODS if ahead == x else SOON
+    return nearest_of(family, start, limit, STEPS, grown, BACK)
 
 
 def realised(family: RingFrames, word: Word) -> Word:

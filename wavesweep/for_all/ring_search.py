@@ -26,10 +26,11 @@ STARTS = (0.1, 0.01, 0.5, 1e-3, 1e-4)  # of an interval, where a proof begins
 NORMS_BEGIN = 0.2  # of what a small gain proves, where norms are searched that prove more
 LEAST_STEP = 5e-3  # of a number, or of the way that is left: shorter ones end a proof
 STEPS = 80  # of a proof
+TOLERANCE = 0.01  # of what is refuted, how near to it a proof is aimed at
 BY_GAIN = "by a small gain"
 
 
-def decide_ring(family: RingFrames, x: float = 0.0, work: float = WORK) -> Decision:
+def decide_ring(family: RingFrames, x: float = 0.0) -> Decision:
     """Decide whether all patterns decay at x; as `decide`, whose norms and errors it has."""
     if family.gain.proved(x, x):
         return Decision(PROVED, by=BY_GAIN)
@@ -37,7 +38,7 @@ def decide_ring(family: RingFrames, x: float = 0.0, work: float = WORK) -> Decis
     if word:
         return Decision(REFUTED, word=word)
     search = None if family.few else RingSearch.at_mean(family, x)
-    centre = search and search.found(x, work)
+    centre = search and search.found(x, WORK)
     if centre is not None and search.proved((x, centre)):
         return Decision(PROVED)
     word = _refuting(family, x, PERIODS)
@@ -53,8 +54,6 @@ def _refuting(family, x, periods):
 def bracket_ring(
     family: RingFrames,
     about: tuple[float, float],
-    tolerance: float = 0.01,
-    work: float = WORK,
     report: Callable[[float, float, float], None] = lambda *_: None,
 ) -> Bracket | None:
     """Return what is proved and refuted within an interval of a number, as `bracket`; None if
@@ -74,17 +73,17 @@ def bracket_ring(
         if above < goal and not family.few:
             start = below + NORMS_BEGIN * (above - below)
             search = RingSearch.at_mean(family, start)
-            centre = search and search.found(start, work)
+            centre = search and search.found(start, WORK)
             if centre is not None and search.proved((start, centre)):
                 centre = replace(centre, work=0.0)
                 told = partial(report, below)
-                _, end, _ = covered(search, centre, start, goal, LEAST_STEP, work, STEPS, told)
+                _, end, _ = covered(search, centre, start, goal, LEAST_STEP, WORK, STEPS, told)
                 above = max(above, end)
         return above, Refuted()
 
     refuted = nearest_pattern(family, reached, high) if reached != high else Refuted()
-    above, refuted = driven(reached, high, tolerance / 2, refuted, by_norms)
+    above, refuted = driven(reached, high, TOLERANCE / 2, refuted, by_norms)
     first = Refuted()
-    if below > max(low, tolerance**2 * above):
+    if below > max(low, TOLERANCE**2 * above):
         first = nearest_pattern(family, below, low)
     return Bracket(below, above, first, refuted)

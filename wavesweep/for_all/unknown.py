@@ -221,7 +221,7 @@ class Case:
         no climb that begins elsewhere gets there.
         """
         # Members on each edge of a box, once a climb finds nothing.
-        on_edges = on_edges_of(self.box, 40)
+        on_edges = on_edges_of(self.box)
         for part in list(parts):
             box = np.column_stack([part.within(0.0), self.box])
             members = np.concatenate([np.insert(on_edges, 0, end, axis=1) for end in box[:, 0]])

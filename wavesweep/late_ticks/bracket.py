@@ -43,7 +43,7 @@ from wavesweep.late_ticks.squares import enclosed_square, square_of_curves, squa
 from wavesweep.late_ticks.tick_curves import DEGREE, LateTicks
 
 # of a number, or of the way that is left: stretches that are shorter are not tried
-LEAST_STEP = 1e-3
+LEAST_STEP = 3e-4
 OPERATIONS_OF_BRACKET = 2e10  # operations of searches for norms, for each side: some seconds
 OPERATIONS_OF_STEP = 6e8  # of Newton's: graphs and degrees that need more are not tried
 MOST_SQUARES = 2  # forms of degree 8: higher ones were not tried

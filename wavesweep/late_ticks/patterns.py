@@ -10,13 +10,14 @@ What it repeats is a pattern, however long a turn of the mode is (parametric res
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from wavesweep.engine.switched import (
     Refuted,
-    begins,
     largest_modes,
+    nearest_of,
     slopes_of,
 )
 from wavesweep.late_ticks.tick_curves import LateTicks
@@ -27,6 +28,7 @@ MOST_TICKS = 1200  # of a walk
 MODES = 4  # the slowest, of which there are walks
 # of these that change every tick that they would; later ones half as many each
 CLIMBS_OF_ALL_TICKS = 4
+BACK = (0.02, 0.003)  # of a refuted number, how far back from it better patterns are looked for
 SAME_EIGENVALUE = 1e-13  # of an eigenvalue: a change that is none
 
 Pattern = tuple[int, ...]
@@ -58,31 +60,13 @@ def growing(ticks: LateTicks, x: float, known: Sequence[Pattern] = ()) -> tuple[
 def nearest_growing(ticks: LateTicks, start: float, limit: float) -> Refuted:
     """Return the number closest to the start at which a pattern is proved to grow, of those that
     a search finds, and that pattern, if there is one."""
-    stable = start
-    # 8 numbers between a start and a limit, the first after a thousandth of the way.
-    for x in start + (limit - start) * np.geomspace(1e-3, 1.0, 8):
-        rate, pattern = growing(ticks, x)
-        if rate >= 1:
-            break
-        stable = float(x)
-    else:
-        return Refuted()
-    best = Refuted()
-    # Of the way from the start, how much nearer a better pattern is looked for in turn.
-    shares = [3e-3, 2e-2]
-    for _ in range(20):  # patterns, each of which grows nearer to the start than the one before
-        at = begins(ticks.family, word_of(ticks, pattern), stable, float(x))
-        if at is None:
-            break
-        best = Refuted(at, pattern)
-        for x in (at + share * (start - at) for share in shares):
-            rate, pattern = growing(ticks, x, [best.word])
-            if rate >= 1:
-                break
-        else:
-            break
-        stable = stable if abs(stable - start) < abs(x - start) else start
-    return best
+
+    def grown(x, like, _many):
+        rate, pattern = growing(ticks, x, [ticks.pattern_of(like)] if like else [])
+        return [word_of(ticks, pattern)] if rate >= 1 else []
+
+    found = nearest_of(ticks.family, start, limit, 1, grown, BACK)
+    return replace(found, word=ticks.pattern_of(found.word))
 
 
 def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:

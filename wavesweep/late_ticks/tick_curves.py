@@ -69,6 +69,11 @@ class LateTicks:
         the first control point of a cell, or the last of all."""
         return place * self.cells * (DEGREE + 1) + length * (DEGREE + 1) - (length == self.cells)
 
+    def pattern_of(self, word: Sequence[int]) -> tuple[int, ...]:
+        """Return the lengths that ticks with these symbols have, by their numbers in `lengths`."""
+        control = np.array(word, int) % (self.cells * (DEGREE + 1))
+        return tuple((-(-control // (DEGREE + 1))).tolist())
+
     def at_lengths(self, x: float) -> np.ndarray:
         """Return the ticks at x that have one of `lengths`, `(places, lengths, n, n)`."""
         place = np.arange(self.places)[:, None]

@@ -150,7 +150,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         draw_bode(panels["gain"], panels["phase"], loop, other_loops)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
         if own_step:
-            for handle, words in draw_step(panels["step"], own_step, "step response of T"):
+            for handle, words in draw_step(panels["step"], own_step):
                 handles.append(handle)
                 labels.append(words)
             drawn = [each for each in zip(other_steps, looks, strict=True) if each[0]]

@@ -13,9 +13,8 @@ MARK = "0.2"
 _MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
 
 
-def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
-    """Draw a step response over time, with the name of its axis; gives the marks for a legend,
-    each with its words."""
+def draw_step(axes: Any, step: Step) -> list[tuple[Any, str]]:
+    """Draw the step response of T over time; gives the marks for a legend, each with its words."""
     final, times, values = step.final, step.time_s[: step.shown], step.value[: step.shown]
     unit, scale = ("ms", 1e3) if times[-1] < 1 else ("s", 1.0)
     # Samples, up to which each has a dot.
@@ -23,7 +22,7 @@ def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
     line = extremes(scale * times, values)
     axes.plot(*line, color=distinct_colour(0), drawstyle="steps-post", **dots)
     axes.axhline(final, color="0.6", linewidth=0.8, linestyle="--")
-    axes.set(xlabel=f"time ({unit})", ylabel=name, xlim=(0, scale * times[-1]))
+    axes.set(xlabel=f"time ({unit})", ylabel="step response of T", xlim=(0, scale * times[-1]))
     axes.grid(**GRID)
     first, second = step.rise_s
     if second > first:

@@ -5,11 +5,18 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.engine._switched.brackets import Bracket, Refuted, driven, short_of, size_of
+from wavesweep.engine._switched.brackets import (
+    Bracket,
+    Refuted,
+    driven,
+    first_refuted,
+    nearest_of,
+    short_of,
+    size_of,
+)
 from wavesweep.engine._switched.graph import Family
 from wavesweep.engine._switched.norm_check import Norms
 from wavesweep.engine._switched.norms import (
@@ -21,13 +28,10 @@ from wavesweep.engine._switched.norms import (
 )
 from wavesweep.engine._switched.patterns import (
     Word,
-    begins,
     growing,
     growing_of,
-    growth,
     is_refuted,
     nearest,
-    places_between,
     short_words,
     shortest_through,
 )
@@ -256,7 +260,7 @@ class _Way:
         first = [word] if word else []
         norms = self.centre.norms
         words = growing(self.family.at(x), follows, self.centre.basis, first, more, norms=norms)
-        return _first(self.family, words, self.start, x)
+        return first_refuted(self.family, words, self.start, x)
 
     def aim(self, reached: float, goal: float, fails: float, ceiling: float | None) -> float:
         """The next number for which norms are searched: short of the refuted one by STRIDE of
@@ -316,54 +320,23 @@ def nearest_refuted(
     known: words that refute other families of the same symbols. Where one of them grows, others are
     looked for from there.
     """
-    found = _first_refuted(family, start, limit, known)
+    follows = family.follows
+    short = list(dict.fromkeys((*known, *short_words(follows), *shortest_through(follows))))
+
+    def grown(x, like, many):
+        A = family.at(x)
+        grows = [] if like else growing_of(A, short)
+        # Words of more matrices are searched at powers of 2, and at the last number.
+        is_last = abs(x - start) > abs(limit - start) or x == limit
+        if like or (not grows and many and (math.frexp(x)[0] in (0.5, -0.5) or is_last)):
+            centre, _ = first_centre(A, follows)
+            like = [like] if like else []
+            grows = growing(A, follows, centre.basis, like, norms=centre.norms if like else None)
+        return grows
+
+    # Of a refuted number, how far back words are searched that may decay again next to it.
+    back = (0.3, 0.1, 0.03, tolerance / 4)
+    found = nearest_of(family, start, limit, STEPS, grown, back)
     if not found.word:
         return found
-    # Of a refuted number, how far back words are searched that may decay again next to it.
-    for share in (0.3, 0.1, 0.03, tolerance / 4):
-        # Rounds of the search for words that refute a number closer to the start.
-        for _ in range(8):
-            x = short_of(found.x, start, share)
-            A = family.at(x)
-            centre, _ = first_centre(A, family.follows)
-            words = growing(A, family.follows, centre.basis, [found.word], norms=centre.norms)
-            nearer = _first(family, words, start, x)
-            if not nearer.word:
-                break
-            found = nearer
     return Refuted(nearest(family, found.word, start, found.x), found.word)
-
-
-def _first_refuted(family: Family, start: float, limit: float, known: Sequence[Word]) -> Refuted:
-    """The refuted number of the first words that grow on the way, the known ones before others, if
-    one grows."""
-    follows = family.follows
-    short = list(dict.fromkeys((*short_words(follows), *shortest_through(follows))))
-    for place, ahead in places_between(start, limit):
-        steps = np.linspace(place, ahead, 1 + STEPS)
-        for before, x in pairwise(steps.tolist()):
-            if (x - start) * (limit - start) <= 0:
-                continue
-            A = family.at(x)
-            grows = growing_of(A, [*known, *short])
-            # Words of more matrices are searched at powers of 2, and at the last number.
-            is_last = abs(x - start) > abs(limit - start) or x == limit
-            if not grows and x == ahead and (math.frexp(x)[0] in (0.5, -0.5) or is_last):
-                centre, _ = first_centre(A, follows)
-                grows = growing(A, follows, centre.basis)
-            found = _first(family, grows, before, x)
-            if found.word:
-                return found if abs(found.x - start) <= abs(limit - start) else Refuted()
-    return Refuted()
-
-
-def _first(family: Family, words: Sequence[Word], stable: float, unstable: float) -> Refuted:
-    """The refuted number closest to `stable` of words that grow at `unstable`, if one is proved."""
-    best = Refuted(unstable)
-    for word in words[:8]:  # words whose crossings are computed
-        if best.word and growth(family.at(best.x), word) < 1:
-            continue
-        at = begins(family, word, stable, best.x)
-        if at is not None:
-            best = Refuted(at, word)
-    return best if best.word else Refuted()

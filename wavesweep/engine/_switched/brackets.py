@@ -3,19 +3,21 @@ refuted beyond it.
 
 A side is driven so: what is refuted nearest to the start is found first, for the proof of it ends
 there. The proof then goes towards a goal just short of that, or towards the limit. A proof that
-meets something nearer which is refuted ends, and goes on towards the goal short of that. What proves
-and what refutes are given: norms in any order of frames, forms at ticks of any length, a small gain
+meets something nearer which is refuted ends, and goes on towards the goal short of that. What proves and what grows at a
+number are given: norms in any order of frames, forms at ticks of any length, a small gain
 of messages, forms that decay on average, or boxes of further numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.engine._switched.patterns import Word
+from wavesweep.engine._switched.graph import Family
+from wavesweep.engine._switched.patterns import Word, begins, growth, places_between
 from wavesweep.engine._switched.stretches import ProvedStretch
 
 # a number counts as at least this part of its distance from the start, where relative sizes are
@@ -89,6 +91,68 @@ def driven(
         if not met.word:
             return reached, refuted
         refuted = met
+
+
+Growing = Callable[[float, Word, bool], Sequence[Word]]
+"""The patterns that grow at a number, those that are like a known one, if it is not (), before
+others; whether many others are looked for."""
+
+
+def nearest_of(
+    family: Family,
+    start: float,
+    limit: float,
+    steps: int,
+    growing: Growing,
+    back: Sequence[float],
+) -> Refuted:
+    """Return the refuted number closest to a start that a search towards a limit finds, if it finds
+    one.
+
+    It goes by numbers that follow from neither, so that a limit farther away finds the same, so many
+    from one of `places_between` to the next, where many patterns are looked for; and then back from
+    the first one that is refuted, by shares of its size, as long as patterns are refuted there.
+    """
+    tried = [start]
+    for before, x, many in _on_the_way(start, limit, steps):
+        tried.append(before)
+        found = first_refuted(family, growing(x, (), many), before, x)
+        if found.word:
+            break
+    else:
+        return Refuted()
+    if abs(found.x - start) > abs(limit - start):
+        return Refuted()
+    for share in back:
+        for _ in range(8):
+            x = short_of(found.x, start, share)
+            stable = next(at for at in tried[::-1] if abs(at - start) < abs(x - start))
+            nearer = first_refuted(family, growing(x, found.word, False), stable, x)
+            if not nearer.word:
+                break
+            found = nearer
+    return found
+
+
+def _on_the_way(start: float, limit: float, steps: int) -> Iterator[tuple[float, float, bool]]:
+    """Yield numbers with the one before each, and whether it is one of `places_between`."""
+    for place, ahead in places_between(start, limit):
+        for before, x in pairwise(np.linspace(place, ahead, 1 + steps).tolist()):
+            if (x - start) * (limit - start) > 0:
+                yield before, x, x == ahead
+
+
+def first_refuted(family: Family, words: Sequence[Word], stable: float, unstable: float) -> Refuted:
+    """Return the refuted number closest to `stable` of words that grow at `unstable`, if one is
+    proved."""
+    best = Refuted(unstable)
+    for word in words[:8]:  # words whose crossings are computed
+        if best.word and growth(family.at(best.x), word) < 1:
+            continue
+        at = begins(family, word, stable, best.x)
+        if at is not None:
+            best = Refuted(at, word)
+    return best if best.word else Refuted()
 
 
 def size_of(x: float, start: float) -> float:

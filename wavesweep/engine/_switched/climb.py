@@ -128,15 +128,15 @@ def corners_of(box: np.ndarray) -> np.ndarray:
     return np.unique([*product(*box.T), box.mean(0)], axis=0)
 
 
-def on_edges_of(box: np.ndarray, count: int) -> np.ndarray:
-    """Return so many points on each edge of a box, evenly, by factors where it spans decades:
+def on_edges_of(box: np.ndarray) -> np.ndarray:
+    """Return 40 points on each edge of a box, evenly, by factors where it spans decades:
     `(points, numbers)`."""
     numbers = box.shape[1]
-    shares = np.linspace(-1.0, 1.0, count + 2)[1:-1]
+    shares = np.linspace(-1.0, 1.0, 42)[1:-1]
     points = []
     for number in range(numbers):
         for others in product([-1.0, 1.0], repeat=numbers - 1):
-            points.append(np.insert(np.tile(others, (count, 1)), number, shares, axis=1))
+            points.append(np.insert(np.tile(others, (shares.size, 1)), number, shares, axis=1))
     return _numbers(box, np.concatenate(points))
 
 
