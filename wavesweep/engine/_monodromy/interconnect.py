@@ -213,9 +213,8 @@ class _Ports:
         self.values = np.broadcast_to(driven, shape).copy().astype(kind, copy=False)
         self.sizes = np.broadcast_to(of_driven, shape).copy()
         count = (needs | np.eye(len(ports), dtype=bool)).sum(-1)
-        for port in np.argsort(
-            count, kind="stable"
-        ).tolist():  # more than that of each port that it needs
+        # Each port after those that it needs, which need fewer.
+        for port in np.argsort(count, kind="stable").tolist():
             both = needs[port] & needs[:, port]
             loop = np.flatnonzero(both)
             before = np.flatnonzero(needs[port] & ~both)
@@ -225,7 +224,7 @@ class _Ports:
             from_before = _times(_picked(through, rows, before), _picked(self.values, before))
             of_before = _picked(of_through, rows, before) @ _picked(self.sizes, before)
             value = _picked(driven, rows) + from_before
-            of_value = _picked(of_driven, rows) + of_before
+            sizes = _picked(of_driven, rows) + of_before
             if loop.size:
                 inside = _picked(through, rows, rows)
                 of_inside = _picked(of_through, rows, rows)
@@ -241,12 +240,12 @@ class _Ports:
                     left = right - (value - inside @ value)
                     value = value + inverse @ left
                 size_of_value = np.abs(value)
-                of_terms = size_of_value + of_value + of_inside @ size_of_value
-                of_value = np.abs(inverse) @ of_terms
+                terms = size_of_value + sizes + of_inside @ size_of_value
+                sizes = np.abs(inverse) @ terms
                 self.condition = self.condition * condition
                 self.pivot = self.pivot * pivot
             self.values[..., rows, :] = value
-            self.sizes[..., rows, :] = of_value
+            self.sizes[..., rows, :] = sizes
 
 
 def _picked(

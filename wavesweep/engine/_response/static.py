@@ -237,12 +237,9 @@ def _limits(loop: Lifted) -> list[_Limit]:
     error_1 = error_1 + ordered_product(dG, M * size_X + size_X_1) + M * dh + rough * size_1
     values = (np.moveaxis(array, -1, 0) / M for array in (value, error, size))
     slopes = (np.moveaxis(array, -1, 0) / M for array in (slope, error_1, size_1))
-    return [
-        _Limit(_Known(*of_value), _Known(*of_slope))
-        for of_value, of_slope in zip(
-            zip(*values, strict=True), zip(*slopes, strict=True), strict=True
-        )
-    ]
+    at_rest = [_Known(*known) for known in zip(*values, strict=True)]
+    turning = [_Known(*known) for known in zip(*slopes, strict=True)]
+    return [_Limit(*both) for both in zip(at_rest, turning, strict=True)]
 
 
 def _with_slope(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -249,8 +249,10 @@ def angle(cosine: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
 
 
-# of the span, at either end of it, in which a crossing counts as at that end: so are ends promised
+# A crossing counts as at an end of the span within this part of the span, as ends are promised, or
+# within so many doubles of the end.
 SLIVER = 1e-14
+DOUBLES_AT_END = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,7 +350,9 @@ def crossings(
     # it is reached before infinity or beyond, so nothing is known.
     low = span[0]
     size = np.abs(value)
-    told = np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
+    told = np.maximum(
+        SLIVER * (span[1] - low), DOUBLES_AT_END * np.spacing(np.maximum(abs(low), size))
+    )
     growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
     growth = np.where(size > OTHER_INFINITY * largest, np.nan, growth)
     growth = np.where(

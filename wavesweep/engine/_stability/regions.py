@@ -13,7 +13,7 @@ from wavesweep.engine._monodromy.cut import FIRST, SECOND, CutColumns, LinearFra
 from wavesweep.engine._monodromy.resolvent import Inverse, ManyStates
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.boundary import end_errors
-from wavesweep.engine._stability.crossings import SLIVER, Crossings
+from wavesweep.engine._stability.crossings import DOUBLES_AT_END, SLIVER, Crossings
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
@@ -115,7 +115,8 @@ def cut_span(
     column = crossings.column
     value = crossings.value
     theta = crossings.theta
-    near_low = np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    doubles = np.spacing(np.maximum(abs(low), np.abs(value)))
+    near_low = np.maximum(slack[0], DOUBLES_AT_END * doubles)
     at_low = np.abs(value - low) <= near_low
     at_high = np.abs(value - high) <= slack[1]
     inside = np.flatnonzero((value > low) & (value < high) & ~at_low & ~at_high)

@@ -32,10 +32,8 @@ DELAY = "environment.delay"
 # seconds with few
 MOST_TICKS_IN_STEP = 10_000
 FEW_TICKS_IN_STEP = 2000
-TWINS = {
-    "rates.ratio": "rates.slow_hz",
-    "rates.slow_hz": "rates.ratio",
-}  # which displace each other
+# Two ways to give one rate: each displaces the other.
+TWINS = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +62,9 @@ class Given:
         Order and cutoff that a resolved spec has in addition to the band edges follow from these
         again.
         """
-        displaced = {TWINS.get(path)}.difference(beside)
+        displaced: set[str] = set()
+        if path in TWINS and TWINS[path] not in beside:
+            displaced.add(TWINS[path])
         by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
         displaced |= {
             f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")
