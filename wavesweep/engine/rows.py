@@ -71,6 +71,11 @@ def distinct_rows(columns: Mapping[Any, np.ndarray], size: int) -> tuple[np.ndar
     return starts[first], np.repeat(label, np.diff(starts, append=size))
 
 
+def of_each(facts: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """The fact with its own index of each row, `(rows,)`; facts: `(rows, n)`."""
+    return np.take_along_axis(facts, index[:, None], 1)[:, 0]
+
+
 def items_of(values: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
     """The pairs of flat values, by which a loop is remembered; arrays of one as tuples."""
     return tuple(

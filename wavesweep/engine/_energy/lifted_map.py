@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine._energy.hinf import SOFT, Element, Peak, angles, hinf_norm, then, tick
-from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE
+from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE, nonzero
 from wavesweep.engine._monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.engine._monodromy.rounding import balance, measured_frame
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
@@ -143,28 +143,23 @@ def _flat(matrix: np.ndarray, batch: tuple[int, ...]) -> np.ndarray:
 def read(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see
     `TickMaps`."""
-    at_once = np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps])
+    at_once = np.logical_or.reduce([nonzero(C).any(0) for _, _, C, _ in maps])
     return closure([E for E, *_ in maps], at_once)
 
 
 def connected(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Whether inputs of some tick reach each state, and outputs read it, at once or later,
     `(n,)`."""
-    at_once = np.logical_or.reduce([_nonzero(B).any(-1) for _, B, *_ in maps])
+    at_once = np.logical_or.reduce([nonzero(B).any(-1) for _, B, *_ in maps])
     return read(maps) & closure([E.mT for E, *_ in maps], at_once)
 
 
 def closure(changes: Sequence[np.ndarray], states: np.ndarray) -> np.ndarray:
     """The states, a mask, and those that these read by the changes of some tick, `(n,)`."""
-    reads = np.logical_or.reduce([_nonzero(E) for E in changes])
+    reads = np.logical_or.reduce([nonzero(E) for E in changes])
     while (reached_states := states | reads[states].any(0)).sum() > states.sum():
         states = reached_states
     return states
-
-
-def _nonzero(matrix: np.ndarray) -> np.ndarray:
-    """Entries that are not zero in some loop."""
-    return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

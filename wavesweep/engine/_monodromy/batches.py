@@ -66,3 +66,8 @@ def in_parts(work: Callable[..., Any], batch: tuple[int, ...], size: int, kind: 
         index = slice(start, start + few)
         result[index] = work(index)
     return result
+
+
+def nonzero(matrix: np.ndarray) -> np.ndarray:
+    """Which entries are not zero in some loop of the batch, `(n, m)`."""
+    return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))

@@ -10,6 +10,7 @@ import numpy as np
 
 from wavesweep.engine._loops.algebraic import loop_inverse
 from wavesweep.engine._loops.block import Block, block_diagonal, concatenated, numbers
+from wavesweep.engine._monodromy.batches import nonzero
 from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.doubles import EPS
 
@@ -173,8 +174,8 @@ def _wires(
     of_ports = _matrix(shown, ports)
     K = _matrix(wired, made)
     shown_of_ports = np.abs(of_made) @ sizes.D + np.abs(of_ports)
-    needs = _closure(_somewhere(np.abs(K) @ sizes.D))
-    read = _somewhere(sizes.B).any(0) | _somewhere(shown_of_ports).any(0)
+    needs = _closure(nonzero(np.abs(K) @ sizes.D))
+    read = nonzero(sizes.B).any(0) | nonzero(shown_of_ports).any(0)
     read |= needs.diagonal()  # a circle, which may have no solution
     used = (read | read @ needs).tolist()
     wired = [row if is_used else {} for row, is_used in zip(wired, used, strict=True)]
@@ -206,7 +207,7 @@ class _Ports:
         driven = concatenated((_times(K, C), L), -1)
         of_through = size @ size_of_D
         of_driven = concatenated((size @ size_of_C, np.abs(L)), -1)
-        needs = _closure(_somewhere(of_through))
+        needs = _closure(nonzero(of_through))
         batch = np.broadcast_shapes(through.shape[:-2], driven.shape[:-2])
         shape = (*batch, *driven.shape[-2:])
         kind = np.result_type(through, driven)
@@ -228,7 +229,7 @@ class _Ports:
             if loop.size:
                 inside = _picked(through, rows, rows)
                 of_inside = _picked(of_through, rows, rows)
-                steps = np.linalg.matrix_power(np.eye(rows.size) + _somewhere(inside), rows.size)
+                steps = np.linalg.matrix_power(np.eye(rows.size) + nonzero(inside), rows.size)
                 in_loop = [ports[row] for row in rows]
                 inverse, condition, pivot = loop_inverse(
                     inside, of_inside, steps > 0, name, in_loop
@@ -328,8 +329,3 @@ def _matrix(
     for (i, k), gain in gains.items():
         out[..., i, k] = gain
     return out
-
-
-def _somewhere(matrix: np.ndarray) -> np.ndarray:
-    """Return which entries are not zero in some loop of the batch."""
-    return (matrix != 0).any(tuple(range(matrix.ndim - 2)))

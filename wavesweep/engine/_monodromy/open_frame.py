@@ -7,6 +7,7 @@ import numpy as np
 
 from wavesweep.engine._loops.block import concatenated
 from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.batches import nonzero
 from wavesweep.engine._monodromy.cut import ADVANCE, OFFSET, LinearFractional
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
@@ -249,11 +250,11 @@ def _acted_on(cut: LinearFractional) -> LinearFractional | None:
     """Return the loop with the states that the numbers act on, by the triangular form of its
     pattern; None if it has none."""
     n = cut.E.shape[-1]
-    acts = _somewhere(cut.E)
+    acts = nonzero(cut.E)
     pattern = np.zeros((n + 1, n + 1), bool)
     pattern[:n, :n] = acts
-    pattern[:n, n] = _somewhere(cut.B)[:, 0]
-    pattern[n, :n] = _somewhere(cut.C).any(0)
+    pattern[:n, n] = nonzero(cut.B)[:, 0]
+    pattern[n, :n] = nonzero(cut.C).any(0)
     states = np.zeros(0, int)
     uncontrolled = []
     for block in blocks_of(pattern):
@@ -283,8 +284,3 @@ def _acted_on(cut: LinearFractional) -> LinearFractional | None:
         poles_at_one=poles_at_one,
         uncontrolled=tuple(uncontrolled),
     )
-
-
-def _somewhere(matrix: np.ndarray) -> np.ndarray:
-    """Which entries are not zero in some loop of the batch."""
-    return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))

@@ -17,7 +17,7 @@ from wavesweep.engine._stability.leaving_one import proved_from_one
 from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.rows import Rows, different
+from wavesweep.engine.rows import Rows, different, of_each
 
 # Tests next to crossings. Lengths on a panel are in halves of it.
 NEXT_TO = 1e-4  # from a place to a crossing so near to it that both sides are proved from there
@@ -313,12 +313,9 @@ class _Nearest:
     ) -> _Nearest:
         index = np.argmin(np.abs(roots), 1)
 
-        def chosen(facts: np.ndarray) -> np.ndarray:
-            return np.take_along_axis(facts, index[:, None], 1)[:, 0]
-
-        h = chosen(roots)
-        unsure = chosen(models.unsure)
-        slope = chosen(models.slope)
+        h = of_each(roots, index)
+        unsure = of_each(models.unsure, index)
+        slope = of_each(models.slope, index)
         miss = unsure / np.maximum(1, np.abs(slope * place) / half)
         return cls(h, place + half * h, unsure, slope, models.angle(index, h), miss)
 

@@ -29,7 +29,7 @@ import numpy as np
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
 from wavesweep.engine._stability.entries import DEGREES, TAYLOR_ORDER, Panels, taylor
 from wavesweep.engine.doubles import EPS
-from wavesweep.engine.rows import Rows
+from wavesweep.engine.rows import Rows, of_each
 
 # of their distance from the circle: eigenvalues so near to each other are not told apart
 CLUSTER = 0.5
@@ -413,12 +413,10 @@ class DominanceTests:
         """Return the angle of eigenvalue `index` of each test at h; exactly 0 or pi if it is
         real."""
 
-        def chosen(facts: np.ndarray) -> np.ndarray:
-            return np.take_along_axis(facts, index[:, None], 1)[:, 0]
-
         mu = self.mu
-        z = 1 + chosen(mu.w) + h * chosen(mu.b) + h**2 * chosen(mu.c)
-        return np.abs(np.angle(np.where(chosen(mu.real), z.real, z)))
+        w, b, c = (of_each(facts, index) for facts in (mu.w, mu.b, mu.c))
+        z = 1 + w + h * b + h**2 * c
+        return np.abs(np.angle(np.where(of_each(mu.real, index), z.real, z)))
 
     def radius(self) -> np.ndarray:
         """Return the radius of the circle that a test is about: 1, or a larger one, r, in a wide
@@ -432,9 +430,9 @@ class DominanceTests:
         size = np.sort(sizes, 1)[:, ::-1]
         below = np.concatenate([size[:, 1:], np.full((len(size), 1), -20.0)], 1)
         gaps = np.where(size > 0, size - np.maximum(below, 0), 0)
-        widest = np.argmax(gaps, 1)[:, None]
-        outer = np.take_along_axis(size, widest, 1)[:, 0]
-        gap = np.take_along_axis(gaps, widest, 1)[:, 0]
+        widest = np.argmax(gaps, 1)
+        outer = of_each(size, widest)
+        gap = of_each(gaps, widest)
         wide = gap > np.maximum(3 * np.abs(size).min(1), OUTSIDE_BY)
         return np.where(wide, np.exp(outer - gap / 2), 1.0)
 

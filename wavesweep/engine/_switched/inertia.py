@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine._sets.taylor_models import Polynomials
-from wavesweep.engine._switched.norm_check import outside_each
+from wavesweep.engine._switched.norm_check import norm_bound, outside_each
 
 LEAST_INDEPENDENT = 1e10  # condition of eigenvectors from which on the states are the basis
 
@@ -38,9 +38,11 @@ def inertia_of_cells(A: Polynomials) -> Inertia:
         P = _series(seen)
         forms = Polynomials(P, np.zeros(P.shape[1:]), A.numbers, A.order)
         outside, slack = outside_each(forms, seen)
-        moves = _norm(slack.terms).T @ (1 - 0.5**A.exponents)  # what is gone if a side is halved
-        size = _norm(np.abs(seen.terms).sum(0)) * _norm(np.abs(P).sum(0))
-        return Inertia(outside, moves, 2 * size * _norm(seen.rest), P, basis)
+        moves = norm_bound(slack.terms).T @ (
+            1 - 0.5**A.exponents
+        )  # what is gone if a side is halved
+        size = norm_bound(np.abs(seen.terms).sum(0)) * norm_bound(np.abs(P).sum(0))
+        return Inertia(outside, moves, 2 * size * norm_bound(seen.rest), P, basis)
 
 
 def _eigenvectors(A: np.ndarray) -> np.ndarray:
@@ -83,9 +85,3 @@ def _series(A: Polynomials) -> np.ndarray:
         P[here] = solved(P[here])
         after[here] += P[here] @ M
     return P
-
-
-def _norm(X: np.ndarray) -> np.ndarray:
-    """An upper bound on the largest singular value."""
-    size = np.abs(X)
-    return np.sqrt(size.sum(-1).max(-1) * size.sum(-2).max(-1))

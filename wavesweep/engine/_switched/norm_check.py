@@ -290,8 +290,8 @@ def _slack_over(forms, graph, A, weight) -> Slack:
     size_of_terms = size_of_first + summed(np.abs(after.terms).sum(0))
     errors = summed(after.rest) + (4 * n + added) * UNIT_ROUNDING * size_of_terms
     higher = terms[len(monomials(A.numbers, 2)[0]) :]
-    bounds = np.where(unbounded, np.inf, OWN_ROUNDING * _norm(errors))
-    return Slack(terms, bounds, OWN_ROUNDING * _norm(higher).sum(0))
+    bounds = np.where(unbounded, np.inf, OWN_ROUNDING * norm_bound(errors))
+    return Slack(terms, bounds, OWN_ROUNDING * norm_bound(higher).sum(0))
 
 
 def cholesky_of_each(F: np.ndarray) -> np.ndarray:
@@ -364,7 +364,7 @@ def _symmetric(P: np.ndarray) -> bool:
     return bool(np.isfinite(P).all() and (P.mT == P).all())
 
 
-def _norm(X: np.ndarray) -> np.ndarray:
+def norm_bound(X: np.ndarray) -> np.ndarray:
     """An upper bound on the largest singular value."""
     size = np.abs(X)
     return np.sqrt(size.sum(-1).max(-1) * size.sum(-2).max(-1))
