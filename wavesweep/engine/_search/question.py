@@ -62,7 +62,7 @@ class RequiredRegion(Protocol):
 
 
 # From loops, the path of a number and the periods of their frames (s) to what
-# `covering.proved_by_balls` asks; None: no prover.
+# `tiles.proved_by_balls` asks; None: no prover.
 Prover = Callable[[Loops, str, np.ndarray], Callable[..., Any] | None]
 
 

@@ -11,12 +11,13 @@ import numpy as np
 
 from wavesweep.engine._monodromy.resolvent import DelayLines
 from wavesweep.engine._monodromy.rounding import uneven_units
-from wavesweep.engine._stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
+from wavesweep.engine._stability.covering import tiles_of
 from wavesweep.engine._stability.entries import DEGREES, panels_of
 from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of
 from wavesweep.engine._stability.reduced_equation import LONG_LINES, tiles_by_lines
 from wavesweep.engine._stability.regions import SHARE_OF_SPAN, Regions
 from wavesweep.engine._stability.sampled_frames import Frames, ParametricFrames
+from wavesweep.engine._stability.tiles import Tiles, proved_by_balls, regions_of
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
 
@@ -59,7 +60,7 @@ def regions_along_any(
     are told from 0, for a span from 0, at which the loop need not be analytic and eigenvalues may
     leave z = 1 as any power of p; otherwise it is that of p if high > LOGARITHMIC_RATIO low > 0, as
     masses, impedances and cutoffs act by their ratios, or else p. balls(column, low, high): stable
-    intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
+    intervals of what is left in doubt, see `tiles.proved_by_balls`; by default it stays so.
     from_one: whether an eigenvalue is exactly 1 at the low end of the span, see `leaving_one`; not
     for FROM_ZERO.
 

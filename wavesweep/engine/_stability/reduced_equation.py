@@ -27,9 +27,10 @@ import numpy as np
 
 from wavesweep.engine._monodromy.resolvent import DelayLines
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
-from wavesweep.engine._stability.covering import OVERLAID, WINDOW, WINDOW_OF_ERRORS, Tiles
+from wavesweep.engine._stability.covering import WINDOW_OF_ERRORS
 from wavesweep.engine._stability.entries import Panels
 from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine._stability.tiles import OVERLAID, WINDOW, Tiles
 from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows
