@@ -191,11 +191,19 @@ class _Proofs:
             if kind == "mean square":
                 continue
             below = float(rows["fails_below"][at])
-            for end, text in ((below, refuters.low), (above, refuters.high)):
+            for end, text, away in ((below, refuters.low, -WINDOW), (above, refuters.high, WINDOW)):
                 if np.isfinite(end):
                     with self._counted(REFUTED):
-                        whole = numbers | {self.number: repr(end)}
-                        self.claims.append(claim_refuted(spec_of(self.text), whole, text))
+                        self.claims.append(self._refuted(numbers, end, text, away))
+
+    def _refuted(self, numbers, end, text, away):
+        """The claim that an end is refuted, or what is next to it: of a member, the end of its stable
+        interval is where a mode is on the circle."""
+        try:
+            return claim_refuted(spec_of(self.text), numbers | {self.number: repr(end)}, text)
+        except Refused:
+            beyond = end + away * abs(end)
+        return claim_refuted(spec_of(self.text), numbers | {self.number: repr(beyond)}, text)
 
     @contextmanager
     def _counted(self, what: str) -> Iterator[None]:

@@ -6,7 +6,7 @@ The matrices are those of the checker, so nothing has to be carried from other s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -21,6 +21,7 @@ ORDER = 2  # of matrices in doubles, as the checker looks at slacks
 LOGARITHMIC = 4.0  # ratio of the ends of a positive side above which it is divided by factors
 NARROWEST = 1e-6  # of a side: a cell whose forms the checker refuses is not divided below it
 WORK, SEARCH = 1e13, 1e11  # operations of a proof, and of a search for norms in a middle
+MOST = 4000  # cells that are tried: of long frames, some minutes
 LEFT_OPEN = 1e-4  # of a side, from its low end on: where a loop only just decays
 LEAST = 1e-300  # width of a side
 DIGITS = 8, 12, 17  # of the entries of forms, that are tried
@@ -49,7 +50,7 @@ class Cells:
     """The checker's matrices over the sides of a claim, see `for_all.ranges.Frames`.
 
     sides: in what its sides are divided. frames: whose matrices they are. rule: which of them may
-    follow which, or the chain in which they do at random.
+    follow which, or the chain in which they do at random. left: one for each cell that may be tried.
     """
 
     family: file.Family
@@ -57,6 +58,7 @@ class Cells:
     sides: Sequence[Side]
     frames: Sequence[Frame]
     rule: np.ndarray | OnAverage
+    left: Iterator[int] = field(default_factory=lambda: iter(range(MOST)))
 
     @staticmethod
     def of(family: file.Family, claim: file.Claim, refuted: float = np.inf) -> Cells:
@@ -135,25 +137,32 @@ class Cells:
             letters.append(letter)
         return self.word(letters[seen.index(now) :])
 
-    def over(self, boxes: np.ndarray) -> list[_Enclosed | int]:
+    def over(self, boxes: np.ndarray) -> list[_InBox | int]:
         """The matrices in boxes, or the side along which one is divided that has none."""
-        found: list[_Enclosed | int] = []
+        found: list[_InBox | int] = []
         for box in boxes:
+            if next(self.left, None) is None:
+                raise Refused(f"no forms are found in {MOST} cells")
             try:
-                found.append(_Enclosed(self, box, self.matrices(box)))
+                found.append(self.in_box(box))
             except Refused:
                 found.append(int(np.argmax(np.ptp(box, 0) / np.ptp(self.whole, 0).clip(LEAST))))
         return found
 
-    def matrices(self, box: np.ndarray) -> Polynomials:
+    def in_box(self, box: np.ndarray) -> _InBox:
         """The matrices of the frames in a box, `(frames, n, n)`. Errors: Refused without a bound."""
         cell = balls.Cell(self.cell(box))
         found = {}
+        due = np.full(cell.width, LEAST)
         for kind in {frame.kind for frame in self.frames}:
-            found[kind] = polynomials_of(self.family.matrix(kind, cell), cell)
+            A = self.family.matrix(kind, cell)
+            found[kind] = polynomials_of(A, cell)
+            for powers, part in A.parts.items():
+                if sum(powers) > ORDER:
+                    due += np.abs(np.array(part, float)).sum() * (1 - 0.5 ** np.array(powers))
         terms = np.stack([found[frame.kind].terms for frame in self.frames], 1)
         rest = np.stack([found[frame.kind].rest for frame in self.frames])
-        return Polynomials(terms, rest, cell.width, ORDER)
+        return _InBox(self, box, Polynomials(terms, rest, cell.width, ORDER), due)
 
     def line(self, box: np.ndarray, centre: Centre, further: np.ndarray) -> dict[str, Any] | None:
         """What the file says of a box with forms, None if the checker refuses it."""
@@ -202,20 +211,17 @@ class Cells:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Enclosed:
-    """The matrices in a box, see `FramesOver`'s."""
+class _InBox:
+    """The matrices in a box, see `engine.switched`'s `cover`."""
 
     cells: Cells
     box: np.ndarray
     matrices: Polynomials
-
-    @property
-    def due(self) -> np.ndarray:
-        return np.ones(self.matrices.numbers)
+    due: np.ndarray
 
     def within(self, box: np.ndarray) -> Polynomials:
         """The matrices in a part of the box."""
-        return self.matrices if np.array_equal(box, self.box) else self.cells.matrices(box)
+        return self.matrices if np.array_equal(box, self.box) else self.cells.in_box(box).matrices
 
 
 def polynomials_of(A: form.Matrix, cell: balls.Cell) -> Polynomials:
