@@ -1,11 +1,13 @@
 """Proof files of what holds for all of [for_all]: the writers' claims, and that the checker refuses what promises more."""
 
+import math
+
 import pytest
 from support.proofs import changed, checked, checked_file, lines_of, written
 
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import spec_of
-from wavesweep.proofs.claims import claim_of_set, claim_refuted
+from wavesweep.proofs.claims import claim_of_point, claim_of_set, claim_refuted
 
 TANK = """
 rates.tick_hz = 10
@@ -153,11 +155,33 @@ def test_rows_without_a_kind_of_claim_are_named(more, named, tmp_path, capsys):
     assert {line["claim"] for line in lines_of(proof) if "claim" in line} == {"modes"}
 
 
-def test_what_is_required_has_no_proof_file(tmp_path, capsys):
-    text = BOX.replace("[for_all]\na", "[sweep.require]\nradius = 0.9\n[numbers_]\na").partition("[numbers_]")[0]
+REQUIRED = VALVE.replace("[for_all]", "[sweep.require]")
+
+
+def test_a_gain_that_is_required_has_no_proof_file(tmp_path, capsys):
+    text = REQUIRED + "damping_ratio = 0.5"
     _, proof = written(tmp_path, text, "stability-region", "--no-plot")
     assert "no proof file for what [sweep] require asks for" in capsys.readouterr().err
     assert not proof.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "radius"), [("radius = 0.9", 0.81), ("time_constant = 0.5", math.exp(-0.4)), ("settling = 2", 0.02**0.1)]
+)
+def test_modes_within_a_radius_are_proved(key, radius, tmp_path, capsys):
+    """Of x+ = (1 - 0.2 k) x, a frame of two ticks of 0.1 s."""
+    spec, proof = written(tmp_path, REQUIRED + key, "stability-region", "--no-plot")
+    assert "1 of 1 slices" in capsys.readouterr().err
+    claims = [line for line in lines_of(proof) if "claim" in line]
+    assert [line["outside"] for line in claims] == [1, 0, 1]
+    assert [float(end) for end in claims[1]["sides"]["k"]] == pytest.approx([5 * (1 - radius), 5 * (1 + radius)])
+    code, said = checked_file(spec, proof)
+    assert code == 0, said
+    assert f"inside the circle of radius {radius:.3g}"[:-1] in said
+    smaller = str(0.99 * radius)
+    changed(proof, lambda line: line | {"radius": smaller} if "radius" in line else line)
+    assert checked_file(spec, proof)[0] == 1
 
 
 @pytest.mark.slow
@@ -175,3 +199,13 @@ def test_check_proves_what_it_says_of_all(spec, said, claims, tmp_path, capsys):
     assert said in capsys.readouterr().err
     assert [line["claim"] for line in lines_of(proof) if "claim" in line] == claims
     assert checked_file(path, proof)[0] == 0
+
+
+@pytest.mark.parametrize(("radius", "code"), [("0.81", 0), ("0.7", 1), ("0", 2), ("-1", 2)])
+def test_a_circle_has_a_radius_above_0(radius, code, tmp_path):
+    _, lines = claim_of_point(spec_of(VALVE.replace("[for_all]", "").encode()), {}, 0.81)
+    lines[0]["radius"] = radius
+    found, words = checked(tmp_path, VALVE.replace("[for_all]", ""), lines)
+    assert found == code, words
+    lines[0] |= {"claim": "for all", "radius": "0.81"}
+    assert checked(tmp_path, VALVE.replace("[for_all]", ""), lines)[0] == 2

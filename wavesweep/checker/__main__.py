@@ -25,6 +25,9 @@ def in_words(claim: Claim) -> str:
         for name, (low, high) in claim.sides.items()
     ]
     where += [f"{name} = {float(value):.15g}" for name, value in claim.numbers.items()]
+    circle = "the unit circle"
+    if claim.radius != 1:
+        circle = f"the circle of radius {float(claim.radius):.15g}, in each frame"
     words = f"{SCOPES[claim.claim]}, {', '.join(where) or 'its own numbers'}: "
     if claim.shares:
         parts = {None: "open", 0: "stable"}
@@ -39,14 +42,14 @@ def in_words(claim: Claim) -> str:
         words += "the mean of all squares decays"
     elif claim.outside:
         modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
-        words += f"{modes} outside the unit circle, unstable"
+        words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
         if claim.word:
             words += f", with frames {', '.join(claim.word)} for ever"
     else:
         modes = (
             f"all {len(claim.states)} modes are" if len(claim.states) > 1 else "the only mode is"
         )
-        words += f"{modes} inside the unit circle, stable"
+        words += f"{modes} inside {circle}{', stable' if claim.radius == 1 else ''}"
     if claim.in_touch and claim.claim != "modes":
         words += " (walls are always in touch, although [for_all] has contact)"
     if claim.drifts:

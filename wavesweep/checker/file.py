@@ -12,6 +12,7 @@ and then each claim, a line, followed by the lines of its cells:
     numbers   {name: value} that the claim sets, by their names in [sweep]; all others are those of the spec
     sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges
     outside   of modes and refuted: how many modes are outside the unit circle, all over the sides
+    radius    of modes: the circle in place of the unit circle, if it is another one
     open      true in place of it: a map, whose cells have any counts or none
     drifts    [[name, ...]]: what takes part in a drift, which every equation keeps; first a memory that no other drift has
     states    names of the memory that is left, sorted: rows and columns of all forms
@@ -58,7 +59,7 @@ CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
 NODES = 256
 KINDS = ("modes", "for all", "refuted", "mean square")
-FIELDS = {"claim", "numbers", "sides", "outside", "open", "drifts", "states", "word"}
+FIELDS = {"claim", "numbers", "sides", "outside", "open", "drifts", "states", "word", "radius"}
 
 
 @dataclass
@@ -72,6 +73,7 @@ class Claim:
     drifts: list[list[str]] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
     word: list[str] = field(default_factory=list)
+    radius: Fraction = Fraction(1)
     shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
     in_touch: bool = False  # whether [for_all] asks for walls that let go, which is not claimed
 
@@ -81,7 +83,7 @@ class Family:
     """Kinds of frames of one loop in coordinates without drifts.
 
     moves: {state of what may follow: {letter: (kind of frame, next state, chance)}}; start: the state in which a run begins.
-    word: kinds of frames in their order, whose product is the only frame.
+    word: kinds of frames in their order, whose product is the only frame. radius: that matrices are divided by.
     """
 
     frames: Frames
@@ -90,14 +92,16 @@ class Family:
     moves: dict[Any, dict[str, tuple[str, Any, Any]]]
     start: Any
     word: list[str]
+    radius: Fraction
 
     def matrix(self, kind: str, cell: Cell) -> form.Matrix:
         if self.word and not kind:
             frames = {each: self.matrix(each, cell) for each in self.word}
             return form.product_of([frames[each] for each in self.word])
-        return form.matrix_of(
+        A = form.matrix_of(
             cell, reduced(cell, self.frames.matrix(kind, cell), self.drifts), self.states
         )
+        return A if self.radius == 1 else form.divided(A, self.radius)
 
 
 def spec_of(text: bytes) -> dict:
@@ -132,7 +136,7 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     frames = Frames(words)
     middle = Cell({name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()})
     drifts = drifts_of([*schedules.values()], claim.drifts, frames.live, middle)
-    return Family(frames, drifts, states_of(frames, drifts), moves, start, word)
+    return Family(frames, drifts, states_of(frames, drifts), moves, start, word, claim.radius)
 
 
 def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
@@ -321,7 +325,10 @@ def _claim(line) -> Claim:
     ]
     if word and kind != "refuted":
         raise Unreadable("what is refuted alone has a word")
-    claim = Claim(kind, numbers, sides, line.get("outside"), word=word)
+    radius = _fraction(line.get("radius", "1"))
+    if radius <= 0 or ("radius" in line and kind != "modes"):
+        raise Unreadable("modes alone are within a circle of another radius, above 0")
+    claim = Claim(kind, numbers, sides, line.get("outside"), word=word, radius=radius)
     return claim if "states" not in line else _with_coordinates(claim, line)
 
 

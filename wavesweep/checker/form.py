@@ -6,6 +6,7 @@ wherever the inequality holds, so its inertia does not change within the cell.
 """
 
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
 from itertools import product as all_of
 from operator import mul
 from typing import NamedTuple
@@ -111,6 +112,14 @@ def matrix_of(cell: Cell, A: dict, states: list[str]) -> Matrix:
         if place == 1 or any(map(any, rows)):
             parts[cell.ring.monomials[place - 1]] = rows
     return _cut(Matrix(parts, [[c[0] for c in row] for row in entries]), KEPT)
+
+
+def divided(A: Matrix, by: Fraction) -> Matrix:
+    """A over a positive number; each coefficient is rounded down by less than 1."""
+    top, bottom = by.denominator, by.numerator
+    parts = {m: [[x * top // bottom for x in row] for row in part] for m, part in A.parts.items()}
+    error = [[x * top // bottom + 1 + len(parts) for x in row] for row in A.error]
+    return Matrix(parts, error)
 
 
 def product_of(matrices: list[Matrix]) -> Matrix:

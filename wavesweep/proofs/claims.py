@@ -13,7 +13,7 @@ import numpy as np
 
 from wavesweep.checker import balls, file
 from wavesweep.checker.balls import Refused
-from wavesweep.checker.reader import for_all
+from wavesweep.checker.reader import for_all, loop_of, with_numbers
 from wavesweep.proofs.cells import (
     Cell,
     cell_of,
@@ -39,14 +39,15 @@ def claims_along(
     name: str,
     span: tuple[float, float],
     ends: Sequence[float],
+    radius: float = 1.0,
 ) -> Iterator[tuple[Found, Lines]]:
     """Yield the stretches of a number and their lines.
 
     numbers: the others that are set. ends: those of stable intervals, as far as they are known.
-    Errors: Refused, Unreadable.
+    radius: of the circle outside of which modes are counted. Errors: Refused, Unreadable.
     """
     sides = {name: (exactly(span[0]), exactly(span[1]))}
-    family, claim = _family(tables, numbers, sides)
+    family, claim = _family(tables, numbers, sides, radius)
     low, high = span
     for place in PLACES:
         if stays_on_circle(family, {name: (low + place * (high - low),) * 2}):
@@ -59,9 +60,11 @@ def claims_along(
         yield (low, high, outside), [head, *tree(name, run)]
 
 
-def claim_of_point(tables: dict, numbers: Mapping[str, str]) -> tuple[int, Lines] | None:
-    """Return how many modes of a loop are outside, and the lines; None without a form."""
-    family, claim = _family(tables, numbers, {})
+def claim_of_point(
+    tables: dict, numbers: Mapping[str, str], radius: float = 1.0
+) -> tuple[int, Lines] | None:
+    """Return how many modes of a loop are outside a circle, and the lines; None without a form."""
+    family, claim = _family(tables, numbers, {}, radius)
     found = cell_of(family, {})
     if not isinstance(found, Cell):
         return None
@@ -152,12 +155,19 @@ def claim_of_plane(
     return [head | {"sides": written, "open": True}, *lines_of(family, [*sides], parts)]
 
 
-def _family(tables, numbers, sides):
-    claim = file.Claim("modes", _exact(numbers), sides, 0)
+def frame_of(tables: dict, numbers: Mapping[str, str]) -> float:
+    """Return how long a frame of the own loop takes (s). Errors: Unreadable."""
+    loop = loop_of(with_numbers(tables, _exact(numbers)), balls)
+    return float(loop.schedule().period)
+
+
+def _family(tables, numbers, sides, radius=1.0):
+    claim = file.Claim("modes", _exact(numbers), sides, 0, radius=exactly(radius))
     claim.drifts = drifts_of(tables, claim)
     family = file.family_of(tables, claim)
     claim.states = family.states
-    return family, {"claim": "modes", "numbers": dict(numbers)} | _coordinates(claim)
+    head = {"claim": "modes", "numbers": dict(numbers)} | _coordinates(claim)
+    return family, head if radius == 1 else head | {"radius": repr(radius)}
 
 
 def _exact(numbers):

@@ -29,6 +29,7 @@ from wavesweep.proofs.claims import (
     claim_of_set,
     claim_refuted,
     claims_along,
+    frame_of,
     write,
 )
 from wavesweep.proofs.planes import Part
@@ -88,21 +89,22 @@ def with_proof(
     file has, and what has no proof."""
     text = text_of(source)
     numbers = numbers_set(spec, overrides)
-    if spec.require:
+    if spec.require and not sizes_alone(spec):
         say(f"no proof file for {REQUIRED}")
         return table
     along, _ = sweep_axes(spec, str(table.columns["along"][0]))
     proofs = _Proofs(
-        text, along.name, checked_name(along.path), (float(along.start), float(along.stop))
+        spec, text, along.name, checked_name(along.path), (float(along.start), float(along.stop))
     )
     others = set()
     for kind, own, rows in _slices(spec, table.columns):
         if kind in OWN:
             proofs.of_slice(numbers | own, rows)
-        elif kind in CLAIMED and not spec.tick:
+        elif kind in CLAIMED and not (spec.tick or spec.require):
             proofs.of_set(CLAIMED[kind], numbers | own, rows)
         else:
-            others.add("late ticks" if kind in CLAIMED else UNCLAIMED.get(kind, kind))
+            of_all = "late ticks" if spec.tick else f"{REQUIRED}, for all of [for_all]"
+            others.add(of_all if kind in CLAIMED else UNCLAIMED.get(kind, kind))
     for line in proofs.in_words(f"{table.kind}.proof"):
         say(line)
     if others:
@@ -111,6 +113,27 @@ def with_proof(
         return table
 
     return _with_file(table, text, proofs.claims)
+
+
+def sizes_alone(spec: Spec) -> bool:
+    """Return whether a spec requires nothing but sizes of modes: a radius, or times in which they
+    decay."""
+    required: Any = spec.require
+    bound = required.bound
+    return not (bound.gains or bound.damped or bound.bounded)
+
+
+def radius_of(spec: Spec, tables: dict, numbers: Mapping[str, str]) -> float:
+    """Return the radius within which a spec with these numbers requires modes to be at the end of a
+    frame."""
+    required: Any = spec.require
+    frame = frame_of(tables, numbers)
+    if spec.drawing:
+        clock = 1 / spec.tick_hz
+    else:  # T_s, whatever runs at the slow rate
+        own = {path: str(spec.own(path)) for path in ("rates.ratio", "rates.fast_hz")} | {**numbers}
+        clock = float(own["rates.ratio"]) / float(own["rates.fast_hz"])
+    return float(required.bound.over(clock / frame).radius_of(np.array(frame)))
 
 
 def _with_file(table: Table, text: bytes, claims: Sequence[Lines]) -> Table:
@@ -155,11 +178,12 @@ def of_map(
 class _Proofs:
     """The claims of the rows of a table, and what has none.
 
-    text: of the spec. axis, number: along which rows are, and its name for the checker; span: its
+    text: of the spec, as its file has it. axis, number: along which rows are, and its name for the checker; span: its
     range. proved, wanted: slices, and ends that are refuted. unproved: why some are not. begins: from
     where on rows are proved whose low ends are not.
     """
 
+    spec: Spec
     text: bytes
     axis: str
     number: str
@@ -174,7 +198,9 @@ class _Proofs:
         """Add the claims of the spec's own loop along the number."""
         ends = ends_of(rows, self.span)
         with self._counted(SLICES):
-            found = list(claims_along(spec_of(self.text), numbers, self.number, self.span, ends))
+            tables = spec_of(self.text)
+            radius = radius_of(self.spec, tables, numbers) if self.spec.require else 1.0
+            found = list(claims_along(tables, numbers, self.number, self.span, ends, radius))
             self.claims += [lines for _, lines in found]
             if end := end_without_proof(rows, [stretch for stretch, _ in found], self.span):
                 raise Refused(f"other ends than {self.axis} = {end:.10g}")
@@ -277,12 +303,16 @@ def of_design(
     unproved = [
         f"no proof file for {words}" for kind, words in UNCLAIMED_FACTS.items() if found.get(kind)
     ]
-    if spec.require:
+    if spec.require and not sizes_alone(spec):
         unproved.append(f"no proof file for {REQUIRED}")
     try:
         if of_point := claim_of_point(spec_of(text), numbers):
             outside, lines = of_point
             claims.append(lines)
+            if spec.require and sizes_alone(spec):
+                radius = radius_of(spec, spec_of(text), numbers)
+                required = claim_of_point(spec_of(text), numbers, radius)
+                claims += [required[1]] if required else []
             said = (
                 f"{outside} modes outside the unit circle"
                 if outside

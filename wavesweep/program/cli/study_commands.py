@@ -37,7 +37,7 @@ for_hands = click.option(
 with_proof = click.option(
     "--proof",
     is_flag=True,
-    help="Also write NAME.proof: the rows of the spec's own loop as claims with their proofs, which `python -m wavesweep.checker "
+    help="Also write NAME.proof: the rows as claims with their proofs, which `python -m wavesweep.checker "
     "SPEC NAME.proof` checks without the rest of this program.",
 )
 
