@@ -140,7 +140,7 @@ def test_floats_are_within_the_rounding_of_each_tick_and_a_wrong_coefficient_is_
 
 @pytest.mark.parametrize("effects", [{"wall": 0.0}, {"late": 5}])
 def test_what_a_float_may_decide_otherwise_is_refused(effects, tmp_path):
-    with pytest.raises(UsageError, match="expected a linear loop beside --float"):
+    with pytest.raises(UsageError, match="--float is for a linear loop"):
         written(experiment("pmw", effects), tmp_path, floats=True)
 
 

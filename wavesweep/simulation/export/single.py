@@ -31,8 +31,8 @@ def refuse_decisions(own: ExportedController) -> None:
     wall = own.loop.wall
     if own.late or (wall and (wall.position is not None or not wall.pulls)):
         raise UsageError(
-            "export: expected a linear loop beside --float, found late results, frames that vary or a one-sided wall; --set leaves "
-            "them out of [simulate]"
+            "export: --float is for a linear loop, and [simulate] has late results, frames that vary or a one-sided wall; --set "
+            "leaves them out"
         )
 
 
