@@ -51,6 +51,7 @@ def pmw(command: Callable, *tables: dict, **options: object) -> Callable:
 
 
 VARYING = {"rates": {"ratio": 17}, "for_all": FRAMES}
+VARYING_WALL = VARYING | {"environment": ENGINE["environment"] | {"K_VE": 100.0}, "for_all": FRAMES | RANGES}
 HAPTIC, DRIVE = "`pmw`, 50 Hz under 1 kHz", "servo drive, 4 states"
 QUESTIONS: tuple[tuple[str, str, Callable], ...] = (
     ("What is stable, and how far may each number go? `check`", DRIVE, lambda: wavesweep.verdict(TEMPLATES / "drive.toml")),
@@ -73,6 +74,7 @@ QUESTIONS: tuple[tuple[str, str, Callable], ...] = (
     ("For ranges of mass and damping between them", HAPTIC, pmw(wavesweep.zwidth, EVEN, ONE_WALL, {"for_all": RANGES})),
     ("For frames of 17 and 34 ticks in any order, one slice", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING)),
     ("The same and two masses and dampings", "`pmw`", pmw(wavesweep.zwidth, ONE_WALL, VARYING, {"for_all": FRAMES | LISTS})),
+    ("One wall, for these frames and ranges of both: `check`", "`pmw`", lambda: wavesweep.verdict(PMW | VARYING_WALL)),
     ("80 generations of 96 designs: `design`", HAPTIC, pmw(wavesweep.design, EVEN, ONE_WALL, {"design": WISHED}, jobs=1)),
 )
 

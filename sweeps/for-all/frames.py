@@ -1,6 +1,6 @@
 """What is left of each controller's walls if the environment does not keep its rate: one figure, and a line for each best one.
 
-Computes the specs of this folder for both steps and both delays; takes three minutes when idle. From the top folder:
+Computes the specs of this folder for both steps and both delays; takes two minutes on an idle machine. From the top folder:
 
 OPENBLAS_NUM_THREADS=1 python sweeps/for-all/frames.py
 """

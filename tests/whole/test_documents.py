@@ -240,3 +240,17 @@ def test_a_page_that_is_dark_on_a_screen_is_light_on_paper(path):
     for block in re.split(r"(?=@media)", (ROOT / path).read_text(encoding="utf-8")):
         dark = "invert(" in block or "#17191c" in block
         assert not dark or re.match(r"@media screen\b", block), block[:80]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("row", "spec", "sweep"), [("the same, b = 40", "pmw", "sweep.b=[40]"), ("direct coupling", "dc-slow", "")]
+)
+def test_the_study_of_frames_in_any_order_has_what_is_proved(row, spec, sweep):
+    """Whole newtons per metre, rounded inwards, with the result in the next frame: the step elapsed, and nominal."""
+    *_, later = re.search(rf"^\| {row}.*\|$", PAGES["for-all.md"], re.MULTILINE)[0].strip("| ").split(" | ")
+    _, shown = later.split("; ")
+    for step, value in zip(("elapsed", "nominal"), shown.split(", "), strict=True):
+        changes = [f"environment.step={step}", "environment.delay=frame", *filter(None, [sweep])]
+        table = wavesweep.zwidth(wavesweep.load(ROOT / f"sweeps/for-all/{spec}.toml", changes))
+        assert int(value) == int(table[table.guarantee == "for_all"].high.max())
