@@ -3,7 +3,10 @@
 import pytest
 from meaning.judge import compiled, judge
 
-DC, WAVES = ("dc", "dc-slow", "dc-lm"), ("pmw", "pmw-lm")
+from wavesweep.haptics.controller_page import assumption_of_page
+from wavesweep.program.spec import load
+
+DC, WAVES = ("dc", "dc-slow", "dc-lm"), ("pmw", "pmw-mean", "pmw-lm")
 KEYS = {  # of a page: what is written, and for which controllers
     "defaults": ("", (*DC, "dc-vc", "dc-vc-lm", *WAVES)),
     "an amplifier that is two ticks late": ("device.delay = 2", (*DC, *WAVES)),
@@ -46,6 +49,12 @@ def test_a_page_is_what_the_documents_say(key, kind, tmp_path):
     found = judge(text, compiled(text, tmp_path), ticks=14, whole=False)
     assert [one for one in found if not one.same] == []
     assert found[0].what == "radius"
+
+
+@pytest.mark.parametrize(("slow_hz", "said"), [(250.0, ""), (300.0, "mean of 3 ticks, a frame being 3.33333, ")])
+def test_a_mean_of_other_ticks_than_a_frame_has_is_said(slow_hz, said):
+    spec = load({"rates": {"fast_hz": 1000.0, "slow_hz": slow_hz}, "controller": {"kind": "pmw-mean"}})
+    assert assumption_of_page(spec.values).partition("implicit")[0] == said
 
 
 @pytest.mark.slow

@@ -34,6 +34,8 @@ def steps_as_seconds(tables: dict, draw: Draw) -> dict:
 def tick_halved(tables: dict, draw: Draw) -> dict:
     """A tick of half the time, in every second of which all runs as before; late messages would be other ones."""
     del draw
+    if "controller" in tables:
+        return _fast_doubled(tables)
     blocks = tables.get("block", {})
     if not blocks or any("late" in keys for keys in blocks.values()):
         return tables
@@ -45,6 +47,26 @@ def tick_halved(tables: dict, draw: Draw) -> dict:
         keys["every"] = f"2*({every})" if isinstance(every, str) else 2 * every
         if "phase" in keys:
             keys["phase"] = 2 * keys["phase"]
+    return tables
+
+
+def _fast_doubled(tables: dict) -> dict:
+    """The same of a wall that is felt as it is: where anything runs in the fast ticks, or counts them, it is another one."""
+    asked = tables.get("for_all", {})
+    if tables["controller"]["kind"] != "dc-slow" or tables["device"]["velocity"] != "exact" or "tick" in asked:
+        return tables
+    tables["rates"]["fast_hz"] *= 2
+    if "ratio" in tables["rates"]:
+        tables["rates"]["ratio"] *= 2
+    for table in ("device", "environment"):
+        delay = tables[table].get("delay", "frame")
+        if delay != "frame":
+            tables[table]["delay"] = 2 * delay
+    for name in ("rates.ratio", "environment.delay"):
+        if name in asked:
+            given = asked[name]
+            values = given.get("values") or range(given.pop("start"), given.pop("stop") + 1)
+            given["values"] = [2 * value for value in values]
     return tables
 
 
