@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from functools import reduce
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from wavesweep.engine.rows import distinct
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames
+from wavesweep.for_all.members import members
 from wavesweep.for_all.on_check import facts, lines
 from wavesweep.for_all.rows import ForAllGuarantee, Row, verdict
 from wavesweep.for_all.unknown import Part
@@ -140,7 +142,11 @@ def test_no_numbers_of_the_box_break_what_is_proved(seed):
 def test_proofs_integrate_over_what_the_spec_says(step):
     varied = {"rates.ratio": {"values": [16, 20], "varying": True}}
     tables = FIG4 | {"environment": FIG4["environment"] | {"step": step}, "for_all": varied}
-    assert Rules.of(load(tables)).elapsed == (step == "elapsed")
+    rules = Rules.of(load(tables))
+    assert rules.elapsed == (step == "elapsed")
+    (case,) = for_all_module.own_cases(rules, load(tables))
+    constant = {each.values["rates.ratio"] for each in members(rules, case)}
+    assert constant == ({16, 20} if rules.elapsed else {20}), "constant frames of 16 ticks would be integrated over 16, not 20"
 
 
 def test_the_table_says_in_words_whether_its_loops_are_stable():
@@ -465,6 +471,19 @@ def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypat
     smaller = load(tmp_path / "spec.toml", [f"for_all.m.stop={part[1]}"])
     assert for_all_module.verdict(smaller)["verdict"] == "proved"
     assert for_all_module.verdict(spec) == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (0.5, 1.25, "proved for m 0.5 to 1.25 with c = 3, open from there (within m 1 to 2)"),
+        (0.5, 0.5, "open from m = 0.5 on with c = 3 (within m 1 to 2)"),
+    ],
+)
+def test_what_is_open_is_said_from_where_the_proof_ends(low, high, said):
+    case = SimpleNamespace(ranges=[SimpleNamespace(name="m")], fixed={"numbers.c": 3.0})
+    left = unknown_module.LeftOpen(("numbers.m",), (np.array([1.0]), np.array([2.0])), 1.0)
+    assert for_all_module._partly(case, SimpleNamespace(low=low, high=high, open=left)) == said
 
 
 def test_what_a_constant_member_refutes_everywhere_needs_no_proof_beside_a_range_that_is_a_point_to_rounding():
