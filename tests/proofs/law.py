@@ -1,10 +1,13 @@
-"""What the package certifies of a spec's own loop along its number, the checker proves.
+"""What the package certifies of the rows of a spec, the checker proves.
 
-`python -m proofs.law 0 100` takes random specs, `python -m proofs.law a.toml b.toml` files. A line for each says what became of
-it, and the last ones how many of each kind are proved. It ends with 1 if a row has other ends than its proof, if the checker
-refuses one, or if less of what is certified is proved than `LEAST` says.
+`python -m proofs.law 0 100` takes random specs, `--sets 0 100` random sets of [for_all], `python -m proofs.law a.toml b.toml` files.
+A line for each says what became of it, and the last ones how many of each kind are proved. It ends with 1 if the checker refuses a
+claim, or if less of a kind is proved than `LEAST` says.
 """
 
+import contextlib
+import io
+import re
 import sys
 import tempfile
 import time
@@ -12,48 +15,35 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 
-from meaning.judge import compiled
-from meaning.specs import spec_text
+from meaning.sets import set_of
+from meaning.specs import spec_text, toml
+from support.proofs import checked_file
 
-from wavesweep.checker.balls import Refused
-from wavesweep.checker.file import check, spec_of
-from wavesweep.checker.reader.loops import Unreadable
-from wavesweep.proofs.claims import claims_along, write
-from wavesweep.proofs.of_table import checked_name, end_without_proof, ends_of
+from wavesweep.program.cli import main as command
 
-PROVED = "proved"
-ASIDE = ("no axis", "in doubt")  # nothing is certified
-LEAST = 0.98  # share of certified specs of each kind that are proved
+LEAST = 0.98  # share of what is certified of each kind that is proved
+COUNTS = re.compile(r"(\d+) of (\d+) (slices|rows|refuted ends)")
+WHY = re.compile(r"  no proof of \d+ (.*)|no proof file for (.*)")
 
 
-def fate(text: str, folder: Path) -> str:
-    """What becomes of the own rows of a spec along its number: "proved", one of ASIDE, or what is in the way."""
-    loop = compiled(text, folder)
-    spec = loop.spec
-    axis = next((axis for axis in spec.sweep if axis.name == spec.along), None)
-    if axis is None or axis.structural:
-        return "no axis"
-    rows = loop.stable_intervals(along=axis.name, span=(axis.start, axis.stop))
-    rows = {name: rows[name].to_numpy() for name in rows}
-    if "guarantee" in rows:
-        rows = {name: column[rows["guarantee"] == "spec"] for name, column in rows.items()}
-    if not rows["certified"].all():
-        return "in doubt"
-    span = float(axis.start), float(axis.stop)
-    source = text.encode()
-    try:
-        found = list(claims_along(spec_of(source), {}, checked_name(axis.path), span, ends_of(rows, span)))
-    except Unreadable as error:
-        return f"not read: {error}"
-    except Refused as error:
-        return f"no form: {error}"
-    if end := end_without_proof(rows, [stretch for stretch, _ in found], span):
-        return f"another end than {end}"
-    place = folder / "law.proof"
-    write(place, source, [lines for _, lines in found])
-    with place.open("rb") as file:
-        refused = [why for _, why in check(source, file) if why]
-    return f"refused by the checker: {refused[0]}" if refused else PROVED
+def fate(text: str, folder: Path) -> tuple[Counter, Counter, list[str]]:
+    """What is proved of a spec, and what is certified: {"slices": ..., "rows": ..., "refuted ends": ...}; and what is in the way."""
+    spec = folder / "law.toml"
+    spec.write_text(text, encoding="utf-8")
+    name = "zwidth" if "controller" in tomllib.loads(text) else "stability-region"
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        code = command([name, str(spec), "--proof", "--no-plot", "--out", str(folder)]) or 0
+    words = said.getvalue()
+    counts = COUNTS.findall(words)
+    why = [first or second for first, second in WHY.findall(words)]
+    proved = Counter({kind: int(count) for count, _, kind in counts})
+    certified = Counter({kind: int(count) for _, count, kind in counts})
+    if not counts:
+        return proved, certified, why or [words.strip().splitlines()[-1] if words.strip() else f"exit code {code}"]
+    code, words = checked_file(spec, folder / f"{name}.proof")
+    refused = [line for line in words.splitlines() if not line.startswith("proved")][:-1] if code else []
+    return proved, certified, why + refused
 
 
 def kind_of(text: str) -> str:
@@ -61,23 +51,30 @@ def kind_of(text: str) -> str:
     return tables["controller"]["kind"] if "controller" in tables else "drawn"
 
 
-def main(arguments: list[str]) -> int:
+def texts_of(arguments: list[str]) -> dict[str, str]:
     if arguments[0].endswith(".toml"):
-        texts = {name: Path(name).read_text(encoding="utf-8") for name in arguments}
-    else:
-        texts = {str(number): spec_text(number, quick=True) for number in range(*map(int, arguments))}
+        return {name: Path(name).read_text(encoding="utf-8") for name in arguments}
+    if arguments[0] == "--sets":
+        return {str(number): toml(set_of(number)) for number in range(*map(int, arguments[1:]))}
+    return {str(number): spec_text(number, quick=True) for number in range(*map(int, arguments))}
+
+
+def main(arguments: list[str]) -> int:
     proved = Counter()
     certified = Counter()
-    with tempfile.TemporaryDirectory() as folder:
-        for name, text in texts.items():
-            start = time.process_time()
-            found = fate(text, Path(folder))
-            print(f"{name} {kind_of(text)} {time.process_time() - start:.1f} s: {found}", flush=True)  # noqa: T201
-            proved[kind_of(text)] += found == PROVED
-            certified[kind_of(text)] += found not in ASIDE
+    wrong = False
+    for name, text in texts_of(arguments).items():
+        start = time.process_time()
+        with tempfile.TemporaryDirectory() as folder:
+            own, whole, why = fate(text, Path(folder))
+        wrong |= any(line.startswith("REFUSED") for line in why)
+        parts = [f"{own[kind]} of {count} {kind}" for kind, count in whole.items()]
+        print(name, kind_of(text), f"{time.process_time() - start:.1f} s:", "; ".join(parts + why), flush=True)  # noqa: T201
+        proved += Counter({f"{kind_of(text)}, {kind}": count for kind, count in own.items()})
+        certified += Counter({f"{kind_of(text)}, {kind}": count for kind, count in whole.items()})
     for kind, count in sorted(certified.items()):
         print(f"{kind}: {proved[kind]} of {count} proved")  # noqa: T201
-    return int(any(proved[kind] < LEAST * count for kind, count in certified.items()))
+    return int(wrong or any(proved[kind] < LEAST * count for kind, count in certified.items()))
 
 
 if __name__ == "__main__":

@@ -74,9 +74,10 @@ def _echelon(kept: Sequence[np.ndarray], live: int) -> Iterator[tuple[int, np.nd
     count = len(kept[0])
     if any(len(each) != count for each in kept):
         return
-    # Memory whose share comes nowhere near 0, as against its share in the middle.
+    # Memory against which no other share grows much, as against the middle.
     sizes = np.array([np.linalg.norm(each[:, :live], axis=0) for each in kept])
-    away = (sizes / np.maximum(sizes[0], LEAST)).min(axis=0)
+    ratios = np.where(sizes[0] > LEAST, sizes / np.maximum(sizes[0], LEAST), 0.0)
+    away = (ratios / np.maximum(ratios.max(axis=1, keepdims=True), LEAST)).min(axis=0)
     pivots: list[int] = []
     for at in np.argsort(-away, kind="stable").tolist():
         if np.linalg.matrix_rank(kept[0][:, [*pivots, at]], tol=LEAST) > len(pivots):

@@ -37,7 +37,7 @@ def form_of(A: Sequence[np.ndarray]) -> Form | None:
     A: the terms of the matrix by powers of s.
     """
     with np.errstate(all="ignore"):
-        for find in (_modal, _split, _stein):
+        for find in (_split, _modal, _stein):
             candidates: list[Candidate] = []
             with suppress(np.linalg.LinAlgError, ValueError):
                 candidates += [each for each in find(A[0]) if _is_usable(each)]
