@@ -1,8 +1,8 @@
 """What the package certifies of the rows of a spec, the checker proves.
 
-`python -m proofs.law 0 100` takes random specs, `--sets 0 100` random sets of [for_all], `python -m proofs.law a.toml b.toml` files.
-A line for each says what became of it, and the last ones how many of each kind are proved. It ends with 1 if the checker refuses a
-claim, or if less of a kind is proved than `LEAST` says.
+`python -m proofs.law 0 100` takes random specs, `--sets 0 100` random sets of [for_all], `a.toml b.toml` files. A line for each
+says what became of it, and the last ones how many of each kind are proved. It ends with 1 if the checker refuses a claim, or if
+less of a kind is proved than `LEAST` says.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ WHY = re.compile(r"  no proof of \d+ (.*)|no proof file for (.*)")
 
 
 def fate(text: str, folder: Path) -> tuple[Counter, Counter, list[str]]:
-    """What is proved of a spec, and what is certified: {"slices": ..., "rows": ..., "refuted ends": ...}; and what is in the way."""
+    """What is proved of a spec, and what is certified: {"slices": 1, "rows": 2, "refuted ends": 2}; and what is in the way."""
     spec = folder / "law.toml"
     spec.write_text(text, encoding="utf-8")
     name = "zwidth" if "controller" in tomllib.loads(text) else "stability-region"
