@@ -5,6 +5,8 @@ The loops are the last axis of the arrays here, along which a processor adds and
 a time.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 LOOPS_IN_CACHE = 512  # loops at once, for which the recurrence stays in a processor's cache
@@ -71,9 +73,7 @@ def reduced(system: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return H * scale, C * scale[0], system[0, 0]
 
 
-def polynomials(
-    form: tuple[np.ndarray, np.ndarray, np.ndarray], w: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def polynomials(form: Sequence[np.ndarray], w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return pole polynomials `det(w I - E)`, `(loops, points)`, and with them `C (w I - E)^-1 B`
     times these, for each output.
 

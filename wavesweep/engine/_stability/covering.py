@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from wavesweep.engine._stability.dominance import DominanceTests, ExactFrames
-from wavesweep.engine._stability.entries import Panels, nodes, sizes_of
+from wavesweep.engine._stability.entries import FramesOf, Panels, nodes, sizes_of
 from wavesweep.engine._stability.leaving_one import proved_from_one
 from wavesweep.engine._stability.tiles import OVERLAID, WINDOW, Tiles
 from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
@@ -51,9 +51,6 @@ MOST_ROUNDS = 150  # of all columns together
 FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
 
-# Of columns at values of the parameter: frames less identity, `(tests, n, n)`, and bounds on the errors
-# of their entries.
-FramesOf = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 Slack = Callable[..., Any]  # how far an end may be off at values of the parameter, of their shape
 
 
@@ -130,7 +127,7 @@ def _beside_one(
     open."""
     first = np.flatnonzero(open_.low == low)
     if not first.size:
-        return Tiles.of(first, *np.zeros((2, 0)), 0), open_
+        return Tiles.of(first, np.zeros(0), np.zeros(0), 0), open_
     panel = open_.panel[first]
     reached, outside = proved_from_one(panels, panel, errors, low)
     proved = reached > low

@@ -32,6 +32,10 @@ BETWEEN_PLACES = 4.0  # times the bounds at these places: that at any other poin
 # the largest
 ENTRY_RATIO = 1e3
 NARROWEST_PANEL = 1e-9  # of the span: a panel this narrow that is not followed is given up
+# Of columns at values of the number: frames; and frames less identity, `(values, n, n)`, with bounds
+# on the errors of their entries.
+FramesAt = Callable[[np.ndarray, np.ndarray], Frames]
+FramesOf = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +115,7 @@ class Panels(Rows):
         moved = np.abs(self.coefficients[:, 0] + np.eye(n)) + rest
         nonzero[:, range(n), range(n)] = moved[:, range(n), range(n)] >= 0.5
         remembered = {}
-        groups = {}
+        groups: dict[tuple[int, ...], list[int]] = {}
         for panel, entries in enumerate(nonzero):
             kind = entries.tobytes()
             if kind not in remembered:
@@ -143,8 +147,8 @@ def _remembered(entries: np.ndarray) -> list[int]:
 
 
 def panels_of(
-    frames: Callable[..., Any],
-    errors: Callable[..., Any],
+    frames: FramesAt,
+    errors: FramesOf,
     span: tuple[float, float],
     columns: int,
     bounds: np.ndarray,
@@ -174,6 +178,8 @@ def panels_of(
     done = []
     lost = []
     while column.size:
+        # A polynomial reaches beyond the part that it is for, as far as frames are analytic, and the
+        # ellipse about it has to be where they are.
         over = OVERLAP * (high - low)
         lowest = bounds[0][column]
         highest = bounds[1][column]
@@ -197,6 +203,7 @@ def panels_of(
             overflown[portion] = ~finite.all(1)
             hopeless[portion] = ~finite.any(1)
             done += followed
+        # What is not followed is given up, or halved.
         np.add.at(count, column[~good], 1)
         narrow = hopeless | ~good & (
             # Panels of a column, beyond which the rest is given up.
@@ -220,8 +227,8 @@ class _Spans(NamedTuple):
     """Parts of columns in which frames may be polynomials, as fields of `Panels`; frames, errors:
     see `panels_of`."""
 
-    frames: Callable
-    errors: Callable
+    frames: FramesAt
+    errors: FramesOf
     column: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -333,7 +340,8 @@ def _panels(spans: _Spans, index: np.ndarray, c: np.ndarray, error: np.ndarray) 
     padded[:, : c.shape[1]] = c
     rest = np.einsum("k,pkmn->pmn", np.abs(steepest), np.abs(c))
     places = spans.column, spans.low, spans.high, spans.middle, spans.half
-    return Panels(*(fact[index] for fact in places), padded, error, rest)
+    column, low, high, middle, half = (fact[index] for fact in places)
+    return Panels(column, low, high, middle, half, padded, error, rest)
 
 
 @cache

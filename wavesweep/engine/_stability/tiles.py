@@ -78,7 +78,8 @@ def proved_by_balls(
     `regions_of`.
     """
     low_ends, high_ends = (
-        Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span
+        Tiles.of(np.arange(columns), np.full(columns, end), np.full(columns, end), 1)
+        for end in map(float, span)
     )
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
     joined = Tiles.join([low_ends, tiles, high_ends])
@@ -169,17 +170,10 @@ def _tiles_of_intervals(
         place = high
     if place < b:
         rows.append((place, b, 1, np.nan, np.nan))
-    low, high, outside, value, theta = map(np.array, zip(*rows, strict=True))
-    return Tiles(
-        np.full(low.size, column),
-        low,
-        high,
-        outside,
-        value,
-        theta,
-        0 * low,
-        np.full(low.size, Doubt.NONE),
-    )
+    lows, highs, outside, values, thetas = map(np.array, zip(*rows, strict=True))
+    columns = np.full(lows.size, column)
+    doubt = np.full(lows.size, Doubt.NONE)
+    return Tiles(columns, lows, highs, outside, values, thetas, 0 * lows, doubt)
 
 
 def regions_of(

@@ -163,7 +163,10 @@ def _near(log, whole, near=None):
     """The search, its best point for `log`, a part of the whole log, and the rows that are left
     out.
 
-    near: numbers of a smaller model to begin with.
+    near: numbers of a smaller model to begin with. A load on a spring is looked for from each
+    frequency at which the log resonates after a fit without it. It is taken if the logarithm of the
+    likelihood, `-n/2 log(mean square)` of n readings, grows by more than LIKELIER.
+    Errors: UsageError if it does not.
     """
     if not log.model.load:
         begun = begun_at(log, near)
