@@ -260,7 +260,7 @@ class _Way:
         first = [word] if word else []
         norms = self.centre.norms
         words = growing(self.family.at(x), follows, self.centre.basis, first, more, norms=norms)
-        return first_refuted(self.family, words, self.start, x)
+        return first_refuted(self.family, words, [self.start], x)
 
     def aim(self, reached: float, goal: float, fails: float, ceiling: float | None) -> float:
         """The next number for which norms are searched: short of the refuted one by STRIDE of

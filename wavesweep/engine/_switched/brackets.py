@@ -116,7 +116,7 @@ def nearest_of(
     tried = [start]
     for before, x, many in _on_the_way(start, limit, steps):
         tried.append(before)
-        found = first_refuted(family, growing(x, (), many), before, x)
+        found = first_refuted(family, growing(x, (), many), tried, x)
         if found.word:
             break
     else:
@@ -126,8 +126,8 @@ def nearest_of(
     for share in back:
         for _ in range(8):
             x = short_of(found.x, start, share)
-            stable = next(at for at in tried[::-1] if abs(at - start) < abs(x - start))
-            nearer = first_refuted(family, growing(x, found.word, False), stable, x)
+            inside = [at for at in tried if abs(at - start) < abs(x - start)]
+            nearer = first_refuted(family, growing(x, found.word, False), inside, x)
             if not nearer.word:
                 break
             found = nearer
@@ -142,14 +142,20 @@ def _on_the_way(start: float, limit: float, steps: int) -> Iterator[tuple[float,
                 yield before, x, x == ahead
 
 
-def first_refuted(family: Family, words: Sequence[Word], stable: float, unstable: float) -> Refuted:
-    """Return the refuted number closest to `stable` of words that grow at `unstable`, if one is
-    proved."""
+def first_refuted(
+    family: Family, words: Sequence[Word], inside: Sequence[float], unstable: float
+) -> Refuted:
+    """Return the refuted number closest to the start of words that grow at `unstable`, if one is
+    proved.
+
+    inside: numbers on the way there, the start first, at which words may decay.
+    """
     best = Refuted(unstable)
     for word in words[:8]:  # words whose crossings are computed
         if best.word and growth(family.at(best.x), word) < 1:
             continue
-        at = begins(family, word, stable, best.x)
+        decays = (at for at in inside[:0:-1] if growth(family.at(at), word) < 1)
+        at = begins(family, word, next(decays, inside[0]), best.x)
         if at is not None:
             best = Refuted(at, word)
     return best if best.word else Refuted()
