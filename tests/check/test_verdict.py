@@ -253,3 +253,25 @@ def test_what_a_simulation_adds_and_the_answers_leave_out_is_said(effect, size, 
     assert abs(one - other).max() > 1e-3 * abs(one).max()
     assert len({float(loop.spectral_radius()) for loop in loops}) == 1
     assert word in walls_in_words(own_scope(loops[1].spec))
+
+
+@pytest.mark.slow
+def test_a_range_ends_where_its_key_does_or_before_a_pole_there(monkeypatch):
+    """A share of a lowpass may be 1. A notch at half of its rate may not: what crowds towards it is left out."""
+    from wavesweep.check.room_of_numbers import limits
+    from wavesweep.prove import columns
+
+    monkeypatch.setattr(columns, "prove_column", lambda *_, **__: pytest.fail("a proof in balls was asked for"))
+    blocks = {
+        "p": {"type": "mass", "mass": 1.0, "damping": 5.0},
+        "low": {"type": "lowpass", "a": "a", "every": 2},
+        "n": {"type": "notch", "frequency_hz": "fn", "q": 1.5, "depth": 0.2, "every": 2},
+    }
+    wires = {"low.u": "p.x", "n.u": "low.y", "p.f": "-20*n.y + hand"}
+    tables = {"rates": {"tick_hz": 1000.0}, "numbers": {"a": 0.3, "fn": 100.0}, "block": blocks, "wire": wires}
+    tables["ports"] = {"hand": {"force": "hand", "displacement": "p.x"}}
+    share, notch = limits(load(tables))
+    assert (share["to"], share["of_key"], share["high"]) == (1.0, [False, True], None)
+    assert (notch["to"], notch["of_key"], notch["high"]) == (pytest.approx(249.85, rel=1e-6), [False, True], None)
+    assert share["certified"]
+    assert notch["certified"]

@@ -29,8 +29,10 @@ SECONDS, LONG = (
 # share of a number that a pose depends on, or of its range about 0, that is searched
 NEAR_POSE = 0.02
 LATE = "it takes longer than check does"
-# of the way to where the range of a key ends, that is left out if it cannot be decided
+# of the way to where the range of a key ends, that is left out if it cannot be decided, or if the
+# key does not take its end
 LEFT_OUT_OF_WAY = 1e-3
+DIGITS_OF_KEYS = 7  # that the end of a key's range has
 
 
 def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
@@ -107,8 +109,24 @@ def _narrower(spec, name, path, value, span):
     for attempt, times in ((takes, HALVINGS_TO_END), (makes_loops, FEW)):
         less = tuple(_reached(attempt, value, end, times) for end in span)
         if less != span and less[0] < less[1]:
+            if attempt is takes:
+                less = tuple(
+                    end if end == asked else _end_of_key(takes, value, end)
+                    for end, asked in zip(less, span, strict=True)
+                )
             return less
     return None
+
+
+def _end_of_key(takes, value, last):
+    """Where a range ends whose key takes no value beyond one next to `last`: there, or, if not even
+    that is taken, as half of its rate by a filter, before what crowds towards it."""
+    end = float(f"{last:.{DIGITS_OF_KEYS}g}")
+    try:
+        takes(end)
+    except WavesweepError:
+        return last + LEFT_OUT_OF_WAY * (value - last)
+    return end
 
 
 def _around(rows, value, start, stop):
