@@ -33,6 +33,7 @@ from wavesweep.program.sweep.running import in_memory
 
 COLUMNS = 61  # of a plane, before a figure computes more
 FEWEST_COLUMNS = 9  # of a plane whose columns take long
+LOOKED_AT = 33  # values of y, evenly and towards the low end, by which its range is chosen
 FREQUENCIES = 90  # frequencies of a response
 ROOM_OF_PLANE = 1.25  # times the highest limit, in two digits: up to where a plane goes
 PIXELS = (800, 400)  # of the plane
@@ -300,12 +301,10 @@ def fitted(
         end = low + factor * (high - low)
         plane = Plane(x, y, x_span, (low, end))
         try:
-            curve, _ = _columns(spec, plane, np.linspace(*x_span, FEWEST_COLUMNS))
+            columns = _highest_limits(spec, plane)
         except WavesweepError:  # somewhere in the range there is no loop
             return whole_plane
-        columns = [intervals for intervals, _ in curve.columns.values()]
-        highs = [interval.high for interval in chain.from_iterable(columns)]
-        limits = [high for high in highs if high < end]
+        limits = [high for high in chain.from_iterable(columns) if high < end]
         if limits:
             top = low + float(f"{ROOM_OF_PLANE * (max(*limits, up.value) - low):.2g}")
             return Plane(x, y, x_span, (low, min(top, end)))
@@ -313,6 +312,22 @@ def fitted(
             return whole_plane
         factor *= 8.0  # times the range in which no limit is found
     return whole_plane
+
+
+def _highest_limits(spec: Spec, plane: Plane) -> list[list[float]]:
+    """Where stable intervals along y end, at some values of x; if y is no gain, which takes long,
+    by the eigenvalues at some values of y, more of them near the low end."""
+    x = np.linspace(*plane.x_span, FEWEST_COLUMNS)
+    if is_gain(spec, plane):
+        curve, _ = _columns(spec, plane, x)
+        return [[interval.high for interval in found] for found, _ in curve.columns.values()]
+    low, high = plane.y_span
+    shares = np.union1d(np.linspace(0.0, 1.0, LOOKED_AT), np.geomspace(1e-4, 1.0, LOOKED_AT))
+    y = low + (high - low) * shares
+    axes = (_axis(spec, plane.x, x), _axis(spec, plane.y, y))
+    stable = radius_over(spec, axes).reshape(x.size, y.size) < 1
+    ends = stable & ~np.append(stable[:, 1:], np.zeros((x.size, 1), bool), 1)
+    return [y[column].tolist() for column in ends]
 
 
 def _with(spec, slider, low, high):

@@ -99,7 +99,7 @@ function drawLoop() {
   }
   fill($("margins"), ...rows);
   const cutShort = now && margins.cut === true, bad = now && !cutShort && !margins.margins.length;
-  $("loopnote").textContent = (cutShort ? "Margins take longer than 2 s, and were cut: wavesweep margins computes them. " : bad ? `No margins: the loop is not ${margins.doubt ? "known to be " : ""}stable${margins.doubt ? ` (${margins.doubt})` : ""}. ` : now ? "Margins as the table of wavesweep margins has them. " : "… margins follow. ") + (o => o.several ? "L is made several times in a frame: its eigenvalues. " : "")(answer.open) + "The samples of a step response, and what comes after them, are bounded.";
+  $("loopnote").textContent = (cutShort ? "Margins take longer than 2 s, and were cut: choose a signal that is made less often, or wavesweep margins computes them. " : bad ? `No margins: the loop is not ${margins.doubt ? "known to be " : ""}stable${margins.doubt ? ` (${margins.doubt})` : ""}. ` : now ? "Margins as the table of wavesweep margins has them. " : "… margins follow. ") + (o => o.several ? "L is made several times in a frame: its eigenvalues. " : "")(answer.open) + "The samples of a step response, and what comes after them, are bounded.";
 }
 function loopChoices() {
   if (saved || !cut) return;

@@ -3,14 +3,15 @@ loop broken at a signal, and the margins of that.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from wavesweep.engine.doubts import words
-from wavesweep.engine.errors import UsageError
+from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.engine.response import Step
-from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at, returns
+from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
 from wavesweep.margins.dead_time_margin import in_seconds
 from wavesweep.margins.figure import decibels_and_degrees, marks_of, response_of
 from wavesweep.margins.lifted_margins import margins_of
@@ -21,6 +22,7 @@ from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.spec import Spec
 
 FIRST_POINTS = 90  # points to begin with
+MOST_TIMES = 16  # that a signal is made in a frame, beyond which its margins may take seconds
 MOST_STEP_STATES = 1_000_000  # samples of a step response times states
 
 
@@ -32,10 +34,12 @@ def data(spec: Spec) -> dict[str, list]:
     and an output."""
     if not spec.drawing or spec.drawing.hand:
         return {"cuts": [], "routes": []}
-    return {
-        "cuts": [cut for cut in cuts_of(spec) if returns(spec, cut)],
-        "routes": routes_of(spec),
-    }
+    often = {}
+    for cut in cuts_of(spec):
+        with suppress(WavesweepError):  # it does not come back to itself
+            often[cut] = broken_at(spec, cut).times > MOST_TIMES
+    # A page begins with the first one, and waits for its margins.
+    return {"cuts": sorted(often, key=often.__getitem__), "routes": routes_of(spec)}
 
 
 def _chosen(question: Mapping[str, Any], shown: Shown) -> tuple[str, list[str] | None]:
