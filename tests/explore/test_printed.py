@@ -124,3 +124,13 @@ def test_controls_have_names_of_their_own_and_the_plane_says_what_it_shows(page)
     assert len(names) == len({*names}) == 2 * len(page.sliders)
     assert "device mass kg" in names
     assert plane["aria-label"].endswith("the design at 500 and 1 is stable. Arrow keys move it.")
+
+
+def test_a_wall_that_an_integrator_makes_rigid_is_called_so(page):
+    run = "answer.own.felt = {rigid: true, stiffness: null, damping: null, over_band: null}; numbers();"
+    run += "const texts = each => each.parts ? each.parts.map(texts).join(' ') : String(each);"
+    said = ran(
+        page._data(), run + SAY.format("Object.values(places).map(texts).filter(text => text.includes('felt stiffness'))")
+    )
+    assert said
+    assert "felt stiffness rigid: a constant force moves nothing in the end" in said[0]

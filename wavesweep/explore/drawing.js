@@ -185,7 +185,7 @@ const verdict = () => isBlank() || answer.own.spectral_radius === null ? "not kn
 function numbers() {
   const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
   const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
-  if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : o.spectral_radius === null ? "not known" : "none: unstable", o.felt.stiffness));
+  if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? (o.felt.rigid ? "rigid: a constant force moves nothing in the end" : text(o.felt.stiffness) + " " + data.units.felt[0]) : o.spectral_radius === null ? "not known" : "none: unstable", o.felt.stiffness));
   const band = o.stable && o.felt?.over_band, beyond = (band && band.outweighed_bands_hz) || [];
   if (band) {
     const seen = band.hz.map((hz, i) => [hz, band.impedance[i]]).filter(([hz]) => !beyond.some(([low, high]) => low <= hz && (high === null || hz <= high)));
