@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,33 @@ def test_a_name_in_signals_is_a_cut(wavesweep, tmp_path, monkeypatch):
     assert [each["times"] for each in found] == [1, 1]
     for name, margin in found[0]["margins"].items():
         assert margin["value"] == pytest.approx(found[1]["margins"][name]["value"], rel=1e-8)
+
+
+def test_one_margin_in_doubt_leaves_the_others_certified(arm, monkeypatch):
+    """A report said "not known" above gain and phase that are certified."""
+    from wavesweep.engine.doubts import Doubt
+    from wavesweep.margins import lifted_margins, table
+    from wavesweep.program.analyses.claim_words import known_in_words
+    from wavesweep.program.analyses.claims import Claim
+    from wavesweep.program.spec import load
+
+    found = lifted_margins.margins_of
+
+    def with_doubt(names):
+        def crowded(loop):
+            margins, doubt = found(loop)
+            return [replace(each, doubt=Doubt.CROWDED) if each.name in names else each for each in margins], doubt
+
+        return crowded
+
+    for names, known in (
+        (("disk",), "certified, but for what a line says is not"),
+        (tuple(table.UNITS) + MARGINS, "not known"),
+    ):
+        monkeypatch.setattr(lifted_margins, "margins_of", with_doubt(names))
+        facts = table.margins(load(arm), "camera.y").facts
+        said = known_in_words([Claim.read(facts["claims"]["spec"])])
+        assert said == f"Margins with the spec's own numbers: {known}."
+
+
+MARGINS = ("gain_up", "gain_down", "phase", "delay", "disk", "disk_gain", "disk_phase", "sensitivity", "complementary")
