@@ -31,6 +31,8 @@ def test_a_map_has_a_proof_of_its_parts(tmp_path, capsys):
     written(tmp_path, TANK, "stability-region", "--no-plot", "--map", "k,a", "--open", "0.03")
     proof = tmp_path / "out" / "stability-map.proof"
     assert "parts with forms" in capsys.readouterr().err
+    written(tmp_path, TANK, "stability-region", "--no-plot", "--map", "k,a", "--open", "0.03", "--overwrite", "--quiet")
+    assert not capsys.readouterr().err
     code, said = checked_file(spec, proof)
     assert code == 0, said
     stable, unstable = (float(said.partition(f"% {what}")[0].split()[-1]) for what in ("stable", "1 modes outside"))

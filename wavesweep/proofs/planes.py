@@ -11,7 +11,7 @@ from wavesweep.engine.switched import inertia_of_cells
 from wavesweep.proofs.cells import exactly
 from wavesweep.proofs.sets import DIGITS, Ends, Leaf, exponents_of, polynomials_of, tree, written
 
-SMALLER = 7  # times a part of a map is halved before it stays open
+SMALLER = 5  # times a part of a map is halved before it stays open
 
 
 class Part(NamedTuple):

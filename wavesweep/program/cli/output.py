@@ -328,10 +328,17 @@ def produce_intervals(
             say(f"along {spec.along} this is the table of `wavesweep zwidth`")
         table = replace(intervals(spec, along=along, hands=hands, **work), kind=kind)
         if proof:
-            table = offered("of_table").with_proof(table, spec, source, options.overrides, say)
+            proofs = offered("of_table")
+            table = proofs.with_proof(table, spec, source, options.overrides, unless_quiet)
         return [table]
 
     produce([kind], [source], options, compute)
+
+
+def unless_quiet(line: str) -> None:
+    """Say a line that --quiet and --json leave out."""
+    if not (verbosity().quiet or verbosity().as_json):
+        say(line)
 
 
 def refuse_proof(proof: bool, options: Options) -> None:

@@ -151,8 +151,12 @@ def stability_region(
       wavesweep stability-region mine.toml --set 'sweep={along = "b", b = {start = 5, stop = 100}, B_VE = [1, 5]}'
       wavesweep stability-region mine.toml --map K_VE,b --set 'sweep.b={start=5, stop=100}'
     """
-    from wavesweep.program.cli.messages import say
-    from wavesweep.program.cli.output import produce, produce_intervals, refuse_proof
+    from wavesweep.program.cli.output import (
+        produce,
+        produce_intervals,
+        refuse_proof,
+        unless_quiet,
+    )
 
     refuse_proof(proof, options)
     if mapped:
@@ -164,7 +168,8 @@ def stability_region(
         def compute(specs: list[Spec], progress: Any, **_: Any) -> list[Table]:
             table = maps.stability_map(specs[0], names, share_open, progress)
             if proof:
-                table = offered("of_table").of_map(table, specs[0], spec, options.overrides, say)
+                proofs = offered("of_table")
+                table = proofs.of_map(table, specs[0], spec, options.overrides, unless_quiet)
             return [table]
 
         return produce(["stability-map"], [spec], options, compute)
