@@ -53,7 +53,7 @@ class LoopSimulation(api.Loop):
         UsageError, SpecError
             As for a spec.
         """
-        rows = recorded(simulation_of(self.spec, force, **options))
+        rows = recorded(simulation_of(self.spec, force, None, **options))
         return self._frame("simulate", rows, {"spec": claim_of(self.spec)})
 
     def plot_simulate(
