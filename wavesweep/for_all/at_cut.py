@@ -1,34 +1,14 @@
-"""Margins at a cut as one more number that is not known: the factor of the signal there.
+"""What [sweep] requires of all loops of [for_all]: margins, whose factors at a cut are numbers that
+are not known. So a refuter is a member with a factor."""
 
-All loops of [for_all] have a margin if each is stable with every factor of a set, so the factor is a
-side of the box that is proved, and a refuter is a member with a factor. Gains are real. The set of a
-phase is an arc; phases below 0 are conjugates. Those of a disk margin a and of a peak sensitivity S
-are the images of `|e| <= a/2` and `|e| <= 1/S` by `k = (1 + c e)/(1 - e)`, c = 1 and 0: `1 + k L = 0`
-where 1/|e| is the distance of `1/(1 + L)` from 1/2, or from 0. Where frames are polynomials in k they
-are analytic in e, and a spectral radius has no peak inside: the rim is enough.
-"""
+from collections.abc import Iterator, Mapping, Sequence
 
-from collections.abc import Iterator, Sequence
-
-import numpy as np
-
-from wavesweep.engine.drawing import BLOCK, GAIN, path_of
-from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import Tree, parse
-from wavesweep.engine.frames import frames_where_solvable
 from wavesweep.engine.loop import Loops
-from wavesweep.program.analyses.cuts import fault_of_cut
+from wavesweep.program.analyses.factors_at_cut import PATH, with_factors
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.tables import TableValue
 
-PATH = "sweep.require"
-TURN = "cos(pi/180*turn)", "sin(pi/180*turn)"
-CIRCLE = (
-    "(1 + (c - 1)*p*cos(pi/180*turn) - c*p*p)/(1 - 2*p*cos(pi/180*turn) + p*p)",
-    "(c + 1)*p*sin(pi/180*turn)/(1 - 2*p*cos(pi/180*turn) + p*p)",
-)
-HALF_A_TURN = 180.0
-TWO_VALUES = np.array([0.5, 2.0])  # of the factor: what differs with them depends on it
+__all__ = ["PATH", "of_required", "refused"]
 
 
 def refused(require: TableValue, *, vary: bool) -> str:
@@ -42,73 +22,18 @@ def refused(require: TableValue, *, vary: bool) -> str:
     return ""
 
 
-def with_factors(
-    loops: Loops, require: TableValue | None, ranges: Sequence[Axis] = ()
+def of_required(
+    loops: Loops,
+    require: TableValue | None,
+    ranges: Sequence[Axis],
+    along: Mapping[str, Sequence[float]],
 ) -> Iterator[tuple[Loops, list[Axis]]]:
-    """Yield the loops with the factor of each margin that is required, and the ranges with those that
-    it follows from; without a requirement the loops themselves.
-
-    Errors: UsageError for a cut at which there is no such factor.
-    """
+    """Yield the loops and the ranges of each margin that is required, see `with_factors`; without
+    any the loops themselves. along: path -> ends of a number of intervals."""
     if not require:
         yield loops, [*ranges]
         return
+    varied = {axis.path: (axis.start, axis.stop) for axis in ranges} | {**along}
     for asked in require.cuts:
-        cut = asked["cut"]
-        if fault := fault_of_cut(loops.drawing, cut):
-            raise UsageError(f"{PATH}.margins.cut: expected {fault[0]}, found {fault[1]}")
-        if "gain" in asked:
-            gain = _range(f"gain at {cut}", 1 / asked["gain"], asked["gain"])
-            yield loops.with_gain_at(cut, gain.name), [*ranges, gain]
-        turned = loops.with_gain_at(cut)
-        if "phase_deg" in asked:
-            turn = _range(f"phase_deg at {cut}", 0.0, asked["phase_deg"])
-            yield _with_turned(turned, TURN, [turn], turn=Tree.name(turn.name)), [*ranges, turn]
-        if "disk" in asked:
-            yield _on_circle(turned, f"disk at {cut}", asked["disk"] / 2, 1.0, ranges)
-        if "Ms" in asked:
-            yield _on_circle(turned, f"Ms at {cut}", 1 / asked["Ms"], 0.0, ranges)
-
-
-def _range(name: str, low: float, high: float) -> Axis:
-    """The range of a number of no spec."""
-    return Axis(name, path_of(name), (), low, high, structural=False)
-
-
-def _with_turned(
-    loops: Loops, texts: tuple[str, str], sides: Sequence[Axis], **trees: Tree
-) -> Loops:
-    """Loops, cut at a signal, with a complex factor there, whose numbers have the ends of their
-    ranges."""
-    re, im = (parse(text).with_trees(trees) for text in texts)
-    return loops.with_complex_factor(re, im).changed({side.path: side.stop for side in sides})
-
-
-def _on_circle(
-    loops: Loops, name: str, radius: float, c: float, ranges: Sequence[Axis]
-) -> tuple[Loops, list[Axis]]:
-    """Loops with the factors k of the module's text, `|e| <= radius`, and the ranges with those of
-    e: of its angle on the rim alone, if the signal comes back in no tick at once."""
-    runs = next(each for each in loops.drawn().placed if each.block.name == BLOCK)
-    if np.count_nonzero(runs.runs(loops.drawn().ticks)) > 1:
-        margin, _, cut = name.partition(" at ")
-        expected = "a signal that is made once in a frame"
-        raise UsageError(
-            f"{PATH}.margins.{margin}: expected {expected} beside [for_all], found {cut}"
-        )
-    turn = _range(f"{name} turned by deg", 0.0, HALF_A_TURN)
-    sides = [turn]
-    size = Tree.number(radius)
-    # What depends on the factor anywhere does so at a place that nobody has chosen.
-    shares = np.sqrt(np.arange(2, 2 + len(ranges))) % 1
-    place = {
-        axis.path: np.full(2, axis.start + share * (axis.stop - axis.start))
-        for axis, share in zip(ranges, shares, strict=True)
-    }
-    two = loops.changed({**place, path_of(GAIN): TWO_VALUES})
-    pivots = frames_where_solvable(two, two.drift_of_frames(), (2,)).pivots
-    if (pivots[0] != pivots[1]).any():
-        sides.append(_range(f"{name} in size", 0.0, radius))
-        size = Tree.name(sides[1].name)
-    trees = {"turn": Tree.name(turn.name), "p": size, "c": Tree.number(c)}
-    return _with_turned(loops, CIRCLE, sides, **trees), [*ranges, *sides]
+        for with_factor, factors in with_factors(loops, asked, varied):
+            yield with_factor, [*ranges, *factors]

@@ -22,7 +22,7 @@ from wavesweep.engine.switched import (
     grows_everywhere,
     parts_that_decay,
 )
-from wavesweep.for_all.at_cut import with_factors
+from wavesweep.for_all.at_cut import of_required
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.members import claims_hold, nowhere
@@ -266,7 +266,8 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
         drawing = rules.drawing_of(fixed_values, (along, *gains))
         for axes, whole_ticks in _pieces(drawing, fixed_values, ranges):
             loops = Loops(drawing, fixed_values | whole_ticks)
-            for with_factor, sides in with_factors(loops, rules.require, axes):
+            varied = {along: span} if along else {}
+            for with_factor, sides in of_required(loops, rules.require, axes, varied):
                 cases.append(Case(with_factor, along, span, sides, fixed))
     return cases
 
