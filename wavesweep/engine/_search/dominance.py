@@ -39,7 +39,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     span = question.span
     bound = question.bound
     frames = FramesAlong.of(question, loops, slices.size)
-    frames = replace(frames, radius=bound and bound.radius_of(frames.period))
+    radius = bound.radius_of(frames.period) if bound else None
+    frames = replace(frames, radius=radius)
     stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
     variable = _variable(question, frames, stops_a_drift)
     balls = None

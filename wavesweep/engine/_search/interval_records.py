@@ -44,10 +44,7 @@ def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
     dtype: of the records, with the fields of RECORD; other numbers are missing.
     """
     rows, open_ = in_rows(intervals)
-    records = np.zeros(rows.column.size, dtype)
-    for name in dtype.names:
-        if dtype[name].kind == "f":
-            records[name] = np.nan
+    records = _missing(rows.column.size, dtype)
     records["slice"] = rows.column
     records["intervals"] = rows.count
     records["interval"] = np.maximum(rows.index, 0)
@@ -67,14 +64,20 @@ def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
     return records
 
 
+def _missing(size: int, dtype: np.dtype) -> np.ndarray:
+    """Records whose numbers are missing."""
+    records = np.zeros(size, dtype)
+    for name in dtype.names or ():
+        if dtype[name].kind == "f":
+            records[name] = np.nan
+    return records
+
+
 def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """Records of slice 0 with these ends, or the one record of a slice without intervals; other
     numbers are missing."""
-    records = np.zeros(max(low.size, 1), dtype)
+    records = _missing(max(low.size, 1), dtype)
     records["doubt"] = Doubt.SEARCH
-    for name in dtype.names:
-        if dtype[name].kind == "f":
-            records[name] = np.nan
     records["intervals"] = low.size
     if low.size:
         records["interval"] = np.arange(low.size)

@@ -75,9 +75,8 @@ class Search:
     @property
     def question(self) -> Question:
         """What is asked of the loops."""
-        return Question(
-            self.along, self.span, self.prover, self.bound, self.at_port and self.at_port.find_port
-        )
+        find_port = self.at_port.find_port if self.at_port else None
+        return Question(self.along, self.span, self.prover, self.bound, find_port)
 
     def records(self) -> np.ndarray:
         """The intervals as records, with what is asked at their ends."""
@@ -182,16 +181,19 @@ class Searches:
         try:
             batches = [search.records() for search in self.searches]
         except FAILURES as error:
-            groups = [(search, *group) for search in self.searches for group in search.groups]
-            if len(groups) == 1:
-                ((search, members, loops),) = groups
+            apart = [
+                replace(search, groups=(group,))
+                for search in self.searches
+                for group in search.groups
+            ]
+            if len(apart) == 1:
+                search = apart[0]
+                ((members, loops),) = search.groups
                 if members.size == 1:
                     return unanswered(search.dtype, int(members[0]), search.span, error)
                 halves = np.array_split(np.arange(members.size), 2)
-                groups = [(search, members[half], loops.some(half)) for half in halves]
-            batches = [
-                Searches((replace(search, groups=(tuple(group),)),)).records()
-                for search, *group in groups
-            ]
+                parts = [(members[half], loops.some(half)) for half in halves]
+                apart = [replace(search, groups=(part,)) for part in parts]
+            batches = [Searches((search,)).records() for search in apart]
         records = np.concatenate(batches)
         return records[np.argsort(records["slice"], kind="stable")]
