@@ -121,7 +121,6 @@ def look(seeds, many, make=family):
     return looked, wrong
 
 
-@pytest.mark.slow
 def test_eigenvalues_are_where_they_are_proved_to_be():
     looked, wrong = look(range(4), 5)
     assert looked > 125
