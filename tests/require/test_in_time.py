@@ -321,3 +321,13 @@ def test_bounds_of_the_maps_of_a_frame_hold_and_do_not_grow_from_tick_to_tick():
     for (value, error), true in zip(found, (states[:, :n], states[:, n:], outputs[:, :n], outputs[:, n:]), strict=True):
         assert (np.abs(exact(value[0]) - true) <= exact(error[0])).all()
         assert error.max() < 1e-13
+
+
+@pytest.mark.parametrize(("step", "settled"), [(0, 4), (1, 3)])
+def test_ticks_until_a_response_stays_within_its_band_are_counted_from_the_step(step, settled):
+    """Frames of two ticks: half of the end at most in the first, 0.7 and 0.9 of it in the second, and the end from then on."""
+    ends = Bounded(np.ones((1, 1, 2)), np.zeros((1, 1, 2)))
+    T = np.array([[[[0.5, 0.0], [0.25, 0.25]]]])
+    found = enclosed._Step(Bounded(T, 0 * T), np.array([step]), ends, settling=True)
+    found.look(np.array([-0.3, -0.1, 0.0, 0.0]).reshape(1, 1, 4, 1))
+    assert found.low.tolist() == found.high.tolist() == [[settled] * len(enclosed.UNSURE)]
