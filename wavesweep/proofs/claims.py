@@ -146,13 +146,14 @@ def claim_of_plane(
     numbers: Mapping[str, str],
     ends: Mapping[str, tuple[float, float]],
     parts: Sequence[Part],
-) -> Lines:
-    """Return the lines of a map. ends: of its numbers; parts: what is known of each. Errors: Refused,
-    Unreadable."""
+) -> tuple[float, Lines]:
+    """Return the share of a map that is proved, and its lines. ends: of its numbers; parts: what is known
+    of each. Errors: Refused, Unreadable."""
     sides = {name: (exactly(low), exactly(high)) for name, (low, high) in ends.items()}
     family, head = _family(tables, numbers, sides)
     written = {name: [decimals(low), decimals(high)] for name, (low, high) in sides.items()}
-    return [head | {"sides": written, "open": True}, *lines_of(family, [*sides], parts)]
+    share, cells = lines_of(family, [*sides], parts)
+    return share, [head | {"sides": written, "open": True}, *cells]
 
 
 def frame_of(tables: dict, numbers: Mapping[str, str]) -> float:

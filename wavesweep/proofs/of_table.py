@@ -40,7 +40,11 @@ if TYPE_CHECKING:
 
 OWN = ("", "spec", "operator")  # rows of the spec's own loop
 CLAIMED = {"for_all": "for all", "mean_square": "mean square"}  # kinds of rows, and of claims
-UNCLAIMED = {"passive": "every passive hand", "box": "the hands of a range"}  # kinds of rows
+UNCLAIMED = {
+    "passive": "every passive hand",
+    "box": "the hands of a range",
+    "free": "nobody at the device",
+}  # kinds of rows
 UNCLAIMED_FACTS = {"contact": "contact", "tick": "late ticks", "every_hand": "every passive hand"}
 FACTS = "for_all", "at_random"  # of `check`
 IN_ANY_ORDER = "for_all", "messages"  # their kinds that are not about means
@@ -161,7 +165,7 @@ def of_map(
         parts.append(Part(box, None if np.isnan(outside) else int(outside)))
     whole = np.array(table.facts["ends"]).T.tolist()
     try:
-        lines = claim_of_plane(
+        share, lines = claim_of_plane(
             spec_of(text),
             numbers_set(spec, overrides),
             dict(zip(names, map(tuple, whole), strict=True)),
@@ -170,7 +174,8 @@ def of_map(
     except (Refused, Unreadable) as error:
         say(f"no proof file: {error}")
         return table
-    say(f"{table.kind}.proof: {sum('L' in line for line in lines)} parts with forms")
+    forms = sum("L" in line for line in lines)
+    say(f"{table.kind}.proof: {forms} forms prove {100 * share:.4g} % of the area")
     return _with_file(table, text, [lines])
 
 

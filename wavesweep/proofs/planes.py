@@ -24,13 +24,15 @@ class Part(NamedTuple):
 
 def lines_of(
     family: file.Family, names: Sequence[str], parts: Sequence[Part]
-) -> list[dict[str, Any]]:
-    """Return the tree of cells of a map of some numbers. Its parts are smaller where the checker's
-    polynomials, of a lower order, ask for it."""
+) -> tuple[float, list[dict[str, Any]]]:
+    """Return the share of a map of some numbers that is proved, and the tree of its cells. Its parts
+    are smaller where the checker's polynomials, of a lower order, ask for it."""
     leaves: list[Leaf] = []
     for part in parts:
         leaves += _leaves(family, names, part, SMALLER)
-    return list(tree(names, leaves))
+    sizes = np.array([np.ptp(leaf.box, 0).prod() for leaf in leaves])
+    proved = np.array(["L" in leaf.line for leaf in leaves])
+    return float(sizes[proved].sum() / sizes.sum()), list(tree(names, leaves))
 
 
 def _leaves(family, names, part: Part, halvings: int) -> Iterator[Leaf]:
