@@ -6,6 +6,7 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
+from wavesweep.engine._response import gain as gain_module
 from wavesweep.engine._response.gain import gain_of
 
 
@@ -41,6 +42,16 @@ def test_long_frames_have_the_dense_gain(kind, ratio):
     values = values_of(kind, ratio=ratio, K_VE=50.0, Kp=20.0, delay=ratio // 3)
     frequency = np.array([0.3, 1.7, 2.49, 8.0, 61.0]) * 20 / ratio
     np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
+
+
+def test_the_process_of_long_frames_finds_the_singular_value_of_short_ones(monkeypatch):
+    """At several frequencies of two loops at once."""
+    values = values_of("pmw", ratio=5, K_VE=np.array([50.0, 80.0]), delay=1)
+    frequency = np.array([0.3, 8.0, 61.0])
+    right = gain(values, frequency)
+    monkeypatch.setattr(gain_module, "DENSE_TICKS", 4)
+    np.testing.assert_allclose(gain(values, frequency), right, rtol=1e-9)
+    assert right.shape == (2, 3)
 
 
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
