@@ -168,3 +168,12 @@ def test_an_integrator_that_is_sampled_at_will_decays_below_two_over_the_longest
     claim = {"claim": "for all", "numbers": {"k": k}, "states": states}
     found, words = checked(tmp_path, DRAWN, [claim, graph])
     assert found == code, words
+
+
+def test_frames_of_a_word_act_in_their_order():
+    claim = file.Claim("refuted", {"K_VE": Fraction(400)}, outside=1, word=LETTERS)
+    family = file.family_of(file.spec_of(SPEC.encode()), claim)
+    (whole,) = spectra(family, [""])
+    first, second, third = spectra(family, LETTERS)
+    assert whole == pytest.approx(third @ second @ first, rel=1e-9, abs=1e-12)
+    assert whole != pytest.approx(first @ second @ third, rel=1e-3, abs=1e-6)
