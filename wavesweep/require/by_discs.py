@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -113,6 +113,7 @@ class _LoopsInDiscs:
     states: int
     block: np.ndarray
     place: Spiral | RequiredCircle
+    forms: ClassVar[None] = None
 
     @property
     def order(self) -> int:

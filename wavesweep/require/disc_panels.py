@@ -73,13 +73,17 @@ class Judge(Protocol):
     """What labels the panels of some columns.
 
     order: of its matrices. many: panels of a column that are open, beyond which it is given up.
-    smooth: whether `worst` is smooth in the number.
+    smooth: whether `worst` is smooth in the number. forms: `ByForms`, which may show panels too, or None.
     """
 
     columns: np.ndarray
     order: int
     many: int
     smooth: bool
+    forms: Any
+
+    def struggles(self, tried: np.ndarray) -> np.ndarray:
+        """Of which columns forms are to be asked; tried: panels of each so far."""
 
     def label(self, column, low, high, bounds) -> np.ndarray:
         """GOOD, BAD or OPEN of panels; column: index into its columns. bounds: p beyond them has
@@ -128,6 +132,8 @@ def along_panels(
 
 class _Turned:
     """A judge of panels of the number with the other sign."""
+
+    forms = None
 
     def __init__(self, judge: Judge) -> None:
         self.judge = judge
@@ -204,6 +210,7 @@ def _panels(judge, domain, accuracy):
     # Entries of matrices at a time.
     at_once = max(1, 2_000_000 // (2 * HALF_RIM.size * judge.order**2))
     tried = np.zeros(count, int)
+    helped = np.zeros(count, bool)  # by forms
     done = []
     while column.size:
         label = np.full(column.size, OPEN)
@@ -211,6 +218,20 @@ def _panels(judge, domain, accuracy):
         for first in range(0, at.size, at_once):
             batch = at[first : first + at_once]
             label[batch] = judge.label(column[batch], low[batch], high[batch], bounds)
+
+        open_panels = np.bincount(column, minlength=count)
+        tried += open_panels
+        struggles = judge.forms and (judge.struggles(tried) & ~helped)
+        for place in np.flatnonzero(struggles).tolist():
+            helped[place] = True
+            own = (column == place) & (label == OPEN)
+            stretches = judge.forms.told(int(judge.columns[place]), low[own], high[own])
+            pieces = _divided(low[own], high[own], stretches)
+            column = np.append(column[~own], np.full(pieces[0].size, place))
+            low, high, label = (
+                np.append(whole[~own], parts)
+                for whole, parts in zip((low, high, label), pieces, strict=True)
+            )
 
         size = high - low
         from_low_end = high - domain.span[0]
@@ -220,8 +241,6 @@ def _panels(judge, domain, accuracy):
         narrow |= from_low_end <= accuracy.least * width
         narrow |= drifts & (NARROW_PANEL * size <= from_low_end)
 
-        open_panels = np.bincount(column, minlength=count)
-        tried += open_panels
         given_up = (open_panels > many) | (tried > 16 * many)  # 16 times as many, in all
         label[(label == OPEN) & ~narrow & given_up[column]] = LOST
         closed = (label != OPEN) | narrow
@@ -234,6 +253,21 @@ def _panels(judge, domain, accuracy):
         low = np.concatenate([low, middle])
         high = np.concatenate([middle, high])
     return [np.concatenate(arrays) for arrays in zip(*done, strict=True)]
+
+
+def _divided(low, high, stretches):
+    """Panels divided at the ends of stretches, as low ends, high ends and labels; stretches: low,
+    high and label."""
+    order = np.argsort(low)
+    ends = [end for start, stop, _ in stretches for end in (start, stop)]
+    edges = np.unique(np.concatenate([low, high, ends]))
+    middles = (edges[:-1] + edges[1:]) / 2
+    within = np.searchsorted(low[order], middles) - 1
+    inside = (within >= 0) & (middles < high[order][within])
+    label = np.full(middles.size, OPEN)
+    for start, stop, told in stretches:
+        label[(start < middles) & (middles < stop)] = told
+    return edges[:-1][inside], edges[1:][inside], label[inside]
 
 
 def _first_edges(judge, column, domain, accuracy):

@@ -33,6 +33,7 @@ from wavesweep.engine.frames import balance, inverse, solve, sum_rounding
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.require.at_cut import INPUT, PATH, refuse_cut, runs_at_cut
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
+from wavesweep.require.by_forms import ByForms
 from wavesweep.require.disc_panels import (
     BAD,
     GOOD,
@@ -78,6 +79,7 @@ def along_factors(
     in a frame.
     """
     refuse_cut(loops.drawing, wanted.cut)
+    forms = ByForms(loops, along, wanted.cut, wanted.margin, wanted.size, domain.span)
     loops = loops.with_gain_at(wanted.cut)
     runs = runs_at_cut(loops)
     if runs.size > MOST_RUNS:
@@ -106,7 +108,7 @@ def along_factors(
         factors = Range(0.0, float(np.radians(wanted.size)), turning=True)
     columns = np.arange(size)
     about = loops, along, route, 1.0, drift, needed(port.maps), runs, columns, stable
-    judge = Factors(*about, factors, span, np.zeros(size))
+    judge = Factors(*about, factors, span, np.zeros(size), forms=forms)
     begun = np.maximum(begun_at_low_end(judge, span), END_EXACTNESS)
     # Ends are exact to 16 of the narrowest panels.
     ends = Accuracy(END_EXACTNESS, 16.0, END_EXACTNESS, begun, slow=True)
@@ -165,6 +167,9 @@ class Factors(Between):
     def order(self) -> int:
         """Of the pencil."""
         return self.kept.size + self.read.size
+
+    def struggles(self, tried: np.ndarray) -> np.ndarray:
+        return (tried > 0) & (self.work > MOST_WORK / 4)
 
     def over_frame(self, port: Any, size: int) -> tuple[Any, Any, Any, Any]:
         """The maps of frames, of the ticks in which the signal is made."""

@@ -1,0 +1,155 @@
+"""Margins at a cut on stretches of a number by forms that decrease, where panels would be many: next
+to a mode with little damping, or where a factor hardly moves a slow mode.
+
+A form of the states, a polynomial in the number and in the factor of the signal at the cut, is shown
+to decrease in each cell of both, as [for_all] shows it of its numbers. So all loops of a stretch are
+stable with every factor of the margin. A stretch has it nowhere if all of its loops are unstable with
+one factor, by their exact intervals.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.intervals import Search
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.sets import LOGARITHMIC_SIDE, Side, as_sides, side_of
+from wavesweep.engine.switched import ALONE, OnAverage, constant_frames, constant_growth, cover
+from wavesweep.program.analyses.factors_at_cut import with_factors
+from wavesweep.require.disc_panels import BAD, GOOD
+
+ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
+ORDER = 6  # of polynomials: with a complex factor there are twice as many states
+# Of a proof from one value on, and how often it is started again where it ends: the narrowest parts of
+# what is left are narrower.
+OPERATIONS, STARTED = 1e11, 2
+VALUES, LOOKED_AT = 17, 33  # of the number, and of each side of the factor, that are looked at
+ZOOMS, PEAKS = 4, 3  # in which the worst factor is looked for about the largest radii
+NEAR = 1e-7  # of an end, how far from it proofs go
+
+
+@dataclass(frozen=True)
+class ByForms:
+    """Proofs of a margin along a number.
+
+    loops: a batch, whose columns are its loops. margin, size: what is asked, by the names of [sweep]
+    require. span: of the number.
+    """
+
+    loops: Loops
+    along: str
+    cut: str
+    margin: str
+    size: float
+    span: tuple[float, float]
+
+    @cached_property
+    def _with_factor(self):
+        """The loops with the factor, and its ranges; None without one."""
+        try:
+            asked = {"cut": self.cut, self.margin: self.size}
+            return next(with_factors(self.loops, asked, {self.along: self.span}))
+        except UsageError:  # of a circle of factors several times in a frame
+            return None
+
+    def told(
+        self, column: int, low: np.ndarray, high: np.ndarray
+    ) -> list[tuple[float, float, int]]:
+        """Stretches of the panels of a column, with GOOD or BAD of each."""
+        told = []
+        if self._with_factor is None:
+            return told
+        loops, factors = self._with_factor
+        loops = loops.one(column) if loops.batch else loops
+        order = np.argsort(low)
+        at = order[np.unique(np.linspace(0, low.size - 1, VALUES).astype(int))]
+        p = (low[at] + high[at]) / 2
+        growth = np.array([self._worst(loops, factors, each, zooms=1)[0] for each in p])
+        edges = [low.min()]
+        for first in np.flatnonzero((growth[1:] < 0) != (growth[:-1] < 0)).tolist():
+            edges.append(self._end(loops, factors, *p[first : first + 2]))
+        edges.append(high.max())
+        good = bool(growth[0] < 0)
+        for start, stop in pairwise(edges):
+            if good:
+                begun = (start + stop) / 2
+                low_end = start + NEAR * abs(start) * (start > edges[0])
+                high_end = stop - NEAR * abs(stop) * (stop < edges[-1])
+                down = self._reached(loops, factors, begun, low_end, up=False)
+                up = self._reached(loops, factors, begun, high_end, up=True)
+                told.append((down, up, GOOD))
+            else:
+                for seen_at in (start, (start + stop) / 2, stop):
+                    found = self._unstable(loops, factors, seen_at, (start, stop))
+                    told += [(*ends, BAD) for ends in found]
+            good = not good
+        return told
+
+    def _worst(self, loops, factors, p, zooms=ZOOMS):
+        """The logarithm of the largest radius of the loop at a value with factors at the ends of all
+        ranges but the first, and the numbers of that factor."""
+        first, *others = factors
+        step = (first.stop - first.start) / (LOOKED_AT - 1)
+        places = np.linspace(first.start, first.stop, LOOKED_AT)
+        growth = constant_growth(loops, [self.along, *(each.path for each in factors)])
+
+        def radii(places):
+            fixed = np.tile([each.stop for each in others], (places.size, 1))
+            return growth.of(np.column_stack([np.full(places.size, p), places, fixed]))
+
+        found = radii(places)
+        for _ in range(zooms):
+            beside = np.pad(found, 1, constant_values=-1.0)
+            peaks = np.flatnonzero((found >= beside[:-2]) & (found >= beside[2:]))
+            peaks = peaks[np.argsort(-found[peaks])][:PEAKS]
+            around = places[peaks, None] + np.linspace(-step, step, LOOKED_AT // 2)
+            places = np.unique(np.clip(np.append(around, places[peaks]), first.start, first.stop))
+            step *= 2 / (LOOKED_AT // 2 - 1)
+            found = radii(places)
+        worst = [places[found.argmax()], *(each.stop for each in others)]
+        return float(np.log(found.max())), worst
+
+    def _end(self, loops, factors, first, second):
+        """Where between two values the loops begin to be unstable with some factor."""
+        from scipy.optimize import brentq
+
+        def growth(p: float) -> float:
+            return self._worst(loops, factors, p)[0]
+
+        if growth(first) * growth(second) >= 0:  # the worst factor lies between those of the grid
+            return first
+        return brentq(growth, first, second, rtol=NEAR / 16)
+
+    def _unstable(self, loops, factors, seen_at, span):
+        """Stretches of a span in which no loop is stable with the factor that is worst at a value."""
+        worst = self._worst(loops, factors, seen_at)[1]
+        fixed = {each.path: number for each, number in zip(factors, worst, strict=True)}
+        one = ((np.zeros(1, int), loops.changed(fixed)),)
+        records = Search(self.along, span, one, lines=False, checked=True).records()
+        if not records["certified"].all():
+            return []
+        stable = [span[0], *np.column_stack([records["low"], records["high"]]).ravel(), span[1]]
+        if not records["intervals"].all():
+            stable = [*span]
+        return zip(stable[::2], stable[1::2], strict=True)
+
+    def _reached(self, loops, factors, begun, end, *, up):
+        """Up to which value of the number all loops are shown, from one on towards an end."""
+        paths = [self.along, *(each.path for each in factors)]
+        for _ in range(STARTED):
+            box = np.array([sorted((begun, end)), *((each.start, each.stop) for each in factors)]).T
+            if not box[0, 0] < box[1, 0]:
+                break
+            sides = [side_of(*loops, path, pair) for path, pair in zip(paths, box.T, strict=True)]
+            if 0 < box[0, 0] < box[1, 0] / LOGARITHMIC_SIDE:
+                sides[0] = Side(self.along, 0.0)
+            whole = as_sides(box, sides)
+            frames = constant_frames(loops, sides, whole, ORDER)
+            found = cover(frames, whole, ALWAYS, OPERATIONS, up)
+            if not found.open:
+                return end
+            begun = float(sides[0].number(found.end))
+        return begun
