@@ -12,6 +12,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
 from wavesweep.identification.prediction.fitting import predicted
+from wavesweep.identification.prediction.innovations import errors_of, projected
 from wavesweep.identification.prediction.scaled_log import scaled
 from wavesweep.identification.prediction.search import Search, least_of
 from wavesweep.identification.prediction.smoother import path_within_ticks
@@ -111,6 +112,11 @@ def test_friction_within_a_tick_is_that_of_a_fine_march():
     assert (turns[rests] > 20).all()
     assert known[:, rests] == pytest.approx(sides[rests].T, abs=4e-3)
     assert np.abs(replace(log, speeds=speeds).side(1e-6)[0, once] - sides[once, 0]).max() > 0.2
+    _, errors, effects = errors_of(
+        replace(log, speeds=speeds, path=path), found | {"square": 0.0, "white": WHITE, "drift": DRIFT}, 4
+    )
+    force_gain, friction_gain = projected(errors, effects)[0]
+    assert friction_gain / force_gain * log.pushed == pytest.approx(friction, rel=0.02)
 
 
 def test_a_delay_is_found_across_a_whole_number_of_ticks():
