@@ -12,7 +12,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
 from wavesweep.identification.prediction.fitting import predicted
-from wavesweep.identification.prediction.innovations import errors_of, projected
+from wavesweep.identification.prediction.innovations import errors_of, projected, theta_of
 from wavesweep.identification.prediction.scaled_log import scaled
 from wavesweep.identification.prediction.search import Search, least_of
 from wavesweep.identification.prediction.smoother import path_within_ticks
@@ -117,6 +117,19 @@ def test_friction_within_a_tick_is_that_of_a_fine_march():
     )
     force_gain, friction_gain = projected(errors, effects)[0]
     assert friction_gain / force_gain * log.pushed == pytest.approx(friction, rel=0.02)
+
+
+@pytest.mark.parametrize("measured", ["position", "velocity"])
+def test_the_mass_of_a_gain_is_in_kg(measured):
+    """A force on a mass of 0.4 kg alone, held over ticks of 2 ms."""
+    mass, period = 0.4, 2e-3
+    force = np.random.default_rng(3).standard_normal(300)
+    v = np.concatenate([[0.0], np.cumsum(force[:-1])]) * period / mass
+    x = np.concatenate([[0.0], np.cumsum(v[:-1] * period + force[:-1] * period**2 / (2 * mass))])
+    log = scaled(Model(measured=measured), force, x if measured == "position" else v, period, 0.0)
+    found = {"rate": 0.0, "square": 0.0, "delay": 0.0, "white": WHITE, "drift": DRIFT}
+    _, errors, effects = errors_of(log, found, 4)
+    assert np.exp(theta_of(log, found, projected(errors, effects)[0])[0]) == pytest.approx(mass, rel=1e-6)
 
 
 def test_a_delay_is_found_across_a_whole_number_of_ticks():
