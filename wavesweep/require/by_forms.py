@@ -23,9 +23,7 @@ from wavesweep.require.disc_panels import BAD, GOOD
 
 ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
 ORDER = 6  # of polynomials: with a complex factor there are twice as many states
-# Of a proof from one value on, and how often it is started again where it ends: the narrowest parts of
-# what is left are narrower.
-OPERATIONS, STARTED = 1e11, 2
+OPERATIONS = 1e11  # of a proof from one value on
 VALUES, LOOKED_AT = 17, 33  # of the number, and of each side of the factor, that are looked at
 ZOOMS, PEAKS = 4, 3  # in which the worst factor is looked for about the largest radii
 NEAR = 1e-7  # of an end, how far from it proofs go
@@ -139,17 +137,10 @@ class ByForms:
     def _reached(self, loops, factors, begun, end, *, up):
         """Up to which value of the number all loops are shown, from one on towards an end."""
         paths = [self.along, *(each.path for each in factors)]
-        for _ in range(STARTED):
-            box = np.array([sorted((begun, end)), *((each.start, each.stop) for each in factors)]).T
-            if not box[0, 0] < box[1, 0]:
-                break
-            sides = [side_of(*loops, path, pair) for path, pair in zip(paths, box.T, strict=True)]
-            if 0 < box[0, 0] < box[1, 0] / LOGARITHMIC_SIDE:
-                sides[0] = Side(self.along, 0.0)
-            whole = as_sides(box, sides)
-            frames = constant_frames(loops, sides, whole, ORDER)
-            found = cover(frames, whole, ALWAYS, OPERATIONS, up)
-            if not found.open:
-                return end
-            begun = float(sides[0].number(found.end))
-        return begun
+        box = np.array([sorted((begun, end)), *((each.start, each.stop) for each in factors)]).T
+        sides = [side_of(*loops, path, pair) for path, pair in zip(paths, box.T, strict=True)]
+        if 0 < box[0, 0] < box[1, 0] / LOGARITHMIC_SIDE:
+            sides[0] = Side(self.along, 0.0)
+        whole = as_sides(box, sides)
+        found = cover(constant_frames(loops, sides, whole, ORDER), whole, ALWAYS, OPERATIONS, up)
+        return float(sides[0].number(found.end))
