@@ -106,6 +106,24 @@ def test_an_integrator_tick_by_tick_is_stable_up_to_its_longest_hold():
     assert [decide_ring(found, K).verdict for K in (0.5, 0.67)] == ["proved", "refuted"]
 
 
+@pytest.mark.parametrize(("late", "proved", "open_"), [(40, 1.2, 1.6), (100, 0.98, 1.02), (300, 0.98, 1.02)])
+def test_an_integrator_whose_messages_are_late_by_any_of_many_ticks_has_a_small_gain(late, proved, open_):
+    """About the newest message it is `K late < 1`; about the middle nearly 3/2, from where the loop is unstable."""
+    gain = ring(integrator(late=late)).gain
+    assert gain.proved(proved / late, proved / late)
+    assert not gain.proved(open_ / late, open_ / late)
+
+
+def test_a_channel_behind_another_has_a_small_gain_though_little_of_a_message_is_left_after_it():
+    channel = {"type": "channel", "late": 10}
+    mass = {"type": "mass", "mass": 1.0, "damping": 20.0, "stiffness": 100.0}
+    wire = {"a.u": "K*x.x", "b.u": "a.y", "x.f": "-b.y"}
+    spec = {"rates": {"tick_hz": 1000}, "numbers": {"K": 1.0}, "block": {"x": mass, "a": channel, "b": channel}, "wire": wire}
+    gain = ring(spec).gain
+    assert gain.proved(1.0, 1.0)
+    assert not gain.proved(1000.0, 1000.0)
+
+
 @pytest.mark.slow
 def test_an_interval_over_a_network():
     """A message each 4 ticks, up to 7 late both ways."""

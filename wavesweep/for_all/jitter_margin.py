@@ -12,13 +12,14 @@ in time,
 then `x'X x` and weighted squares of the last d are a norm in which all shrink (C.-Y. Kao, B. Lincoln,
 Simple stability criteria for systems with time-varying delays, Automatica 40, 2004, where the middle
 delay has the gain `D/sqrt 2` in place of `D/2`). `norm_check` proves the forms; no frequency is looked
-at.
+at. Where the messages that are kept would be most of the states, it is `m_0 + w` with a w twice as
+large, and only m_0 is kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
@@ -40,6 +41,9 @@ from wavesweep.for_all.channel_families import NOTHING, SENT
 from wavesweep.for_all.open_channels import OpenLoop, taken_from
 
 LEAST_STEP = 0.02  # of a number, a stretch that ends a proof
+# Messages that are kept up to which all are states: 82 take minutes, where two take 10 ms (two
+# channels of `late = 40` in every tick).
+MOST_KEPT = 60
 DOUBLINGS = 30  # of the number of periods, after which nothing of a state is left
 RANK = 1e-9  # of the largest change that a number makes in a tick, one that counts
 # Of a state squared, in units in which it loses 1e-3 a tick, what the balance keeps: less where
@@ -56,10 +60,10 @@ ANGLES = np.unique(np.concatenate([START, np.geomspace(1e-4, np.pi, 20)]))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SmallGain:
-    """A loop whose channels show `(m_0 + m_D)/2 + w`; in its ticks w are states that are free, and
-    become the differences d.
+    """A loop whose channels show `(m_0 + m_D)/2 + w`, or `m_0 + w`; in its ticks w are states that
+    are free, and become the differences d.
 
-    loop: see `OpenLoop`. kinds: of its ticks. whole: its ticks. slots: of each channel the state that
+    loop: see `OpenLoop`, with the messages that are kept. kinds: of its ticks. whole: its ticks. slots: of each channel the state that
     is w and d. gains: `g` of each channel. known: logarithms of the weights that were found last, by
     their count.
     """
@@ -74,16 +78,19 @@ class SmallGain:
     @staticmethod
     def of(loop: OpenLoop) -> SmallGain:
         """The same of a loop with channels."""
-        counts = loop.counts
+        middle = sum(loop.counts) <= MOST_KEPT
+        newest = [[held[:1] for held in row] for row in loop.choices]
+        kept = loop if middle else replace(loop, choices=newest)
+        counts = kept.counts
         kinds = []
         for at, alike in enumerate(loop.alike):
             taken = []
             for channel, count, held in zip(loop.channels, counts, loop.choices[at], strict=True):
-                taken.append(_taken(channel.sends(at), count, held[-1]))
+                taken.append(_taken(channel.sends(at), count, held[-1], middle))
             kinds.append((alike, tuple(taken)))
         ticks = len(kinds)
         rows = [[kind] for kind in kinds]
-        whole = loop.frames(rows, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
+        whole = kept.frames(rows, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
         names = [whole.ticks.states[state] for state in whole.kept]
         slots: list[int] = []
         gains = []
@@ -96,8 +103,8 @@ class SmallGain:
             for now, choices in enumerate(loop.choices):
                 since = (now - channel.phase) % channel.every
                 oldest[since] = max(oldest[since], choices[at][-1] or 0)
-            gains.append(oldest @ oldest / 4)
-        return SmallGain(loop, kinds, whole, np.array(slots, int), np.array(gains))
+            gains.append(oldest @ oldest / (4 if middle else 1))
+        return SmallGain(kept, kinds, whole, np.array(slots, int), np.array(gains))
 
     def over(self, sides: Sequence[Side]) -> FramesOver:
         """The ticks over the cells of a box of sides; the loop is that of some of its numbers."""
@@ -236,10 +243,12 @@ def _weights(A, B, C, D, gains, channel, known) -> np.ndarray | None:
 
 def _stored(A, B, C, D, share) -> np.ndarray:
     """Forms X before each tick with `x'X x + w'w - x+'X+ x+ - d'd` a share of all states or more,
-    if there are any."""
-    own = share * np.eye(A.shape[-1])
+    and of what each state alone gives to d, if there are any."""
+    one = np.eye(A.shape[-1])
+    given = C.mT @ C
+    own = share * one * (1 + given)
     of_inputs = np.eye(D.shape[-1]) - D.mT @ D
-    elements = [*map(tick, A, B, -C.mT @ C - own, -C.mT @ D, of_inputs)]
+    elements = [*map(tick, A, B, -given - own, -C.mT @ D, of_inputs)]
     ahead = reduce(then, elements)
     for _ in range(DOUBLINGS):
         ahead = then(ahead, ahead)
@@ -250,10 +259,12 @@ def _stored(A, B, C, D, share) -> np.ndarray:
     return np.array(X[::-1])
 
 
-def _taken(sends: bool, count: int, oldest: int | None) -> tuple[object, tuple]:
-    """The same as `taken_from` of what is held half the newest and half the oldest, and w."""
+def _taken(sends: bool, count: int, oldest: int | None, middle: bool) -> tuple[object, tuple]:
+    """The same as `taken_from` of what is held, the newest, or half of it and half of the oldest,
+    and w."""
     shows, registers = taken_from(sends, count, 0)
     if oldest:
-        shows = ((shows, 0.5), (registers[oldest], 0.5), (count, 1.0))
+        about = ((shows, 0.5), (registers[oldest], 0.5)) if middle else ((shows, 1.0),)
+        shows = (*about, (count, 1.0))
     difference = ((SENT, 1.0), (0, -1.0)) if sends else NOTHING
     return shows, (*registers, difference)
