@@ -46,9 +46,10 @@ LEAST_STEP = 0.02  # of a number, a stretch that ends a proof
 MOST_KEPT = 60
 DOUBLINGS = 30  # of the number of periods, after which nothing of a state is left
 RANK = 1e-9  # of the largest change that a number makes in a tick, one that counts
-# Of a state squared, in units in which it loses 1e-3 a tick, what the balance keeps: less where
-# little is left, more where rounding of many states costs more.
-SHARES = (1e-3, 1e-4, 1e-6)
+# What the balance keeps of a state squared, in units in which it loses 1e-3 a tick, and of what it
+# gives to d: less where little is left, more where rounding of many states costs more. The last is
+# for a state that is gone in a tick, whose own unit is far below what it gives to d.
+SHARES = ((1e-3, 0.0), (1e-4, 0.0), (1e-6, 0.0), (1e-6, 1e-6))
 ENOUGH = 0.7  # gain squared up to which weights that were found for other numbers do
 NEAR = {
     "xatol": 0.1,
@@ -183,8 +184,8 @@ class SmallGain:
         taken = np.sqrt(weight)
         given = (taken * np.sqrt(gains))[:, None]
         graph = Graph(ticks, ticks, ticks.size + ticks)
-        for share in SHARES:
-            X = _stored(A, B / taken, given * C, given * D / taken, share)
+        for shares in SHARES:
+            X = _stored(A, B / taken, given * C, given * D / taken, *shares)
             P = np.zeros((2, *M.shape))
             P[:, :, *np.ix_(rest, rest)] = X
             P[1] = np.roll(P[1], -1, 0)
@@ -241,12 +242,11 @@ def _weights(A, B, C, D, gains, channel, known) -> np.ndarray | None:
     return np.exp(2 * (best - begun)[channel]) if gain(best) < 1 else None
 
 
-def _stored(A, B, C, D, share) -> np.ndarray:
+def _stored(A, B, C, D, share, of_given) -> np.ndarray:
     """Forms X before each tick with `x'X x + w'w - x+'X+ x+ - d'd` a share of all states or more,
-    and of what each state alone gives to d, if there are any."""
-    one = np.eye(A.shape[-1])
+    and one of what each state alone gives to d, if there are any."""
     given = C.mT @ C
-    own = share * one * (1 + given)
+    own = np.eye(A.shape[-1]) * (share + of_given * given)
     of_inputs = np.eye(D.shape[-1]) - D.mT @ D
     elements = [*map(tick, A, B, -given - own, -C.mT @ D, of_inputs)]
     ahead = reduce(then, elements)
