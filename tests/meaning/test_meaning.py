@@ -26,7 +26,7 @@ EXPLICIT = {"integration": "explicit", "delay": "frame"}
 
 REQUIRED = [  # a spec of each kind that takes little time
     (1, "radius"), (6, "settling"), (22, "time_constant"), (307, "damping_ratio"), (91, "gain"),
-    (15, "overshoot"), (57, "step_settling"), (351, "rms"), (80, "peak"), (127, "peak"), (55, "Ms"), (89, "disk"),
+    (15, "overshoot"), (57, "step_settling"), (37, "rms"), (80, "peak"), (127, "peak"), (55, "Ms"), (89, "disk"),
     (435, "margins.gain"), (93, "phase_deg"),
 ]  # fmt: skip
 RARE = (14, 72, 19, 27, 17, 69, 59, 107, 153)  # of specs that have what most do not

@@ -67,7 +67,7 @@ def test_a_set_is_proved_up_to_its_end_and_no_further(name, tmp_path):
     lines = claim_of_set(spec_of(spec.encode()), kind, {}, along(0.001, high))
     code, words = checked(tmp_path, spec, lines)
     assert code == 0, words
-    assert f"k from 0.001 to {high:g}:" in words
+    assert f"k from 0.001 to {high:g}" in words
     with pytest.raises(Refused, match="no forms are found"):
         claim_of_set(spec_of(spec.encode()), kind, {}, along(0.001, beyond))
     lines[0]["sides"]["k"] = ["0.001", str(beyond)]

@@ -92,7 +92,7 @@ def test_the_gain_and_the_peak_of_a_slow_input_say_what_is_read():
 def test_a_peak_that_is_wished_is_the_largest_and_certified():
     wish = {"peak": {"at_most": 3.0, "from": "ref", "to": "place"}}
     (row,) = wavesweep.design(
-        load(SLOW | {"design": {"population": 4, "generations": 1, "vary": {"K": [35.0, 36.0]}, "wish": wish}})
+        load(SLOW | {"design": {"population": 8, "generations": 1, "vary": {"K": [35.0, 36.0]}, "wish": wish}})
     ).itertuples()
     assert (row.K, row.certified) == (35.0, True)
     assert row.peak == pytest.approx(peak_of(35.0, "ref"), rel=2e-6)

@@ -24,7 +24,8 @@ LOOSE = (
     (r"[\d.]+e-1[5-9]\b", "...e-16"),
     (r"\bin \d+\.\d\d s\b", "in ... s"),
     (r"tool_version: \S+", "tool_version: ..."),
-    (r"about [\d.]+ (m?s|kB|MB|min)\b", "about ... \\1"),
+    (r"about ([\d.]+ m?s|a second at most)\b", "about ... s"),
+    (r"about [\d.]+ (kB|MB|min)\b", "about ... \\1"),
     (r"(    work: .*); .*", "\\1; ..."),
 )
 USAGE = re.compile(r"Usage: wavesweep (.*)\nTry 'wavesweep (.*) ?--help' for help\.\n\n")

@@ -126,6 +126,8 @@ def nearest_of(
     for share in back:
         for _ in range(8):
             x = short_of(found.x, start, share)
+            if x == start:
+                break
             inside = [at for at in tried if abs(at - start) < abs(x - start)]
             nearer = first_refuted(family, growing(x, found.word, False), inside, x)
             if not nearer.word:
