@@ -7,7 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.engine._switched.any_order import PROVED, REFUTED, bracket, decide
+from wavesweep.engine._switched.any_order import PROVED, REFUTED, bracket, decide, nearest_refuted
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.norm_check import Norms, shrink, shrink_along
 from wavesweep.engine._switched.patterns import _of_walks, nearest
@@ -213,6 +213,12 @@ def test_a_check_needs_every_sequence_small_errors_and_symmetric_forms():
     assert not shrink(Norms(-norms.P, norms.graph), E, exact, follows)
     lopsided = np.array([[[1.0, 0.1], [0.0, 1.0]]])
     assert not shrink(Norms(lopsided, ONE), -np.eye(2)[None], np.zeros((1, 2, 2)), np.ones((1, 1), bool))
+
+
+def test_matrices_that_grow_everywhere_are_refuted_at_the_start():
+    found = nearest_refuted(Affine.of([[[1.5]], [[0.5]]]), 1.0, 2.0, 0.01)
+    assert {*found.word} == {0}
+    assert found.x == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_refutation_is_the_nearest_number_at_which_its_own_word_grows():
