@@ -217,7 +217,7 @@ def test_a_check_needs_every_sequence_small_errors_and_symmetric_forms():
 
 def test_matrices_that_grow_everywhere_are_refuted_at_the_start():
     found = nearest_refuted(Affine.of([[[1.5]], [[0.5]]]), 1.0, 2.0, 0.01)
-    assert {*found.word} == {0}
+    assert 0 in found.word
     assert found.x == pytest.approx(1.0, abs=1e-9)
 
 
