@@ -268,6 +268,7 @@ def test_a_usual_unit_of_another_dimension_and_a_picture_are_told_and_not_left_o
 
 
 def test_a_hand_that_turns_is_pushed_by_a_torque(tmp_path):
+    pytest.importorskip("wavesweep.simulation")
     text = MASS_AND_WALL.replace('displacement = "m.x"', 'displacement = "m.x", turns = true').replace('"N/mm"', '"N*mm/rad"')
     drawn = tmp_path / "drawn.toml"
     drawn.write_text(text + "[simulate]\namplitude = 1.0\n")

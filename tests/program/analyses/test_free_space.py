@@ -40,6 +40,8 @@ def test_tables_and_check_say_it_and_a_loop_that_is_stable_there_says_nothing():
 
 
 def test_a_row_of_contact_that_is_empty_for_that_reason_has_it():
+    pytest.importorskip("wavesweep.for_all")
+    pytest.importorskip("wavesweep.contact")
     tables = COUPLING | {"for_all": {"contact": True}}
     rows = wavesweep.zwidth(tables)
     (row,) = rows[rows["guarantee"] == "contact"].itertuples()
