@@ -8,8 +8,7 @@ import pytest
 from wavesweep.engine._sets.taylor_models import monomials
 from wavesweep.engine._switched import boxes
 from wavesweep.engine.sets import Side, UnresolvedError
-from wavesweep.engine.switched import FramesOver, constant_frames
-from wavesweep.for_all.unknown import ALWAYS
+from wavesweep.engine.switched import ALWAYS, FramesOver, constant_frames
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 

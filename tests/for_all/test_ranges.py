@@ -19,8 +19,8 @@ from wavesweep.engine._switched.frames_over import Enclosed
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.norm_check import shrink_over
 from wavesweep.engine._switched.patterns import following, joined, written
+from wavesweep.engine.switched import ALWAYS
 from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
-from wavesweep.for_all.unknown import ALWAYS
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from checker.test_messages import proof_of
+from checker.test_messages import BEHIND, WORD, proof_of
 from scipy.linalg import solve_discrete_lyapunov
 from support.proofs import checked
 
@@ -29,20 +29,6 @@ kind = "dc-slow"
 "device.mass" = { start = 0.0327, stop = 0.2168 }
 """
 ENDS = {"device.mass": ["0.0327", "0.2168"]}
-# With the dead time in seconds s = 15.4692 was called proved; messages that come, and are lost, in turn refute 14.2968.
-LOSSES = """
-rates.tick_hz = 100
-numbers.s = 15.0
-[block]
-x = { type = "mass", mass = 2, damping = 1.68 }
-ca = { type = "channel", every = 7, lost = 1 }
-z = { type = "delay", seconds = 0.05 }
-[wire]
-"ca.u" = "-s*x.x"
-"z.u" = "ca.y"
-"x.f" = "z.y"
-"""
-IN_TURN = ["0: ca gets 0", "0: ca has 1"]
 
 
 @pytest.mark.slow
@@ -61,7 +47,7 @@ def test_masses_that_vary_are_not_proved_by_masses_that_are_constant(tmp_path):
 
 @pytest.mark.parametrize("written", ["seconds = 0.05", "steps = 5"])
 def test_a_dead_time_behind_losses_is_taken_whole(written, tmp_path):
-    spec = LOSSES.replace("seconds = 0.05", written)
+    spec = BEHIND.replace("seconds = 0.05", written)
     assert checked(tmp_path, spec, proof_of(spec, "14.2", "s"))[0] == 0
     shorter = spec.replace("0.05", "0.03").replace("= 5", "= 3")
     false = proof_of(shorter, "15.4692", "s")
@@ -73,14 +59,14 @@ def test_a_dead_time_behind_losses_is_taken_whole(written, tmp_path):
 
 def test_the_frames_that_refute_it_are_multiplied_out(tmp_path):
     for value, code in (("15.4692", 0), ("14.2", 1)):
-        claim = file.Claim("refuted", {"s": Fraction(value)}, outside=2, word=IN_TURN)
-        family = file.family_of(file.spec_of(LOSSES.encode()), claim)
+        claim = file.Claim("refuted", {"s": Fraction(value)}, outside=2, word=WORD)
+        family = file.family_of(file.spec_of(BEHIND.encode()), claim)
         (part,) = family.matrix("", balls.Cell({})).parts.values()
         A = np.array([[x / balls.ONE for x in row] for row in part])
         P = solve_discrete_lyapunov(A.T, np.eye(len(A)))
         sizes, vectors = np.linalg.eigh(P)
         L = np.sqrt(abs(sizes))[:, None] * vectors.T
         rows = [[f"{x:.15g}" for x in row] for row in L / abs(L).max()]
-        line = {"claim": "refuted", "numbers": {"s": value}, "outside": 2, "word": IN_TURN, "states": family.states}
+        line = {"claim": "refuted", "numbers": {"s": value}, "outside": 2, "word": WORD, "states": family.states}
         cell = {"L": rows, "signs": "".join("+" if x > 0 else "-" for x in sizes)}
-        assert checked(tmp_path, LOSSES, [line, cell])[0] == code, value
+        assert checked(tmp_path, BEHIND, [line, cell])[0] == code, value

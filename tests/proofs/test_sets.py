@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from checker.test_for_all import SPEC as PATTERN
 from support.proofs import changed, checked, checked_file, lines_of, written
 
 from wavesweep.checker.balls import Refused
@@ -109,20 +110,6 @@ def test_late_messages_are_the_letters_of_what_a_receiver_has():
     assert found[0]["word"] == ["0: net has 1", "0: net gets 0"]
 
 
-PATTERN = """
-[rates]
-ratio = 5
-[environment]
-integration = "explicit"
-delay = 1
-step = "elapsed"
-[device]
-velocity = "difference"
-[controller]
-kind = "dc-slow"
-[for_all]
-"rates.ratio" = { values = [4, 5, 7], varying = true }
-"""
 TABLE = PATTERN + "[sweep]\nK_VE = { start = 0, stop = 5000 }\n"
 
 

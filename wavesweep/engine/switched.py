@@ -13,8 +13,8 @@ if TYPE_CHECKING:
         bracket,
         decide,
     )
-    from wavesweep.engine._switched.average import ALONE, OnAverage
-    from wavesweep.engine._switched.boxes import cover
+    from wavesweep.engine._switched.average import ALWAYS, OnAverage
+    from wavesweep.engine._switched.boxes import cover, cover_constant
     from wavesweep.engine._switched.brackets import Bracket, LeftOpen, Refuted, driven, nearest_of
     from wavesweep.engine._switched.climb import (
         climb,
@@ -95,10 +95,13 @@ else:
                 "decide",
             ),
             "_switched.average": (
-                "ALONE",
+                "ALWAYS",
                 "OnAverage",
             ),
-            "_switched.boxes": ("cover",),
+            "_switched.boxes": (
+                "cover",
+                "cover_constant",
+            ),
             "_switched.brackets": (
                 "Bracket",
                 "LeftOpen",

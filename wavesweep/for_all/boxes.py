@@ -7,9 +7,9 @@ import numpy as np
 
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
-from wavesweep.engine.switched import constant_frames, cover
+from wavesweep.engine.switched import cover_constant
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
-from wavesweep.for_all.unknown import ALWAYS, drift_over, frames_over
+from wavesweep.for_all.unknown import drift_over, frames_over
 from wavesweep.program.spec import Spec
 
 __all__ = [
@@ -52,14 +52,7 @@ def proved_stable(
         *(side_of(*loop, path, pair) for path, pair in zip(ranges, box.T, strict=True)),
     ]
     whole = np.column_stack([ends, as_sides(box, all_sides[len(sides) :])])
-    found = cover(
-        # Of order 6 at most: with a complex factor there are twice as many states.
-        constant_frames(loop, all_sides, whole, 6),
-        whole,
-        ALWAYS,
-        1e11,  # operations
-        up,
-    )
+    found = cover_constant(loop, all_sides, whole, up)
     if not found.open:
         return Stable(found.end, True, None)
     place = found.point if found.word else found.open[0].mean(0)

@@ -19,10 +19,9 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
 from wavesweep.engine.sets import LOGARITHMIC_SIDE, Side, as_numbers, as_sides, side_of
 from wavesweep.engine.switched import (
-    ALONE,
+    ALWAYS,
     INWARD,
     LeftOpen,
-    OnAverage,
     climb,
     constant_frames,
     constant_growth,
@@ -41,7 +40,6 @@ SO_FAR = "%s proved from %.4g to %.4g so far (%.0f %% of the box)"
 MEMBERS_MET = 8  # unstable members that a climb has found, whose exact intervals are computed
 SAME_END = 1e-9  # relative: ends that are as near are found again
 OPERATIONS_OF_CASE = 3e11  # operations that the proofs of a case may take
-ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
 # of the high end, from which on is proved what begins at 0, where a mode may stand still: parts of a
 # box pile up there, 70 % of them below 1e-3
 PROVED_FROM_ZERO = 1e-3

@@ -15,7 +15,7 @@ import numpy as np
 from wavesweep.checker import balls, file, form
 from wavesweep.checker.balls import Refused
 from wavesweep.engine.sets import Polynomials, Side
-from wavesweep.engine.switched import ALONE, Centre, Graph, OnAverage, cover
+from wavesweep.engine.switched import ALWAYS, Centre, Graph, OnAverage, cover
 
 ORDER = 2  # of matrices in doubles, as the checker looks at slacks
 LOGARITHMIC = 4.0  # ratio of the ends of a positive side above which it is divided by factors
@@ -77,7 +77,7 @@ class Cells:
         if claim.claim == "mean square":
             return Cells(family, claim, sides, *_chain(family))
         if "" in family.frames.words:
-            return Cells(family, claim, sides, [Frame("", "", None)], OnAverage(ALONE, np.ones(1)))
+            return Cells(family, claim, sides, [Frame("", "", None)], ALWAYS)
         return Cells(family, claim, sides, *_any_order(family))
 
     @property
@@ -192,7 +192,7 @@ class Cells:
         return None
 
     def _of_nodes(self, nodes, graph):
-        if graph is ALONE:
+        if graph is ALWAYS.graph:
             return nodes[0] | {"signs": "+" * len(self.family.states)}
         if isinstance(self.rule, OnAverage):
             return {"nodes": nodes}

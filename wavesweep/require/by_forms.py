@@ -17,13 +17,10 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import LOGARITHMIC_SIDE, Side, as_sides, side_of
-from wavesweep.engine.switched import ALONE, OnAverage, constant_frames, constant_growth, cover
+from wavesweep.engine.switched import constant_growth, cover_constant
 from wavesweep.program.analyses.factors_at_cut import with_factors
 from wavesweep.require.disc_panels import BAD, GOOD
 
-ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
-ORDER = 6  # of polynomials: with a complex factor there are twice as many states
-OPERATIONS = 1e11  # of a proof from one value on
 VALUES, LOOKED_AT = 17, 33  # of the number, and of each side of the factor, that are looked at
 ZOOMS, PEAKS = 4, 3  # in which the worst factor is looked for about the largest radii
 NEAR = 1e-7  # of an end, how far from it proofs go
@@ -142,5 +139,4 @@ class ByForms:
         if 0 < box[0, 0] < box[1, 0] / LOGARITHMIC_SIDE:
             sides[0] = Side(self.along, 0.0)
         whole = as_sides(box, sides)
-        found = cover(constant_frames(loops, sides, whole, ORDER), whole, ALWAYS, OPERATIONS, up)
-        return float(sides[0].number(found.end))
+        return float(sides[0].number(cover_constant(loops, sides, whole, up).end))

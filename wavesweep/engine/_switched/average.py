@@ -30,6 +30,9 @@ class OnAverage:
     weight: np.ndarray
 
 
+ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
+
+
 def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None], float]:
     """Return for each of some single matrices, `(cells, n, n)`, a form for the middle of its cell
     and its further terms `(monomials - 1, 1, n, n)`, None if it does not decay there; and the work

@@ -17,13 +17,22 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine._sets.taylor_models import Polynomials, monomials
-from wavesweep.engine._switched.average import ALONE, OnAverage, forms_of_each, forms_on_average
+from wavesweep.engine._switched.average import (
+    ALONE,
+    ALWAYS,
+    OnAverage,
+    forms_of_each,
+    forms_on_average,
+)
+from wavesweep.engine._switched.frames_over import constant_frames
 from wavesweep.engine._switched.graph import Family
 from wavesweep.engine._switched.norm_check import outside_each, shrink_over
 from wavesweep.engine._switched.norms import CALLS, Centre, find_norms, recentred, sloped
 from wavesweep.engine._switched.patterns import Word, growing, growth
 from wavesweep.engine.doubles import NEXT_TO_ZERO
+from wavesweep.engine.loop import Loops
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much,
 # at most so much of what the spectral radii of frames and words leave. A graph is made finer up to
@@ -31,6 +40,7 @@ from wavesweep.engine.doubles import NEXT_TO_ZERO
 MARGIN, SHARES = 1e-3, (0.5, 0.1)
 BACK = 0.5  # of the margin that norms have, with which they are centred
 OPERATIONS_OF_CENTRE = 4e9  # see `cover`
+OPERATIONS_OF_CONSTANT = 1e11  # of a proof of `cover_constant`
 NEWTON_OF_GRAPH = 200  # steps of Newton's method on the smallest graph
 # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 SHARED = 0.05
@@ -199,6 +209,12 @@ def cover(
         raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
     point = part.box.mean(0) if word else None
     return Covering(open_, queue.end(), trials.used, point, word)
+
+
+def cover_constant(loop: Loops, sides: Sequence[Side], box: Box, up: bool) -> Covering:
+    """Prove that all loops of a box of sides are stable whose frames are all alike, see `cover`."""
+    # Of order 6 at most: with a complex factor there are twice as many states.
+    return cover(constant_frames(loop, sides, box, 6), box, ALWAYS, OPERATIONS_OF_CONSTANT, up)
 
 
 @dataclass(slots=True, eq=False)
