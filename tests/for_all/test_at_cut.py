@@ -7,7 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loop import Loops
 from wavesweep.for_all.on_check import facts
+from wavesweep.program.analyses.factors_at_cut import with_factors
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
@@ -132,6 +134,17 @@ def test_a_circle_is_of_a_signal_that_is_made_once_in_a_frame():
     spec["block"]["z"]["every"] = 10
     with pytest.raises(UsageError, match=r"margins.Ms: expected a signal that is made once in a frame .* found c.y"):
         intervals(load(spec), jobs=1)
+
+
+@pytest.mark.parametrize(("K", "sides"), [((0.0, 3.0), 2), ((0.0, 0.0), 1)])
+def test_a_circle_is_proved_on_its_rim_alone_where_no_value_of_the_number_brings_the_signal_back_at_once(K, sides):
+    """Whatever the number is in the spec."""
+    block = {"type": "ss", "inputs": ["u"], "A": [[0.5]], "B": [[1]], "C": [[1]], "D": [[1]]}
+    wire = {"p.u": "-K*p.y"}
+    loop = load({"rates": {"tick_hz": 1000}, "numbers": {"K": 0.0}, "block": {"p": block}, "wire": wire})
+    loops = Loops(loop.drawing, dict(loop.values))
+    ((_, found),) = with_factors(loops, {"cut": "p.y", "disk": 0.5}, {"numbers.K": K})
+    assert len(found) == sides
 
 
 @pytest.mark.parametrize(

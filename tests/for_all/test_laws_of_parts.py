@@ -9,7 +9,7 @@ from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Polynomials, Side
-from wavesweep.for_all.boxes import drift_over, frames_over, proved_stable
+from wavesweep.for_all.boxes import proved_stable
 from wavesweep.for_all.hand_box import box_in_words
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -73,24 +73,6 @@ def test_all_loops_of_a_box_are_proved_up_to_the_first_that_is_not_stable(stop, 
     found = proved_stable(own_loop(load(INTEGRATOR)), [Side("numbers.k")], ends, ["numbers.c"], box, up=True)
     assert (found.whole, found.end if whole else np.prod(found.met) >= 2) == (whole, stop if whole else True)
     assert 1.5 < found.end < 2 / 1.1
-
-
-def test_the_drift_of_a_box_is_counted_from_a_state_that_leaves_the_same_modes_and_small_entries():
-    tables = {
-        "rates": {"tick_hz": 100},
-        "numbers": {"m": 0.2, "g": 3.0},
-        "block": {
-            "mass": {"type": "mass", "mass": "m", "damping": 4.0},
-            "smooth": {"type": "lowpass", "cutoff_hz": 5.0},
-            "slope": {"type": "difference"},
-        },
-        "wire": {"smooth.u": "g*mass.x", "slope.u": "smooth.y", "mass.f": "-slope.y"},
-    }
-    loop, paths, box = own_loop(load(tables)), ["numbers.m", "numbers.g"], np.array([[0.1, 50.0], [0.4, 90.0]])
-    usual = loop.changed({"numbers.g": box[:, 1]}).drift_of_frames()
-    E, of_usual = (frames_over(loop, paths, drift, box).E for drift in (drift_over(loop, paths, box), usual))
-    assert np.abs(E).max() < np.abs(of_usual).max() / 5
-    np.testing.assert_allclose(*(np.sort_complex(np.linalg.eigvals(each)) for each in (E, of_usual)), rtol=1e-9)
 
 
 def test_a_box_of_one_hand_has_the_intervals_of_that_hand():

@@ -9,12 +9,9 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
 from wavesweep.engine.switched import cover_constant
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
-from wavesweep.for_all.unknown import drift_over, frames_over
 from wavesweep.program.spec import Spec
 
 __all__ = [
-    "drift_over",
-    "frames_over",
     "numbers_in_words",
     "proved_stable",
     "varying",

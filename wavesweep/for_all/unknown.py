@@ -3,16 +3,13 @@ proved."""
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.drawing import name_of
-from wavesweep.engine.frames import frames_where_solvable
 from wavesweep.engine.intervals import Resolution, Search
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
@@ -431,29 +428,3 @@ def _met(found, sides):
     if found.word:
         return (tuple(as_numbers(found.point, sides).tolist()),)
     return ()
-
-
-def frames_over(loop, paths, drift, x):
-    x = np.where(x == 0, NEXT_TO_ZERO, x)
-    return frames_where_solvable(
-        loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),)
-    )
-
-
-def drift_over(loop, paths, box):
-    """The drift of all loops of a box, counted from the state from which their entries are
-    smallest."""
-    ends = zip(paths, box.T, strict=True)
-    drift = loop.changed(
-        {path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}
-    ).drift_of_frames()
-    if len(drift.varying) != 1:
-        return drift
-    corners = np.array(list(product(*box.T)))
-    leads = [
-        replace(drift, varying=(state,)) for state in sorted({*drift.remaining, *drift.varying})
-    ]
-    with np.errstate(all="ignore"):
-        entries = (np.abs(frames_over(loop, paths, lead, corners).E) for lead in leads)
-        sizes = [np.nan_to_num(array, nan=np.inf).max(initial=0.0) for array in entries]
-    return leads[int(np.argmin(sizes))]

@@ -13,7 +13,7 @@ with n frames of delay is one with the factor `z^-n`.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain, product
 
 import numpy as np
@@ -42,6 +42,7 @@ from wavesweep.program.analyses.claims import (
     own_scope,
     ranges_of,
 )
+from wavesweep.program.analyses.factors_at_cut import comes_back_at_once, on_circle
 from wavesweep.program.spec import Axis, Spec
 
 TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proof is tried
@@ -49,15 +50,7 @@ MOST_FRAMES = 32  # of delay that are proved one by one
 INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
 SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec
 LOGARITHM = Side(path_of(GAIN), 0.0)
-FACTORS = tuple(
-    parse(text).with_trees({"p": Tree.name(SIZE), "psi": Tree.name(ANGLE)})
-    for text in (
-        "(1 - p*p)/(1 - 2*p*cos(psi) + p*p)",
-        "2*p*sin(psi)/(1 - 2*p*cos(psi) + p*p)",
-        "p*cos(psi)",
-        "p*sin(psi)",
-    )
-)
+SIZE_AND_ANGLE = {"p": Tree.name(SIZE), "psi": Tree.name(ANGLE)}
 # real and imaginary part of a factor, and the sides of a proof along it
 TURNED = {
     "phase": (
@@ -65,11 +58,17 @@ TURNED = {
         Tree("sin", (Tree.name(SIZE),)),
         [Side(path_of(SIZE))],
     ),
-    "disk": (*FACTORS[:2], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
-    "delay_frames": (*FACTORS[2:], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
+    "disk": (
+        *on_circle(*SIZE_AND_ANGLE.values(), 1.0),
+        [Side(path_of(SIZE)), Side(path_of(ANGLE))],
+    ),
+    "delay_frames": (
+        parse("p*cos(psi)").with_trees(SIZE_AND_ANGLE),
+        parse("p*sin(psi)").with_trees(SIZE_AND_ANGLE),
+        [Side(path_of(SIZE)), Side(path_of(ANGLE))],
+    ),
 }
 RIM = np.linspace(np.pi / 64, np.pi, 64)  # angles of a disk at which worse numbers are looked for
-OTHER_GAINS = np.array([0.5, 2.0])  # of the cut, between which what drifts is looked for
 ENDS = {
     "gain_up": np.log(LARGEST_GAIN_FACTOR),
     "gain_down": np.log(LARGEST_GAIN_FACTOR),
@@ -271,11 +270,6 @@ class _Case:
         self.loop = loop.read
         once = broken_at(self.spec, cut).cut
         self.names = [name for name in ENDS if name != "delay_frames" or once]
-        if not ranges:
-            return
-        paths = [path_of(GAIN), *self.ranged]
-        drift = self.boxes.drift_over(self.loop, paths, np.column_stack([OTHER_GAINS, self.box]))
-        self.frames_at = partial(self.boxes.frames_over, self.loop, paths, drift)
 
     def named(self, point) -> dict[str, object]:
         """The numbers of a point of the box."""
@@ -394,16 +388,9 @@ class _Case:
 
     @cached_property
     def _delayed(self):
-        """Whether the signal comes back in no tick at once, so that frames have no poles in its
-        factor and the rim is enough.
-
-        What depends on the factor anywhere does so at a place that nobody has chosen.
-        """
-        place = self.box[0] + (self.box[1] - self.box[0]) * (
-            np.sqrt(np.arange(2, 2 + len(self.ranged))) % 1
-        )
-        pivots = self.frames_at(np.column_stack([OTHER_GAINS, [place, place]])).pivots
-        return bool((pivots[0] == pivots[1]).all())
+        """Whether the rim of a disk is enough."""
+        varied = dict(zip(self.ranged, self.box.T.tolist(), strict=True))
+        return not comes_back_at_once(Loops(*self.loop), varied)
 
     def _stable(self, name, size):
         """What is proved of the factors of a margin up to a size, see above, for the whole box."""

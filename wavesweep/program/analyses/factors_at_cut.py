@@ -21,10 +21,9 @@ from wavesweep.program.analyses.cuts import fault_of_cut
 from wavesweep.program.reading.axes import Axis
 
 PATH = "sweep.require"
-TURN = "cos(pi/180*turn)", "sin(pi/180*turn)"
 CIRCLE = (
-    "(1 + (c - 1)*p*cos(pi/180*turn) - c*p*p)/(1 - 2*p*cos(pi/180*turn) + p*p)",
-    "(c + 1)*p*sin(pi/180*turn)/(1 - 2*p*cos(pi/180*turn) + p*p)",
+    "(1 + (c - 1)*p*cos(psi) - c*p*p)/(1 - 2*p*cos(psi) + p*p)",
+    "(c + 1)*p*sin(psi)/(1 - 2*p*cos(psi) + p*p)",
 )
 HALF_A_TURN = 180.0
 TWO_VALUES = np.array([0.5, 2.0])  # of the factor: what differs with them depends on it
@@ -48,11 +47,36 @@ def with_factors(
     turned = loops.with_gain_at(cut)
     if "phase_deg" in asked:
         turn = _range(f"phase_deg at {cut}", 0.0, asked["phase_deg"])
-        yield _with_turned(turned, TURN, [turn], turn=Tree.name(turn.name)), [turn]
+        angle = _angle(turn)
+        parts = Tree("cos", (angle,)), Tree("sin", (angle,))
+        yield _with_turned(turned, parts, [turn]), [turn]
     if "disk" in asked:
-        yield _on_circle(turned, f"disk at {cut}", asked["disk"] / 2, 1.0, varied)
+        yield _with_circle(turned, f"disk at {cut}", asked["disk"] / 2, 1.0, varied)
     if "Ms" in asked:
-        yield _on_circle(turned, f"Ms at {cut}", 1 / asked["Ms"], 0.0, varied)
+        yield _with_circle(turned, f"Ms at {cut}", 1 / asked["Ms"], 0.0, varied)
+
+
+def on_circle(size: Tree, angle: Tree, c: float) -> tuple[Tree, Tree]:
+    """Return the real and imaginary part of the factor k of the module's text, of `e = size e^(j
+    angle)`, the angle in rad."""
+    trees = {"p": size, "psi": angle, "c": Tree.number(c)}
+    re, im = (parse(text).with_trees(trees) for text in CIRCLE)
+    return re, im
+
+
+def comes_back_at_once(loops: Loops, varied: Mapping[str, Sequence[float]]) -> bool:
+    """Whether the signal of loops with a gain at a cut comes back in the tick in which it is made, so
+    that frames have poles in its factor and the rim of a circle is not enough; varied: see
+    `with_factors`."""
+    # What depends on the factor anywhere does so at a place that nobody has chosen.
+    shares = np.sqrt(np.arange(2, 2 + len(varied))) % 1
+    place = {
+        path: np.full(2, low + share * (high - low))
+        for (path, (low, high)), share in zip(varied.items(), shares, strict=True)
+    }
+    two = loops.changed({**place, path_of(GAIN): TWO_VALUES})
+    pivots = frames_where_solvable(two, two.drift_of_frames(), (2,)).pivots
+    return bool((pivots[0] != pivots[1]).any())
 
 
 def _range(name: str, low: float, high: float) -> Axis:
@@ -60,16 +84,18 @@ def _range(name: str, low: float, high: float) -> Axis:
     return Axis(name, path_of(name), (), low, high, structural=False)
 
 
-def _with_turned(
-    loops: Loops, texts: tuple[str, str], sides: Sequence[Axis], **trees: Tree
-) -> Loops:
+def _angle(turn: Axis) -> Tree:
+    """The angle (rad) of a number in degrees."""
+    return parse("pi/180*turn").with_trees({"turn": Tree.name(turn.name)})
+
+
+def _with_turned(loops: Loops, parts: tuple[Tree, Tree], sides: Sequence[Axis]) -> Loops:
     """Loops, cut at a signal, with a complex factor there, whose numbers have the ends of their
     ranges."""
-    re, im = (parse(text).with_trees(trees) for text in texts)
-    return loops.with_complex_factor(re, im).changed({side.path: side.stop for side in sides})
+    return loops.with_complex_factor(*parts).changed({side.path: side.stop for side in sides})
 
 
-def _on_circle(
+def _with_circle(
     loops: Loops, name: str, radius: float, c: float, varied: Mapping[str, Sequence[float]]
 ) -> tuple[Loops, list[Axis]]:
     """Loops with the factors k of the module's text, `|e| <= radius`, and the ranges of e: of its
@@ -84,16 +110,7 @@ def _on_circle(
     turn = _range(f"{name} turned by deg", 0.0, HALF_A_TURN)
     sides = [turn]
     size = Tree.number(radius)
-    # What depends on the factor anywhere does so at a place that nobody has chosen.
-    shares = np.sqrt(np.arange(2, 2 + len(varied))) % 1
-    place = {
-        path: np.full(2, low + share * (high - low))
-        for (path, (low, high)), share in zip(varied.items(), shares, strict=True)
-    }
-    two = loops.changed({**place, path_of(GAIN): TWO_VALUES})
-    pivots = frames_where_solvable(two, two.drift_of_frames(), (2,)).pivots
-    if (pivots[0] != pivots[1]).any():
+    if comes_back_at_once(loops, varied):
         sides.append(_range(f"{name} in size", 0.0, radius))
         size = Tree.name(sides[1].name)
-    trees = {"turn": Tree.name(turn.name), "p": size, "c": Tree.number(c)}
-    return _with_turned(loops, CIRCLE, sides, **trees), sides
+    return _with_turned(loops, on_circle(size, _angle(turn), c), sides), sides
