@@ -82,16 +82,17 @@ def _step_texts(group: ControllerGroup, in_c: dict[str, str]) -> dict[str, objec
     """The texts of a controller's own programs, one for each of its steps in turn."""
     wires = group.own_wires
     ticks = TickSums(replace(group.loop, blocks=group.blocks, wires=wires, away=wires))
-    programs: dict[int, Program] = {}
+    programs: list[Program] = []
     turns = []
     for tick in range(group.first, group.first + ticks.loop.frame, group.every):
         program = ticks.program(tick, frozenset(), touching=True)
-        programs[id(program)] = program
-        turns.append([*programs].index(id(program)))
-    refuse_large(programs.values(), len(programs))
+        if program not in programs:
+            programs.append(program)
+        turns.append(programs.index(program))
+    refuse_large(programs, len(programs))
     z = {signal: ticks.place(signal) for signal in (*group.inputs, *group.outputs)}
     names = identifiers([*ticks.places], "ws_z_")
-    functions = [tick_function(index, each, names) for index, each in enumerate(programs.values())]
+    functions = [tick_function(index, each, names) for index, each in enumerate(programs)]
     return {
         "places": "\n".join(f"    {each}," for each in names),
         "size": len(names),
@@ -185,9 +186,10 @@ class _Run:
 
     def columns(self, in_c: dict[str, str]) -> dict[str, np.ndarray]:
         """The columns of the vectors."""
-        names = ["tick", "program", "given", *(f"comes_{signal}" for _, signal in self.sent)]
-        names += ["step", *(in_c[signal] for signal in self.signals)]
-        whole = {*names[:2], *names[3 : 4 + len(self.sent)]}
+        come = [f"comes_{signal}" for _, signal in self.sent]
+        signals = [in_c[signal] for signal in self.signals]
+        names = ["tick", "program", "given", *come, "step", *signals]
+        whole = {"tick", "program", *come, "step"}
         columns = zip(names, zip(*self.rows, strict=True), strict=True)
         return {
             name: np.array(column, dtype=int if name in whole else float)
