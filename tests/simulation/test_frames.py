@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
-from support.missing import needed
-from support.specs import INTEGRATIONS
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
@@ -91,43 +89,6 @@ def test_frames_of_one_length_are_those_of_the_ratio_to_the_last_bit(kind, ratio
     own, framed = (recorded(simulated(spec, force)) for spec in specs)
     for name in own:
         np.testing.assert_array_equal(framed[name], own[name], err_msg=name)
-
-
-def alike(symbol, ticks, delay, following):
-    return (symbol.ticks, symbol.delay, symbol.through) == (ticks, delay, following == 0)
-
-
-@pytest.mark.sample(8)
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
-@pytest.mark.parametrize("integration", INTEGRATIONS)
-@pytest.mark.parametrize("step", ["elapsed", "nominal"])
-def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, step):
-    """Two programs that share nothing but the page, and results at once, late, a frame late and lost."""
-    needed("for_all")
-    from support.frames import frames_of_controller
-
-    from wavesweep.engine._switched.patterns import growth as growth_of
-    from wavesweep.for_all.frame_families import FramesInAnyOrder
-    from wavesweep.for_all.plan import LOST
-
-    pattern = [(5, 2), (9, 5), (7, LOST), (7, 0)]
-    frames = [{"ticks": ticks} | ({"lost": True} if delay == LOST else {"delay": delay}) for ticks, delay in pattern]
-    environment = {"integration": integration, "step": step, "K_VE": 60.0}
-    spec = fig4(
-        frames, controller={"kind": kind, "K_VC": 60.0, "B_VC": 4.0}, environment=environment, local_model={"K_LM": 60.0}
-    )
-    family = frames_of_controller(dict(spec.values), FramesInAnyOrder((5, 7, 9), (0, 2, 5), 1, step == "elapsed"))
-    word = tuple(
-        next(i for i, symbol in enumerate(family.symbols) if alike(symbol, *each, following))
-        for each, (_, following) in zip(pattern, pattern[1:] + pattern[:1], strict=True)
-    )
-    speed = np.diff(simulated(spec, [1.0] + [0.0] * 28 * 60).signals["x"]).reshape(-1, 28)[10:]
-    speed /= np.abs(speed).max()
-    U, S, V = np.linalg.svd(speed[:-1].T, full_matrices=False)
-    r = (1e-9 * S[0] < S).sum()
-    seen = np.linalg.eigvals(U[:, :r].T @ speed[1:].T @ V[:r].T / S[:r])
-    assert np.abs(seen).max() == pytest.approx(growth_of(family.at(60.0), word), rel=1e-5)
 
 
 DRAWN = {

@@ -6,9 +6,6 @@ import scipy.linalg
 from support.plants import bodies
 
 import wavesweep
-from wavesweep.engine._monodromy.periodic import Ticks
-from wavesweep.engine.loop import Loops
-from wavesweep.program.spec import load
 
 
 def stepped(A, B, C, period, force, kp, kd):
@@ -30,22 +27,6 @@ def test_bodies_move_between_ticks_as_their_exponential(seed):
     seen = wavesweep.compile(many).simulate(force)
     C = np.array(single["block"]["p"]["C"])
     expected = stepped(A, B, C, 1 / many["rates"]["tick_hz"], force, **many["numbers"])
-    np.testing.assert_allclose(seen.x, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_simulation_is_the_march_of_the_frames(seed):
-    """Two programs, which share no discretisation."""
-    many, *_ = bodies(seed)
-    spec = load(many)
-    force = np.random.default_rng(seed).normal(size=400)
-    drawn = Loops(spec.drawing, spec.values).drawn()
-    (each,) = (ticks := Ticks.of(drawn, ("ports.hand.displacement",))).maps
-    x, expected = np.zeros(len(ticks.states)), []
-    for f in force:
-        expected.append(each.C[0] @ x)
-        x = x + each.E @ x + each.B[:, 0] * f
-    seen = wavesweep.compile(many).simulate(force)
     np.testing.assert_allclose(seen.x, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
 

@@ -1,6 +1,5 @@
 """Ticks that no block needs are divided out of a drawn loop, and only these."""
 
-import numpy as np
 import pytest
 
 import wavesweep
@@ -61,29 +60,3 @@ def test_ends_are_those_of_the_ticks_that_are_drawn(name):
     assert high < 200
     below, above = compiled.spectral_radius(k=[high * (1 - 1e-6), high * (1 + 1e-6)])
     assert below < 1 < above
-
-
-def radius(k, tau):
-    """The lag with its controller over 20 ms, u tau after it was computed; states: lag, integral, what is on its way."""
-    h, T, ki = 0.02, 0.2, 2.0
-    whole = int(tau / h)
-    rest = tau - whole * h
-    A = np.zeros((whole + 3, whole + 3))
-    gone, on = np.exp(-(h - rest) / T), np.exp(-rest / T)
-    u = np.zeros(whole + 3)  # what is computed now: e = -lag, integral with e included
-    u[0], u[1] = -k - ki * h, ki
-    line = [u, *np.eye(whole + 3)[2:]]
-    A[0, 0] = on * gone
-    A[0] += gone * (1 - on) * line[whole + 1] + (1 - gone) * line[whole]
-    A[1, 1], A[1, 0] = 1, -h
-    for at in range(whole + 1):
-        A[2 + at] = line[at]
-    return np.abs(np.linalg.eigvals(A)).max()
-
-
-def test_a_slow_controller_with_a_dead_time_has_the_limits_of_its_own_period():
-    compiled = wavesweep.compile(loop(LATE, FED_BACK, tau=0.0437))
-    (high,) = compiled.stable_intervals(along="k", span=(0, 200))["high"]
-    assert radius(high * (1 - 1e-9), 0.0437) < 1 < radius(high * (1 + 1e-9), 0.0437)
-    (high,) = compiled.stable_intervals(along="tau", span=(0, 0.2), k=6.0)["high"]
-    assert radius(6.0, high * (1 - 1e-9)) < 1 < radius(6.0, high * (1 + 1e-9))

@@ -34,15 +34,3 @@ def test_a_solve_of_the_states_that_are_kept_is_one_of_all(seed):
         (read, (C[:, None] @ np.linalg.inv(A))[..., 0, :]),
     ):
         assert np.abs(found - exact).max() <= limit * np.abs(exact).max()
-
-
-def test_what_is_kept():
-    """A chain of two behind state 0, to which state 0 adds; a ring; a state with an input; one that differs between loops."""
-    A = np.zeros((2, 7, 7))
-    A[:, 0, 0] = 0.5
-    A[:, 1, 0] = A[:, 2, 1] = A[:, 3, 4] = A[:, 4, 3] = A[:, 5, 0] = A[:, 6, 5] = 1
-    A[:, 2, 0], A[1, 6, 5] = -0.25, 0.5
-    lines = DelayLines.of(A - np.eye(7))
-    assert [1, 2] in [line.tolist() for line in lines.lines]
-    assert {0, 3, 4} <= set(lines.solved)
-    assert len({5, 6} & set(lines.solved)) == 1

@@ -70,25 +70,6 @@ def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
     assert worst_error(values, multiples, exact.limit) < 1e-10
 
 
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_marched_sine_settles_to_the_same_answer(kind):
-    """`f_h[k] = cos(w k T)` at 5 Hz until the start has died out, then the component at w of a whole second.
-
-    The slowest mode of these loops halves in well under a second: after 12 s it is below 1e-10.
-    """
-    values = values_of(kind, K_VE=100.0, **({"Kp": 20.0} if kind.startswith("pmw") else {}))
-    turn = 2 * np.pi * 5.0 * np.arange(13_000) / 1000
-    seen = exact.march(values, np.cos(turn))
-    carrier = 2 * np.exp(-1j * turn[-1000:]) / 1000
-    x, f_m = (signal[-1000:] @ carrier for signal in (seen["x"], seen["f_m"]))
-    # A real sine's mirror image at -5 Hz has its aliases at 50 n - 5 Hz, none at 5 Hz.
-    admittance, impedance = response(values, 5.0)
-    assert abs(x - admittance[0]) <= 1e-8 * abs(x)
-    assert abs(f_m / x - impedance[0]) <= 1e-8 * abs(f_m / x)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_batch_of_loops_answers_as_its_members(kind):
     b, K = np.array([20.0, 40.0]), np.array([100.0, 500.0])

@@ -2,12 +2,11 @@
 
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from support import exact
-from support.intervals import cut_of, intervals_of, mislabelled, pairs
+from support.intervals import cut_of, intervals_of, mislabelled
 from support.specs import nested, random_values, values_of
 
 import wavesweep
@@ -74,18 +73,6 @@ def test_a_closing_hole_is_certified_only_where_the_count_is_right(seed, low, hi
     assert np.array_equal(count[certified], truth[certified])
     assert certified[np.abs(column / float(B) - 1) > 1e-5].all()
     assert not certified.all()
-
-
-def test_the_hole_of_the_paper_closes_with_the_cutoff():
-    """PMW, explicit: from 8.57 Hz down the hole stays, and every count is that of the eigenvalues in its middle."""
-    for cutoff in (4.0, 6.0, 8.57, 10.0, 20.0):
-        values = values_of("pmw", integration="explicit", lp1_cutoff_hz=cutoff)
-        found = intervals_of(values)
-        assert found.certified.all()
-        for low, high in pairs(found):
-            assert exact.spectral_radius(values | {"environment.K_VE": (low + high) / 2}) < 1
-        for (_, low), (high, _) in pairwise(pairs(found)):
-            assert exact.spectral_radius(values | {"environment.K_VE": (low + high) / 2}) > 1
 
 
 # Two crossings that almost merge at the end of the circle, where next to nothing damps the hand.

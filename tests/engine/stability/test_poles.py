@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine._stability.entries import RIM
-from wavesweep.engine._stability.sampled_frames import level, pole_inside
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.sweep.grid import own_loop
 
@@ -144,28 +142,3 @@ def test_a_pivot_whose_zeros_cancel_poles_is_seen_through():
     rows = loop.stable_intervals("c", (0, 3))
     assert loop.spectral_radius(c=[1.0])[0] > 1
     assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
-
-
-def judged(zeros):
-    """What is said of the polynomial with these zeros on the ellipse about [-1, 1]; complex ones have conjugates."""
-
-    def value(x):
-        product = np.ones((1, x.size, 1), complex)
-        for zero in zeros:
-            product[0, :, 0] *= (x - zero) * (x - np.conj(zero)) if np.imag(zero) else x - zero
-        return product
-
-    return bool(pole_inside(value(RIM), level(value(np.cos(np.pi * (np.arange(8) + 0.5) / 8))))[0])
-
-
-def test_zeros_inside_a_rim_are_seen():
-    inside, outside = [0.3, 0.2 + 0.5j, -0.9 + 1e-9j], [2.0, -3.0, 1.0 + 3j]
-    assert [judged(zeros) for zeros in ([], outside, inside[:1], inside[1:2], inside[2:], inside + outside)] == [
-        0,
-        0,
-        1,
-        1,
-        1,
-        1,
-    ]
-    assert pole_inside(np.full((1, RIM.size, 1), np.nan), np.zeros((1, 1))).tolist() == [True]
