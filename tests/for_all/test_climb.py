@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.engine._switched import worst
-from wavesweep.engine._switched.climb import Growth, climb, corners_of
+from wavesweep.engine._switched.climb import Growth, corners_of
 from wavesweep.for_all import varying
 from wavesweep.for_all.channel_families import members_with_messages
 from wavesweep.for_all.rows import cases_of, verdict
@@ -63,11 +63,11 @@ def a_hole(points):
 
 def test_a_climb_finds_a_narrow_place_within_its_box_and_the_same_one_again():
     box = np.array([[-1.0, -1.0, 0.123], [1.0, 1.0, 0.123]])
-    found = climb(Growth(a_hole, 1e3), box, corners_of(box))
+    found = Growth(a_hole, 1e3).climb(box, corners_of(box))
     assert found.growth[0] > 1.9
     assert ((found.points >= box[0]) & (found.points <= box[1])).all()
     assert (np.diff(found.growth) <= 0).all()
-    again = climb(Growth(a_hole, 1e3), box, corners_of(box))
+    again = Growth(a_hole, 1e3).climb(box, corners_of(box))
     np.testing.assert_array_equal(found.points, again.points)
 
 

@@ -13,8 +13,8 @@ from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine._switched.any_order import bracket, decide
 from wavesweep.engine._switched.patterns import growth
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.switched import least_refuted, seems_refuted
 from wavesweep.for_all.channel_families import Sent, channels_of, frames_with_messages, messages_over
-from wavesweep.for_all.ranking import least_refuted, seems_refuted
 from wavesweep.for_all.varying import Rules, bracketed_over
 from wavesweep.program.spec import load
 

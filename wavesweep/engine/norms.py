@@ -9,11 +9,9 @@ if TYPE_CHECKING:
         NEAR_CIRCLE,
         SOFT,
         START,
+        Element,
         Peak,
-        angles,
         hinf_norm,
-        then,
-        tick,
         with_middles,
     )
     from wavesweep.engine._energy.lifted_map import (
@@ -29,14 +27,12 @@ else:
     __getattr__ = on_demand(
         {
             "_energy.hinf": (
+                "Element",
                 "NEAR_CIRCLE",
                 "Peak",
                 "SOFT",
                 "START",
-                "angles",
                 "hinf_norm",
-                "then",
-                "tick",
                 "with_middles",
             ),
             "_energy.lifted_map": (

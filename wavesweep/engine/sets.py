@@ -6,7 +6,7 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
-    from wavesweep.engine._sets.sides import LOGARITHMIC_SIDE, as_numbers, as_sides, side_of
+    from wavesweep.engine._sets.sides import Sides
     from wavesweep.engine._sets.taylor_models import (
         Polynomials,
         UnresolvedError,
@@ -15,7 +15,7 @@ else:
     __getattr__ = on_demand(
         {
             "_sets.enclosed_loop": ("EnclosedLoop", "Side"),
-            "_sets.sides": ("LOGARITHMIC_SIDE", "as_numbers", "as_sides", "side_of"),
+            "_sets.sides": ("Sides",),
             "_sets.taylor_models": (
                 "Polynomials",
                 "UnresolvedError",

@@ -17,12 +17,8 @@ if TYPE_CHECKING:
     from wavesweep.engine._switched.boxes import cover, cover_constant
     from wavesweep.engine._switched.brackets import Bracket, LeftOpen, Refuted, driven, nearest_of
     from wavesweep.engine._switched.climb import (
-        climb,
-        constant_growth,
-        contradicted,
+        Growth,
         corners_of,
-        growth_in_words,
-        growth_on_average,
         on_edges_of,
     )
     from wavesweep.engine._switched.dissipation import automaton, least_damping
@@ -61,17 +57,14 @@ if TYPE_CHECKING:
     from wavesweep.engine._switched.pattern_slopes import largest_modes, slopes_of
     from wavesweep.engine._switched.patterns import (
         Word,
-        growing,
         growing_of,
-        growth,
-        improved,
         is_refuted,
         joined,
         product_of,
-        rates_of,
         short_words,
         shortest_through,
     )
+    from wavesweep.engine._switched.ranking import least_refuted, seems_refuted
     from wavesweep.engine._switched.ring_search import RingSearch, opened, units_of_ring
     from wavesweep.engine._switched.semidefinite import Inequality, minimised, symmetric_basis
     from wavesweep.engine._switched.stretches import covered
@@ -110,12 +103,8 @@ else:
                 "nearest_of",
             ),
             "_switched.climb": (
-                "climb",
-                "constant_growth",
-                "contradicted",
+                "Growth",
                 "corners_of",
-                "growth_in_words",
-                "growth_on_average",
                 "on_edges_of",
             ),
             "_switched.dissipation": (
@@ -175,17 +164,14 @@ else:
             ),
             "_switched.patterns": (
                 "Word",
-                "growing",
                 "growing_of",
-                "growth",
-                "improved",
                 "is_refuted",
                 "joined",
                 "product_of",
-                "rates_of",
                 "short_words",
                 "shortest_through",
             ),
+            "_switched.ranking": ("least_refuted", "seems_refuted"),
             "_switched.ring_search": (
                 "RingSearch",
                 "opened",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
+from wavesweep.engine.sets import Side, Sides
 from wavesweep.engine.switched import cover_constant
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
 from wavesweep.program.spec import Spec
@@ -44,16 +44,14 @@ def proved_stable(
     sides: the first of the box, with their ends `(2, sides)`. ranges, box: paths of the other
     numbers, with their ends `(2, numbers)`. up: from the low end on.
     """
-    all_sides = [
-        *sides,
-        *(side_of(*loop, path, pair) for path, pair in zip(ranges, box.T, strict=True)),
-    ]
-    whole = np.column_stack([ends, as_sides(box, all_sides[len(sides) :])])
+    others = Sides.of(loop, ranges, box)
+    all_sides = Sides([*sides, *others])
+    whole = np.column_stack([ends, others.places(box)])
     found = cover_constant(loop, all_sides, whole, up)
     if not found.open:
         return Stable(found.end, True, None)
     place = found.point if found.word else found.open[0].mean(0)
-    return Stable(found.end, False, tuple(as_numbers(place, all_sides).tolist()))
+    return Stable(found.end, False, tuple(all_sides.numbers(place).tolist()))
 
 
 def varying(spec: Spec) -> list[str]:

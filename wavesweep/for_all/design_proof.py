@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.rows import distinct
-from wavesweep.for_all.ranking import least_refuted, seems_refuted
+from wavesweep.engine.switched import least_refuted, seems_refuted
 from wavesweep.for_all.rows import (
     ForAllGuarantee,
     cases_of,

@@ -26,7 +26,7 @@ import numpy as np
 
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded
-from wavesweep.engine.norms import START, TickMaps, then, tick
+from wavesweep.engine.norms import START, Element, TickMaps
 from wavesweep.engine.sets import Polynomials, Side
 from wavesweep.engine.switched import (
     Centre,
@@ -248,13 +248,13 @@ def _stored(A, B, C, D, share, of_given) -> np.ndarray:
     given = C.mT @ C
     own = np.eye(A.shape[-1]) * (share + of_given * given)
     of_inputs = np.eye(D.shape[-1]) - D.mT @ D
-    elements = [*map(tick, A, B, -given - own, -C.mT @ D, of_inputs)]
-    ahead = reduce(then, elements)
+    elements = [*map(Element.of, A, B, -given - own, -C.mT @ D, of_inputs)]
+    ahead = reduce(Element.then, elements)
     for _ in range(DOUBLINGS):
-        ahead = then(ahead, ahead)
+        ahead = ahead.then(ahead)
     X = []
     for element in reversed(elements):
-        ahead = then(element, ahead)
+        ahead = element.then(ahead)
         X.append(-ahead.Q)
     return np.array(X[::-1])
 

@@ -14,15 +14,13 @@ from wavesweep.engine.intervals import Resolution, Search
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
-from wavesweep.engine.sets import LOGARITHMIC_SIDE, Side, as_numbers, as_sides, side_of
+from wavesweep.engine.sets import Sides
 from wavesweep.engine.switched import (
     ALWAYS,
     INWARD,
+    Growth,
     LeftOpen,
-    climb,
     constant_frames,
-    constant_growth,
-    contradicted,
     corners_of,
     cover,
     left_open,
@@ -200,7 +198,7 @@ class Case:
                 starts = [np.insert(self._starts, 0, end, axis=1) for end in (low, high)]
                 starts += [[[low, *point]] for point in self._setting(part.low_by)]
                 starts += [[[high, *point]] for point in self._setting(part.high_by)]
-                found = climb(growth, box, np.concatenate(starts)).unstable[:MEMBERS_MET, 1:]
+                found = growth.climb(box, np.concatenate(starts)).unstable[:MEMBERS_MET, 1:]
                 parts = self.met(parts, np.unique(found, axis=0))
             if _alike(parts, before):
                 parts = self._narrowed_by_edges(parts, growth)
@@ -220,7 +218,7 @@ class Case:
         for part in list(parts):
             box = np.column_stack([part.within(0.0), self.box])
             members = np.concatenate([np.insert(on_edges, 0, end, axis=1) for end in box[:, 0]])
-            found = climb(growth, box, members).unstable[:MEMBERS_MET, 1:]
+            found = growth.climb(box, members).unstable[:MEMBERS_MET, 1:]
             parts = self.met(parts, found)
         return parts
 
@@ -308,10 +306,8 @@ class Case:
         if self.along:
             paths = [self.along, *paths]
             box = np.column_stack([[low, high], box])
-        sides = [side_of(*self.loop, path, ends) for path, ends in zip(paths, box.T, strict=True)]
-        if self.along and 0 < low < high / LOGARITHMIC_SIDE:
-            sides[0] = Side(self.along, 0.0)
-        whole = as_sides(box, sides)
+        sides = Sides.of(self.loop, paths, box, along=bool(self.along))
+        whole = sides.places(box)
         frames = constant_frames(self.loop, sides, whole)
         if not self.along:
             return self._covered(frames, sides, whole, self.left, lambda share: share, up=True)
@@ -377,7 +373,7 @@ class Case:
     def _growth(self):
         """The growth of members, by their numbers, that along which they are first."""
         paths = [axis.path for axis in self.ranges]
-        return constant_growth(self.loop, [self.along, *paths] if self.along else paths)
+        return Growth.of_loops(self.loop, [self.along, *paths] if self.along else paths)
 
     def begins_unstable(self) -> bool:
         """Whether one of the members that are tried first is not stable, or not known to be."""
@@ -385,9 +381,9 @@ class Case:
 
     def contradicts(self, low: float = 0.0, high: float = 0.0) -> bool:
         """Whether some member grows though all are proved, from low to high of the number: see
-        `climb.contradicted`."""
+        `Growth.contradicts`."""
         box = np.column_stack([[low, high], self.box]) if self.along else self.box
-        return contradicted(self._growth, box)
+        return self._growth.contradicts(box)
 
     def unstable(self, starts: Sequence[Sequence[float]] = ()) -> Mapping[str, float] | None:
         """Numbers with which the loop is not stable, or not known to be, where a climb finds some;
@@ -400,7 +396,7 @@ class Case:
             (self._first, self._starts) if self.ranges else (self._first,)
         ):  # extremes take longer to find
             begun = np.concatenate([tried, np.reshape(starts, (len(starts), len(self.ranges)))])
-            unstable = climb(growth, self.box, begun).unstable
+            unstable = growth.climb(self.box, begun).unstable
             if len(unstable):
                 return self.named(unstable[0])
         return None
@@ -426,5 +422,5 @@ def _alike(parts, others):
 def _met(found, sides):
     """The point at which a proof has found no form, as numbers."""
     if found.word:
-        return (tuple(as_numbers(found.point, sides).tolist()),)
+        return (tuple(sides.numbers(found.point).tolist()),)
     return ()

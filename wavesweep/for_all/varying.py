@@ -17,7 +17,7 @@ from wavesweep.engine.errors import SpecError
 from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import Side, as_numbers, as_sides, side_of
+from wavesweep.engine.sets import Side, Sides
 from wavesweep.engine.switched import (
     FROM_ZERO,
     OPERATIONS_OF_PROOFS,
@@ -28,6 +28,7 @@ from wavesweep.engine.switched import (
     Bracket,
     Chances,
     Family,
+    Growth,
     LoopFrames,
     LoopsOver,
     OnAverage,
@@ -36,14 +37,11 @@ from wavesweep.engine.switched import (
     Word,
     bracket,
     bracket_over,
-    constant_growth,
     corners_of,
     decays,
     decide,
     decide_over,
     growing_of,
-    growth_in_words,
-    growth_on_average,
     is_refuted,
     joined,
     short_words,
@@ -336,16 +334,16 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     steps = rules.messages and not rules.for_all.changing
     plan = None if steps else rules.plan(values, (along, *paths))
     own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
-    sides = [side_of(*own, path, ends) for path, ends in zip(paths, box.T, strict=True)]
+    sides = Sides.of(Loops(*own), paths, box)
     whole = box
     if along:
         zero = min(0.0, span[0])
         low = max(span[0], zero + FROM_ZERO * (span[1] - zero))
-        sides = [Side(along, zero), *sides]
+        sides = Sides([Side(along, zero), *sides])
         whole = np.column_stack([[low, span[1]], box])
-    whole = as_sides(whole, sides)
+    whole = sides.places(whole)
     numbers = [side.path for side in sides]
-    bounds = as_numbers(whole, sides)
+    bounds = sides.numbers(whole)
 
     @cache
     def family(point):
@@ -372,7 +370,7 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     if gain is not None:
         return loops(
             frames,
-            growth=constant_growth(Loops(*own), numbers),
+            growth=Growth.of_loops(Loops(*own), numbers),
             gain=gain,
             patterns=message_patterns,
         )
@@ -380,14 +378,14 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     loops = partial(loops, known=known)
     if not rules.at_random:
         words = joined(members.follows)
-        growth = growth_in_words(members.at, members.states, members.follows)
+        growth = Growth.in_words(members.at, members.states, members.follows)
         return loops(frames.of_words(words), words=words, growth=growth)
     if steps:
         middle = family(tuple(box.mean(0).tolist()))
         on_average = OnAverage(middle.graph, middle.weights(0.0, 0.0)[0])
     else:
         on_average = OnAverage(*_chain(rules, values, frames.symbols))
-    growth = growth_on_average(members.at, members.states, on_average.graph, on_average.weight)
+    growth = Growth.on_average(members.at, members.states, on_average.graph, on_average.weight)
     return loops(frames, growth=growth, on_average=on_average)
 
 

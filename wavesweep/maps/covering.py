@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import Polynomials, as_numbers, as_sides, side_of
+from wavesweep.engine.sets import Polynomials, Sides
 from wavesweep.engine.switched import constant_frames, inertia_of_cells
 
 ORDER = (
@@ -60,14 +60,14 @@ def covered(
     that may stay open; most: parts that are tried. report: is called with what is
     proved, in thousandths.
     """
-    sides = [side_of(*loop, path, pair) for path, pair in zip(paths, ends.T, strict=True)]
-    whole = as_sides(ends, sides)
+    sides = Sides.of(loop, paths, ends)
+    whole = sides.places(ends)
     frames = constant_frames(loop, sides, whole, ORDER[len(sides) - 2])
     span = scaled(ends, logarithmic)
 
     def numbers_of(boxes):
         """The ends of parts as numbers, those of the plane without rounding."""
-        numbers = np.where(boxes == whole[0], ends[0], as_numbers(boxes, sides))
+        numbers = np.where(boxes == whole[0], ends[0], sides.numbers(boxes))
         return np.where(boxes == whole[1], ends[1], numbers)
 
     def queued(boxes, known):

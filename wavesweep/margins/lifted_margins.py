@@ -35,7 +35,6 @@ from wavesweep.engine.norms import (
     START,
     LiftedMap,
     TickMaps,
-    angles,
     connected,
     squared_norm,
     with_middles,
@@ -216,7 +215,7 @@ class LiftedLoop:
             )
 
         with np.errstate(all="ignore"):
-            met = angles(self.sensitivity.pencil(np.zeros(1, int), np.array([0.5])))
+            met = self.sensitivity.pencil(np.zeros(1, int), np.array([0.5])).angles()
             points = np.unique(np.concatenate([with_middles(met)[0], SOFT, START]))
             points = points[np.isfinite(points)]
             sizes = size(points)

@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import solve
-from wavesweep.engine.norms import SOFT, TickMaps, angles, hinf_norm
+from wavesweep.engine.norms import SOFT, TickMaps, hinf_norm
 from wavesweep.engine.poles import count_outside, eigenvalues, is_stable
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
@@ -171,7 +171,7 @@ def _least_eigenvalues(ticks, lifted, scale, decide):
         return np.nan_to_num(-lifted.smallest(owner, theta), nan=-np.inf)
 
     def crossed(owner, level):
-        return angles(ticks.pencil(owner, -level))
+        return ticks.pencil(owner, -level).angles()
 
     def slack(owner, level):
         return MARGIN_SLACK * (np.abs(level) + scale[owner])

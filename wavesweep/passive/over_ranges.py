@@ -22,7 +22,7 @@ import numpy as np
 from wavesweep.engine.blocks import Block, MultirateLoop, Ports
 from wavesweep.engine.frames import Bounded, Ticks, balance, inverse, on_circle, solve
 from wavesweep.engine.intervals import FunctionValues
-from wavesweep.engine.norms import SOFT, LiftedMap, Peak, TickMaps, angles, hinf_norm, read, tick
+from wavesweep.engine.norms import SOFT, Element, LiftedMap, Peak, TickMaps, hinf_norm, read
 from wavesweep.engine.response import Port
 from wavesweep.haptics.held_loop import HeldLoop, device_keys
 from wavesweep.passive.channel import channel_of
@@ -411,7 +411,7 @@ def least(lifted: LiftedMap) -> Peak:
         direct = T + T.mT + 2 * level[:, None, None] * np.eye(T.shape[-1])
         E = lifted.E[owner]
         back = lifted.O[owner].mT
-        return angles(tick(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, back, direct))
+        return Element.of(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, back, direct).angles()
 
     def slack(owner, _level):
         return EIGENVALUE_SLACK * size[owner]

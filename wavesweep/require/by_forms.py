@@ -16,8 +16,8 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import LOGARITHMIC_SIDE, Side, as_sides, side_of
-from wavesweep.engine.switched import constant_growth, cover_constant
+from wavesweep.engine.sets import Sides
+from wavesweep.engine.switched import Growth, cover_constant
 from wavesweep.program.analyses.factors_at_cut import with_factors
 from wavesweep.require.disc_panels import BAD, GOOD
 
@@ -89,7 +89,7 @@ class ByForms:
         first, *others = factors
         step = (first.stop - first.start) / (LOOKED_AT - 1)
         places = np.linspace(first.start, first.stop, LOOKED_AT)
-        growth = constant_growth(loops, [self.along, *(each.path for each in factors)])
+        growth = Growth.of_loops(loops, [self.along, *(each.path for each in factors)])
 
         def radii(places):
             fixed = np.tile([each.stop for each in others], (places.size, 1))
@@ -135,8 +135,6 @@ class ByForms:
         """Up to which value of the number all loops are shown, from one on towards an end."""
         paths = [self.along, *(each.path for each in factors)]
         box = np.array([sorted((begun, end)), *((each.start, each.stop) for each in factors)]).T
-        sides = [side_of(*loops, path, pair) for path, pair in zip(paths, box.T, strict=True)]
-        if 0 < box[0, 0] < box[1, 0] / LOGARITHMIC_SIDE:
-            sides[0] = Side(self.along, 0.0)
-        whole = as_sides(box, sides)
+        sides = Sides.of(loops, paths, box, along=True)
+        whole = sides.places(box)
         return float(sides[0].number(cover_constant(loops, sides, whole, up).end))

@@ -1,6 +1,8 @@
 """The peak of a frequency response, found by level sets: a level just above it is shown to be
 met at no frequency."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -127,69 +129,67 @@ class Element:
     G: np.ndarray
     Q: np.ndarray
 
+    @staticmethod
+    def of(
+        A: np.ndarray,
+        B: np.ndarray,
+        state_cost: np.ndarray,
+        cross_cost: np.ndarray,
+        input_cost: np.ndarray,
+    ) -> Element:
+        """Return a tick `x+ = A x + B u` with the balance `x^T P x + 2 x^T S u + u^T R u`.
 
-def tick(
-    A: np.ndarray,
-    B: np.ndarray,
-    state_cost: np.ndarray,
-    cross_cost: np.ndarray,
-    input_cost: np.ndarray,
-) -> Element:
-    """`x+ = A x + B u` with the balance `x^T P x + 2 x^T S u + u^T R u`.
+        A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, m)`, R = input_cost `(..., m,
+        m)`, regular.
+        """
+        R = 1 / input_cost if input_cost.shape[-1] == 1 else inverse(input_cost)
+        turn = R @ cross_cost.mT
+        return Element(A - B @ turn, B @ R @ B.mT, state_cost - cross_cost @ turn)
 
-    A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, m)`, R = input_cost `(..., m,
-    m)`, regular.
-    """
-    R = 1 / input_cost if input_cost.shape[-1] == 1 else inverse(input_cost)
-    turn = R @ cross_cost.mT
-    return Element(A - B @ turn, B @ R @ B.mT, state_cost - cross_cost @ turn)
+    def then(self, second: Element) -> Element:
+        """Return this element and another one after it (Redheffer's star product): no growing and decaying parts are
+        ever multiplied out."""
+        n = self.A.shape[-1]
+        both = np.concatenate(np.broadcast_arrays(self.A, self.G), axis=-1)
+        # A loop whose tick is very unstable overflows: see `angles`.
+        with np.errstate(over="ignore", invalid="ignore"):
+            joint = solve(np.eye(n) + self.G @ second.Q, both)
+            carried = joint[..., :n]
+            spread = joint[..., n:]
+            A = second.A @ carried
+            G = second.G + second.A @ spread @ second.A.mT
+            Q = self.Q + self.A.mT @ second.Q @ carried
+            return Element(A, _symmetric(G), _symmetric(Q))
 
+    def angles(self) -> np.ndarray:
+        """Return the angles (rad per frame, in [0, pi]) at which the level may be met, `(loops, 2n)`; NaN for
+        eigenvalues off the circle.
 
-def then(first: Element, second: Element) -> Element:
-    """One element after the other (Redheffer's star product): no growing and decaying parts are
-    ever multiplied out."""
-    n = first.A.shape[-1]
-    both = np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1)
-    # A loop whose tick is very unstable overflows: see `angles`.
-    with np.errstate(over="ignore", invalid="ignore"):
-        joint = solve(np.eye(n) + first.G @ second.Q, both)
-        carried = joint[..., :n]
-        spread = joint[..., n:]
-        A = second.A @ carried
-        G = second.G + second.A @ spread @ second.A.mT
-        Q = first.Q + first.A.mT @ second.Q @ carried
-        return Element(A, _symmetric(G), _symmetric(Q))
-
-
-def angles(frame: Element) -> np.ndarray:
-    """Angles (rad per frame, in [0, pi]) at which the level may be met, `(loops, 2n)`; NaN for
-    eigenvalues off the circle.
-
-    They are the unit-circle eigenvalues of the symplectic pencil `[A 0; -Q I] - z [I G; 0 A^T]`, by
-    QZ: on an inverted pencil slow filters of high order lose them, and A has no inverse if the loop
-    has delays. Those that rounding may have moved off the circle, up to NEAR_CIRCLE, are given too,
-    so the list has more, not fewer, than there are. A frame that overflowed gives NaN alone.
-    """
-    dggev = lapack().dggev
-    A = np.asarray(frame.A)
-    loops, n, _ = A.shape
-    result = np.full((loops, 2 * n), np.nan)
-    left = np.zeros((loops, 2 * n, 2 * n))
-    left[:, :n, :n] = A
-    left[:, n:, :n] = -frame.Q
-    left[:, n:, n:] = np.eye(n)
-    right = np.zeros((loops, 2 * n, 2 * n))
-    right[:, :n, :n] = np.eye(n)
-    right[:, :n, n:] = frame.G
-    right[:, n:, n:] = A.mT
-    if not n:
+        They are the unit-circle eigenvalues of the symplectic pencil `[A 0; -Q I] - z [I G; 0 A^T]`, by
+        QZ: on an inverted pencil slow filters of high order lose them, and A has no inverse if the loop
+        has delays. Those that rounding may have moved off the circle, up to NEAR_CIRCLE, are given too,
+        so the list has more, not fewer, than there are. A frame that overflowed gives NaN alone.
+        """
+        dggev = lapack().dggev
+        A = np.asarray(self.A)
+        loops, n, _ = A.shape
+        result = np.full((loops, 2 * n), np.nan)
+        left = np.zeros((loops, 2 * n, 2 * n))
+        left[:, :n, :n] = A
+        left[:, n:, :n] = -self.Q
+        left[:, n:, n:] = np.eye(n)
+        right = np.zeros((loops, 2 * n, 2 * n))
+        right[:, :n, :n] = np.eye(n)
+        right[:, :n, n:] = self.G
+        right[:, n:, n:] = A.mT
+        if not n:
+            return result
+        for loop in np.flatnonzero((np.isfinite(left) & np.isfinite(right)).all((-1, -2))):
+            real, imaginary, scale, *_ = dggev(left[loop], right[loop], compute_vl=0, compute_vr=0)
+            size = np.hypot(real, imaginary)
+            near = np.abs(size - np.abs(scale)) <= NEAR_CIRCLE * size
+            result[loop, near] = np.abs(np.arctan2(imaginary, real * np.sign(scale)))[near]
         return result
-    for loop in np.flatnonzero((np.isfinite(left) & np.isfinite(right)).all((-1, -2))):
-        real, imaginary, scale, *_ = dggev(left[loop], right[loop], compute_vl=0, compute_vr=0)
-        size = np.hypot(real, imaginary)
-        near = np.abs(size - np.abs(scale)) <= NEAR_CIRCLE * size
-        result[loop, near] = np.abs(np.arctan2(imaginary, real * np.sign(scale)))[near]
-    return result
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine._energy.hinf import SOFT, Element, Peak, angles, hinf_norm, then, tick
+from wavesweep.engine._energy.hinf import SOFT, Element, Peak, hinf_norm
 from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE, nonzero
 from wavesweep.engine._monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.engine._monodromy.rounding import balance, measured_frame
@@ -93,8 +93,8 @@ class TickMaps:
         with np.errstate(all="ignore"):
             elements = []
             for E, B, C, D in self.at(owner).maps:
-                elements.append(tick(np.eye(E.shape[-1]) + E, B, *costs(C, D)))
-            return in_a_row(self.kind.tolist(), elements, then)
+                elements.append(Element.of(np.eye(E.shape[-1]) + E, B, *costs(C, D)))
+            return in_a_row(self.kind.tolist(), elements, Element.then)
 
     def frame(self, *, measured: bool = True) -> np.ndarray:
         """Return the frame less identity, `(loops, n, n)`; if measured, NaN where rounding
@@ -245,7 +245,7 @@ def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: 
         return np.nan_to_num(-period[owner] * smallest, nan=-np.inf)
 
     def angles_at(owner: np.ndarray, level: np.ndarray) -> np.ndarray:
-        return angles(ticks.pencil(owner, -level / period[owner]))
+        return ticks.pencil(owner, -level / period[owner]).angles()
 
     def slack(_: np.ndarray, level: np.ndarray) -> np.ndarray:
         return DAMPING_SLACK * (1 + np.abs(level))

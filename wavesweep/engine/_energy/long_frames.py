@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._energy.hinf import RAISES, START, angles, then, tick
+from wavesweep.engine._energy.hinf import RAISES, START, Element
 from wavesweep.engine._energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
@@ -63,7 +63,7 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
             break
         square = float(gains[best])
         theta = float(candidates[best])
-        edges = angles(ticks.loss_pencil([0], np.array([square * (1 + tolerance)])))[0]
+        edges = ticks.loss_pencil([0], np.array([square * (1 + tolerance)])).angles()[0]
         edges = np.unique(np.append(edges[np.isfinite(edges)], [0.0, np.pi]))
         candidates = np.concatenate([[0.0, np.pi], (edges[1:] + edges[:-1]) / 2])
     certified = is_above(ticks, square * (1 + tolerance))
@@ -170,11 +170,11 @@ def _energies(
     for (E, B, C, D), more in zip(maps, asked, strict=True):
         costs = -C.T @ C - np.diag(more), -C.T @ D, square * np.eye(D.shape[-1]) - D.T @ D
         balances.append((E, B, *costs))
-        elements.append(tick(np.eye(len(E)) + E, B, *costs))
-    frame = in_a_row(kinds, elements, then)
+        elements.append(Element.of(np.eye(len(E)) + E, B, *costs))
+    frame = in_a_row(kinds, elements, Element.then)
     for _ in range(DOUBLINGS):
         Q = frame.Q
-        frame = then(frame, frame)
+        frame = frame.then(frame)
         if not np.isfinite(frame.Q).all() or (np.abs(frame.Q - Q) <= EPS * np.abs(Q).max()).all():
             break
     high = -frame.Q

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.engine._energy.hinf import Peak, angles, hinf_norm
+from wavesweep.engine._energy.hinf import Peak, hinf_norm
 from wavesweep.engine._energy.lifted_map import TickMaps
 from wavesweep.engine._energy.long_frames import squared_norm_of_one
 
@@ -42,7 +42,7 @@ def _by_responses(ticks: TickMaps) -> Peak:
     lifted = ticks.lifted(measured=False)
     return hinf_norm(
         lambda owner, theta, _: lifted.largest_square(owner, theta),
-        lambda owner, square: angles(ticks.loss_pencil(owner, square)),
+        lambda owner, square: ticks.loss_pencil(owner, square).angles(),
         ticks.loops,
         lambda _, square: NORM_TOLERANCE * square,
     )

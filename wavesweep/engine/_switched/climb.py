@@ -7,6 +7,8 @@ of the numbers or all of them by steps that shrink. What it finds is a place to 
 loop is unstable there is for others to say.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
@@ -15,7 +17,7 @@ import numpy as np
 
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.mean_square import operator_of
-from wavesweep.engine._switched.patterns import short_words
+from wavesweep.engine._switched.patterns import product_of, short_words
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
 
@@ -31,18 +33,6 @@ BEYOND = 1e-6  # of 1: a growth above it contradicts a proof, and is no rounding
 WORDS = 16  # patterns, the shortest ones, whose growth is climbed
 
 
-@dataclass(frozen=True, slots=True)
-class Growth:
-    """How much members grow.
-
-    of: from points `(points, numbers)` to the growth of each per frame, inf where it is not known.
-    operations: of one member.
-    """
-
-    of: Callable[[np.ndarray], np.ndarray]
-    operations: float
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Climbed:
     """Members that grow most, `(members, numbers)`, the worst first, and their growth."""
@@ -56,55 +46,121 @@ class Climbed:
         return self.points[~(self.growth < 1)]
 
 
-def climb(
-    growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float = OPERATIONS_OF_CLIMB
-) -> Climbed:
-    """Return the members of a box `(2, numbers)` that grow most, as far as a climb finds them.
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """How much members grow.
 
-    starts: members that are tried in any case, `(points, numbers)`. The same box has the same
-    answer at any time.
+    of: from points `(points, numbers)` to the growth of each per frame, inf where it is not known.
+    operations: of one member.
     """
-    rng = np.random.default_rng(0)
-    wide = np.flatnonzero(box[0] < box[1])
-    if not wide.size:
-        return _ranked(starts, growth.of(starts))
-    most = operations / growth.operations
-    scattered = _scattered(box, int(np.clip(most / 4, LEAST_SCATTERED, SCATTERED)), rng)
-    points = np.unique(np.concatenate([np.clip(starts, *box), scattered]), axis=0)
-    found = _ranked(points, growth.of(points))
-    others = np.linspace(BEST, min(len(points), 64) - 1, OTHERS).astype(int)
-    chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
-    points = found.points[chosen]
-    values = found.growth[chosen]
-    step = np.full((len(points), 1), 0.4)  # in halves of a range
-    left = most - len(found.points)
-    last = np.zeros((len(points), wide.size))
-    for _ in range(80):  # steps of the climb
-        if left < 0:
-            break
-        moves = step * rng.normal(size=(MOVES, len(points), wide.size))
-        moves[::2] *= rng.random(moves[::2].shape) < 1 / wide.size
-        moves[1] += LONGER * last  # on along a ridge
-        places = np.repeat(points[None], MOVES, 0)
-        units = _units(box[:, wide], places[..., wide]) + moves
-        places[..., wide] = _numbers(box[:, wide], np.clip(units, -1.0, 1.0))
-        reached = growth.of(places.reshape(-1, box.shape[1])).reshape(MOVES, -1)
-        best = reached.argmax(0), np.arange(len(points))
-        better = reached[best] > values
-        last = np.where(better[:, None], moves[best], 0.0)
-        points = np.where(better[:, None], places[best], points)
-        values = np.where(better, reached[best], values)
-        step = step * np.where(better, LONGER, SHORTER)[:, None]
-        left -= reached.size
-    return _ranked(np.concatenate([points, found.points]), np.append(values, found.growth))
 
+    of: Callable[[np.ndarray], np.ndarray]
+    operations: float
 
-def contradicted(growth: Growth, box: np.ndarray) -> bool:
-    """Return whether a member of a box grows, all of which is proved not to: some are drawn,
-    others each time."""
-    shares = np.random.default_rng().random((DRAWN, box.shape[1]))
-    points = box[0] + shares * (box[1] - box[0])
-    return bool((growth.of(points) > 1 + BEYOND).any())
+    @staticmethod
+    def of_loops(loop: Loops, paths: list[str]) -> Growth:
+        """Return the spectral radii of loops with other numbers at these paths.
+
+        loop: with or without the whole ticks of dead times, which are those of each member.
+        """
+        unbuilt = loop.unbuilt
+        drawn = loop.drawn()
+        states = sum(len(scheduled.block.states) for scheduled in drawn.placed)
+        operations = OF_A_MEMBER + (EIGENVALUES + drawn.ticks) * states**3
+
+        def of(points: np.ndarray) -> np.ndarray:
+            radii = np.empty(len(points))
+            for alike in distinct([points[:, i] == 0 for i in range(len(paths))], len(points)):
+                columns = {path: points[alike, i].copy() for i, path in enumerate(paths)}
+                for some, batch in unbuilt.changed(columns).built_alike(alike):
+                    radii[some] = batch.radii(some.size)
+            return np.nan_to_num(radii, nan=np.inf)
+
+        return Growth(of, operations)
+
+    @staticmethod
+    def in_words(
+        frames_at: Callable[[np.ndarray], np.ndarray], states: int, follows: np.ndarray
+    ) -> Growth:
+        """Return the growth per frame of the fastest of some short patterns of frames.
+
+        frames_at: from points to the matrices of all symbols, `(symbols, points, n, n)`.
+        """
+        words = short_words(follows)[:WORDS]
+
+        def of(points: np.ndarray) -> np.ndarray:
+            A = frames_at(points)
+            growth = np.zeros(len(points))
+            for word in words:
+                growth = np.maximum(growth, _radii(product_of(A, word)) ** (1 / len(word)))
+            return growth
+
+        return Growth(of, OF_A_MEMBER + EIGENVALUES * len(words) * states**3)
+
+    @staticmethod
+    def on_average(
+        frames_at: Callable[[np.ndarray], np.ndarray], states: int, graph: Graph, weight: np.ndarray
+    ) -> Growth:
+        """Return the growth of second moments per frame; see `in_words`. weight: of the
+        edges."""
+
+        def of(points: np.ndarray) -> np.ndarray:
+            A = frames_at(points)
+            return _radii(
+                np.stack([operator_of(A[:, i], graph, weight) for i in range(len(points))])
+            )
+
+        size = graph.nodes * states * (states + 1) / 2
+        return Growth(of, OF_A_MEMBER + EIGENVALUES * size**3)
+
+    def climb(
+        self, box: np.ndarray, starts: np.ndarray, operations: float = OPERATIONS_OF_CLIMB
+    ) -> Climbed:
+        """Return the members of a box `(2, numbers)` that grow most, as far as a climb finds them.
+
+        starts: members that are tried in any case, `(points, numbers)`. The same box has the same
+        answer at any time.
+        """
+        rng = np.random.default_rng(0)
+        wide = np.flatnonzero(box[0] < box[1])
+        if not wide.size:
+            return _ranked(starts, self.of(starts))
+        most = operations / self.operations
+        scattered = _scattered(box, int(np.clip(most / 4, LEAST_SCATTERED, SCATTERED)), rng)
+        points = np.unique(np.concatenate([np.clip(starts, *box), scattered]), axis=0)
+        found = _ranked(points, self.of(points))
+        others = np.linspace(BEST, min(len(points), 64) - 1, OTHERS).astype(int)
+        chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
+        points = found.points[chosen]
+        values = found.growth[chosen]
+        step = np.full((len(points), 1), 0.4)  # in halves of a range
+        left = most - len(found.points)
+        last = np.zeros((len(points), wide.size))
+        for _ in range(80):  # steps of the climb
+            if left < 0:
+                break
+            moves = step * rng.normal(size=(MOVES, len(points), wide.size))
+            moves[::2] *= rng.random(moves[::2].shape) < 1 / wide.size
+            moves[1] += LONGER * last  # on along a ridge
+            places = np.repeat(points[None], MOVES, 0)
+            units = _units(box[:, wide], places[..., wide]) + moves
+            places[..., wide] = _numbers(box[:, wide], np.clip(units, -1.0, 1.0))
+            reached = self.of(places.reshape(-1, box.shape[1])).reshape(MOVES, -1)
+            best = reached.argmax(0), np.arange(len(points))
+            better = reached[best] > values
+            last = np.where(better[:, None], moves[best], 0.0)
+            points = np.where(better[:, None], places[best], points)
+            values = np.where(better, reached[best], values)
+            step = step * np.where(better, LONGER, SHORTER)[:, None]
+            left -= reached.size
+        return _ranked(np.concatenate([points, found.points]), np.append(values, found.growth))
+
+    def contradicts(self, box: np.ndarray) -> bool:
+        """Return whether a member of a box grows, all of which is proved not to: some are drawn,
+        others each time."""
+        shares = np.random.default_rng().random((DRAWN, box.shape[1]))
+        points = box[0] + shares * (box[1] - box[0])
+        return bool((self.of(points) > 1 + BEYOND).any())
 
 
 def _ranked(points: np.ndarray, growth: np.ndarray) -> Climbed:
@@ -164,63 +220,6 @@ def _units(box: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     low, high = np.where(by_factors, box, [[1.0], [2.0]])
     shares = np.log(np.where(by_factors, numbers, 1.0) / low) / np.log(high / low)
     return np.where(by_factors, 2 * shares - 1, (numbers - middle) / half)
-
-
-def constant_growth(loop: Loops, paths: list[str]) -> Growth:
-    """Return the spectral radii of loops with other numbers at these paths.
-
-    loop: with or without the whole ticks of dead times, which are those of each member.
-    """
-    unbuilt = loop.unbuilt
-    drawn = loop.drawn()
-    states = sum(len(scheduled.block.states) for scheduled in drawn.placed)
-    operations = OF_A_MEMBER + (EIGENVALUES + drawn.ticks) * states**3
-
-    def of(points: np.ndarray) -> np.ndarray:
-        radii = np.empty(len(points))
-        for alike in distinct([points[:, i] == 0 for i in range(len(paths))], len(points)):
-            columns = {path: points[alike, i].copy() for i, path in enumerate(paths)}
-            for some, batch in unbuilt.changed(columns).built_alike(alike):
-                radii[some] = batch.radii(some.size)
-        return np.nan_to_num(radii, nan=np.inf)
-
-    return Growth(of, operations)
-
-
-def growth_in_words(
-    frames_at: Callable[[np.ndarray], np.ndarray], states: int, follows: np.ndarray
-) -> Growth:
-    """Return the growth per frame of the fastest of some short patterns of frames.
-
-    frames_at: from points to the matrices of all symbols, `(symbols, points, n, n)`.
-    """
-    words = short_words(follows)[:WORDS]
-
-    def of(points: np.ndarray) -> np.ndarray:
-        A = frames_at(points)
-        growth = np.zeros(len(points))
-        for word in words:
-            whole = A[word[0]]
-            for symbol in word[1:]:
-                whole = A[symbol] @ whole
-            growth = np.maximum(growth, _radii(whole) ** (1 / len(word)))
-        return growth
-
-    return Growth(of, OF_A_MEMBER + EIGENVALUES * len(words) * states**3)
-
-
-def growth_on_average(
-    frames_at: Callable[[np.ndarray], np.ndarray], states: int, graph: Graph, weight: np.ndarray
-) -> Growth:
-    """Return the growth of second moments per frame; see `growth_in_words`. weight: of the
-    edges."""
-
-    def of(points: np.ndarray) -> np.ndarray:
-        A = frames_at(points)
-        return _radii(np.stack([operator_of(A[:, i], graph, weight) for i in range(len(points))]))
-
-    size = graph.nodes * states * (states + 1) / 2
-    return Growth(of, OF_A_MEMBER + EIGENVALUES * size**3)
 
 
 def _radii(matrices: np.ndarray) -> np.ndarray:

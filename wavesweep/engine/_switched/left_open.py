@@ -1,20 +1,15 @@
 """What holds up a proof over a box where its budget ends."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from wavesweep.engine._sets.enclosed_loop import Side
-from wavesweep.engine._sets.sides import as_numbers
+from wavesweep.engine._sets.sides import Sides
 from wavesweep.engine._switched.boxes import Covering
 from wavesweep.engine._switched.brackets import LeftOpen
 
 INWARD = 1e-12  # of an end, or of a side, by which an end stays within what is proved
 
 
-def left_open(
-    found: Covering, sides: Sequence[Side], whole: np.ndarray, *, up: bool
-) -> LeftOpen | None:
+def left_open(found: Covering, sides: Sides, whole: np.ndarray, *, up: bool) -> LeftOpen | None:
     """Return what holds a proof up on its way along the first of its sides; None if nothing does.
 
     whole: the box of the proof, `(2, sides)`.
@@ -27,5 +22,5 @@ def left_open(
     wide = others[0] < others[1]
     widths = (cells[:, 1, 1:] - cells[:, 0, 1:])[:, wide]
     shares = (widths / (others[1] - others[0])[wide]).prod(1)
-    ends = as_numbers(np.array([cells[:, 0].min(0), cells[:, 1].max(0)]), sides)
+    ends = sides.numbers(np.array([cells[:, 0].min(0), cells[:, 1].max(0)]))
     return LeftOpen(tuple(side.path for side in sides), ends, float(shares.sum()))

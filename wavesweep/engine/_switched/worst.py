@@ -7,13 +7,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from wavesweep.engine._sets.enclosed_loop import Side
-from wavesweep.engine._sets.sides import as_numbers, as_sides
+from wavesweep.engine._sets.sides import Sides
 from wavesweep.engine._switched.any_order import nearest_refuted
 from wavesweep.engine._switched.average import OnAverage
 from wavesweep.engine._switched.boxes import Box, Covering, OwnForms, Rule, cover, units_of
 from wavesweep.engine._switched.brackets import Bracket, Refuted, driven
-from wavesweep.engine._switched.climb import OPERATIONS_OF_CLIMB, Growth, climb, contradicted
+from wavesweep.engine._switched.climb import OPERATIONS_OF_CLIMB, Growth
 from wavesweep.engine._switched.frames_over import FramesOver
 from wavesweep.engine._switched.graph import Family
 from wavesweep.engine._switched.left_open import INWARD, left_open
@@ -72,7 +71,7 @@ class LoopsOver:
     """Loops over a box of numbers, `(2, numbers)`, along another number.
 
     family: gives the frames at a point of the box as a family along the number. frames: those over
-    a box of sides (see `as_sides`), the first of which is that number. sides: of that number and of
+    a box of sides (see `Sides.places`), the first of which is that number. sides: of that number and of
     those of the box. on_average: if frames are at random; families are then `Chances`, and the word
     of what grows is (0,). gain: what finds forms otherwise, and patterns: what then finds patterns. growth: of
     members, at points of that number and of the box. starts: members that are tried in any case,
@@ -84,7 +83,7 @@ class LoopsOver:
     family: Callable[[tuple[float, ...]], Family]
     frames: FramesOver
     box: Box
-    sides: Sequence[Side]
+    sides: Sides
     growth: Growth
     starts: np.ndarray
     extremes: Callable[[], np.ndarray]
@@ -222,7 +221,7 @@ def _stretches(layer):
 
 def _layer(loops, low, high):
     """The sides of all loops from a number to another."""
-    return as_sides(np.column_stack([[low, high], loops.box]), loops.sides)
+    return loops.sides.places(np.column_stack([[low, high], loops.box]))
 
 
 def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
@@ -246,7 +245,7 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
         at_end = loops.growth.of(begun)
         # Where all of a small box grows alike, its corners and a few members beside them do.
         differ = not np.ptp(at_end) <= SAME_FRAMES * at_end.max()
-        climbed = climb(loops.growth, box, begun, OPERATIONS_OF_CLIMB if differ else 0.0)
+        climbed = loops.growth.climb(box, begun, OPERATIONS_OF_CLIMB if differ else 0.0)
         before = best
         for point in dict.fromkeys(map(tuple, climbed.points[:POINTS_LOOKED_AT, 1:].tolist())):
             by_word = loops.gain and best.word  # a search for patterns of messages takes seconds
@@ -320,7 +319,7 @@ def _beyond(loops, point, word, start, end):
 
 def _met(loops, found, start, above):
     """What is refuted at a place that a proof has met."""
-    x, *point = as_numbers(found.point, loops.sides)
+    x, *point = loops.sides.numbers(found.point)
     point = tuple(np.clip(point, *loops.box))
     at = _beyond(loops, point, found.word, start, x)
     if at is None or (above.word and at >= above.x):
@@ -334,11 +333,11 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
 
     loops: along no number. work: operations of the proof.
     """
-    sides = as_sides(loops.box, loops.sides)
+    sides = loops.sides.places(loops.box)
     if (loops.growth.of(loops.starts) < 1).all():
         most = SOON_BY_GAIN if loops.gain else min(work, SOON)
         soon = loops.covered(loops.frames, sides, most)
-        if not soon.open and not contradicted(loops.growth, loops.box):
+        if not soon.open and not loops.growth.contradicts(loops.box):
             return (), (), True
     for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
         point, word = _worst_member(loops, loops.box, starts())
@@ -348,20 +347,20 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
         return (), (), False
     found = loops.covered(loops.frames, sides, work)
     if found.word:
-        point = tuple(np.clip(as_numbers(found.point, loops.sides), *loops.box).tolist())
+        point = tuple(np.clip(loops.sides.numbers(found.point), *loops.box).tolist())
         if _is_refuted(loops, loops.family(point), found.word):
             return point, found.word, False
     if found.open:
         low = np.min(found.open, axis=(0, 1))
         high = np.max(found.open, axis=(0, 1))
-        part = np.clip(as_numbers(np.array([low, high]), loops.sides), *loops.box)
+        part = np.clip(loops.sides.numbers(np.array([low, high])), *loops.box)
         point, word = _worst_member(loops, part, part)
     return point if word else (), word, not found.open
 
 
 def _worst_member(loops, box, starts):
     """A point of a box and a word that grows there, () without: those that a climb finds first."""
-    points = climb(loops.growth, box, starts).points[:POINTS_LOOKED_AT].tolist()
+    points = loops.growth.climb(box, starts).points[:POINTS_LOOKED_AT].tolist()
     for point in map(tuple, points):
         family = loops.family(point)
         words = [(0,)]

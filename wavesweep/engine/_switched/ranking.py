@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.doubles import NEXT_TO_ZERO
-from wavesweep.engine.switched import (
-    Family,
+from wavesweep.engine._switched.graph import Family
+from wavesweep.engine._switched.patterns import (
     Word,
     growing,
     growing_of,
@@ -22,6 +21,7 @@ from wavesweep.engine.switched import (
     rates_of,
     short_words,
 )
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 
 CLOSE = 1e-3  # of a number where a word begins to grow, up to which it is found
 MIDDLE_EVERY = 3  # steps, of which one halves what is left
@@ -166,7 +166,7 @@ def first_growing(family: Family, words: Sequence[Word], limit: float) -> tuple[
     first = int(growing_at[0])
     high = float(tried[first])
     low = float(tried[first - 1]) if first else 0.0
-    words = [words[i] for i in np.flatnonzero(rates[first] >= 1)]
+    words = [words[i] for i in np.flatnonzero(rates[first] >= 1).tolist()]
     below = _logarithms(family, words, low)
     above = _logarithms(family, words, high)
     grew = False
@@ -194,7 +194,7 @@ def first_growing(family: Family, words: Sequence[Word], limit: float) -> tuple[
     return high, words[int(np.argmax(above))]
 
 
-def _logarithms(family, words, x):
+def _logarithms(family: Family, words: Sequence[Word], x: float) -> np.ndarray:
     """The logarithms of the growth per matrix of words at x, within those of doubles."""
     (rates,) = rates_of(family.at(x)[None], words)
     return np.log(np.clip(rates, NEXT_TO_ZERO, 1 / NEXT_TO_ZERO))
