@@ -134,7 +134,22 @@ def check(
     progress("summing up")
     files = [str(path) for path in _drawn(loaded, places)]
     if verbosity().as_json:
-        _show_json(loaded, judged, files, around)
+        from wavesweep.program.cli.messages import show_json
+
+        summary = {
+            "command": "check",
+            "specs": [loaded.name],
+            "spec_sha256": loaded.sha256,
+            "assumes": judged.verdict["assumes"],
+            "verdict": judged.verdict,
+            "plan": judged.plan,
+            "notices": judged.notices,
+        }
+        if files:
+            summary["files"] = files
+        if around:
+            summary["controller"] = around
+        show_json(summary)
     if not _is_silent():  # some lines are computed as they are shown
         _show([*chain.from_iterable(map(_within, around)), *judged.lines(whole)])
     if files and not _is_silent():
@@ -253,25 +268,6 @@ def _show(lines: Iterable[str]) -> int:
     if text:
         click.echo(printable(text))
     return len(text.splitlines())
-
-
-def _show_json(spec: Spec, judged: _Judged, files: Sequence[str], around: Sequence[str]) -> None:
-    from wavesweep.program.cli.messages import show_json
-
-    summary = {
-        "command": "check",
-        "specs": [spec.name],
-        "spec_sha256": spec.sha256,
-        "assumes": judged.verdict["assumes"],
-        "verdict": judged.verdict,
-        "plan": judged.plan,
-        "notices": judged.notices,
-    }
-    if files:
-        summary["files"] = files
-    if around:
-        summary["controller"] = around
-    show_json(summary)
 
 
 def _folded(line: str) -> list[str]:

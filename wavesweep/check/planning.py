@@ -217,7 +217,23 @@ def _drawn_lines(spec):
     ]:  # which may be a slip
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
     yield from _state_lines(drift, [labels[state] for state in drift.states])
-    yield from _number_lines(spec)
+    # a line per method, with the numbers that go this way
+    ways = {"": [], "panels": [], "values": []}
+    for name, path in spec.names.symbols.items():
+        if spec.names.keys[path].structural:
+            ways["values"].append(name)
+        else:
+            opened = open_loops(Loops(spec.drawing, spec.values), name)
+            way = "" if opened and opened.cut else "panels"
+            ways[way].append(name)
+    texts = {
+        "": "fast method, because each is one gain, once a frame",
+        "panels": "slower method, because they act in more than one place, more than once a frame, or in the key of a block",
+        "values": "as values only, since they decide how the loop is built",
+    }
+    for way, names in ways.items():
+        if names:
+            yield f"  intervals along {', '.join(names)}: {texts[way]}"
 
 
 def _rhythm_lines(drawing, drawn):
@@ -388,26 +404,6 @@ def _listed(names):
         # Of three names with numbers that follow each other the first and the last are enough.
         shown += [f"{run[0]} to {run[-1]}"] if len(run) >= 3 else run
     return ", ".join(shown)
-
-
-def _number_lines(spec):
-    """A line per method, with the numbers that go this way."""
-    ways = {"": [], "panels": [], "values": []}
-    for name, path in spec.names.symbols.items():
-        if spec.names.keys[path].structural:
-            ways["values"].append(name)
-        else:
-            opened = open_loops(Loops(spec.drawing, spec.values), name)
-            way = "" if opened and opened.cut else "panels"
-            ways[way].append(name)
-    texts = {
-        "": "fast method, because each is one gain, once a frame",
-        "panels": "slower method, because they act in more than one place, more than once a frame, or in the key of a block",
-        "values": "as values only, since they decide how the loop is built",
-    }
-    for way, names in ways.items():
-        if names:
-            yield f"  intervals along {', '.join(names)}: {texts[way]}"
 
 
 def _count(number, noun):

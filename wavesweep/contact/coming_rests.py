@@ -128,7 +128,16 @@ def _every_rest(own: Bounded, own_step: Bounded, follows: np.ndarray) -> _Rests 
     own, own_step: of each frame, as in `_Rests.before`. follows: which may follow which. Where a
     single frame turns what it shrinks, no box holds what it makes of it; several in a row may.
     """
-    bases = _modes(own.value.mean(0)), np.eye(own.value.shape[-1])
+    # a basis of the real and imaginary parts of eigenvectors
+    matrix = own.value.mean(0)
+    values, vectors = np.linalg.eig(matrix)
+    columns = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag == 0:
+            columns.append(vector.real)
+        elif value.imag > 0:
+            columns += [vector.real, vector.imag]
+    bases = np.array(columns).T, np.eye(own.value.shape[-1])
     A = own
     step = own_step
     last = np.arange(len(follows))
@@ -184,15 +193,3 @@ def _rests_in(A: Bounded, step: Bounded, T: np.ndarray) -> _Rests | None:
         low = np.minimum(low, least - room)
         high = np.maximum(high, most + room)
     return None
-
-
-def _modes(matrix):
-    """A basis of the real and imaginary parts of eigenvectors."""
-    values, vectors = np.linalg.eig(matrix)
-    columns = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value.imag == 0:
-            columns.append(vector.real)
-        elif value.imag > 0:
-            columns += [vector.real, vector.imag]
-    return np.array(columns).T

@@ -101,7 +101,19 @@ def preview(
         gaps = known_gaps(curve.columns, view, PREVIEW_PIXELS * (high - low) / view.high)
         answer["plane"] = {**plane_of(PlaneCurve(curve.columns, gaps), view), "how": "columns"}
     elif cells:
-        answer["plane"] = _cell_plane(spec, plane, cells)
+        # the plane by the eigenvalues in the middle of so many cells along each side
+        x = np.linspace(*plane.x_span, 2 * cells + 1)[1::2]
+        y = np.linspace(*plane.y_span, 2 * cells + 1)[1::2]
+        axes = (_axis(spec, plane.x, x), _axis(spec, plane.y, y))
+        radii = radius_over(spec, axes).reshape(cells, cells)
+        stable = (radii < 1).astype(object) * 1
+        stable[np.isnan(radii)] = None  # not known
+        answer["plane"] = {
+            "how": "cells",
+            "x": x.tolist(),
+            "y": y.tolist(),
+            "stable": stable.tolist(),
+        }
     return answer
 
 
@@ -113,17 +125,6 @@ def is_gain(spec: Spec, plane: Plane) -> bool:
     except WavesweepError:
         return False
     return way is Way.CUT
-
-
-def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:
-    """The plane by the eigenvalues in the middle of so many cells along each side."""
-    x = np.linspace(*plane.x_span, 2 * cells + 1)[1::2]
-    y = np.linspace(*plane.y_span, 2 * cells + 1)[1::2]
-    axes = (_axis(spec, plane.x, x), _axis(spec, plane.y, y))
-    radii = radius_over(spec, axes).reshape(cells, cells)
-    stable = (radii < 1).astype(object) * 1
-    stable[np.isnan(radii)] = None  # not known
-    return {"how": "cells", "x": x.tolist(), "y": y.tolist(), "stable": stable.tolist()}
 
 
 def _axis(spec, path, values, span=None) -> Axis:

@@ -237,7 +237,18 @@ def _fit_options(given: dict[str, Any], motor_constant: str | None) -> dict[str,
     options = {name: given[name] for name in names}
     options["axes"] = given["axes"] and given["axes"].split(",")
     if motor_constant:
-        options["motor_constant"] = _bounds(motor_constant)
+        # the two numbers of LOW..HIGH, or one twice
+        text = motor_constant
+        low, dots, high = text.partition("..")
+        try:
+            bounds = float(low), float(high if dots else low)
+        except ValueError:
+            bounds = (0.0, 0.0)
+        if not 0 < bounds[0] <= bounds[1] < float("inf"):
+            raise UsageError(
+                f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}"
+            )
+        options["motor_constant"] = bounds
     return options
 
 
@@ -273,20 +284,6 @@ def _of_frames(
     return partial(
         module.identified, path, fast_hz, number, every=given["every"], **named
     ), module.spec_text
-
-
-def _bounds(text: str) -> tuple[float, float]:
-    """The two numbers of LOW..HIGH, or one twice."""
-    low, dots, high = text.partition("..")
-    try:
-        bounds = float(low), float(high if dots else low)
-    except ValueError:
-        bounds = (0.0, 0.0)
-    if not 0 < bounds[0] <= bounds[1] < float("inf"):
-        raise UsageError(
-            f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}"
-        )
-    return bounds
 
 
 def _refuse_foreign(target: Path, overwrite: bool) -> None:

@@ -121,16 +121,6 @@ def columns_of(axes: Sequence[str], columns: Mapping[str, str]) -> list[dict[str
     return [{name: each[at % len(each)] for name, each in named.items()} for at in range(len(axes))]
 
 
-def _turns(columns: Mapping[str, str], places: Collection[str]) -> bool:
-    """Whether the log is one of a device that turns."""
-    straight = {"force", *MOTIONS}
-    turned = {"torque", *MOTIONS.values()}
-    turns = bool(turned & columns.keys())
-    if not turns and not straight & columns.keys() and not {"force", "position"} & {*places}:
-        turns = bool(turned & {*places})
-    return turns
-
-
 def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None:
     """Refuse a file without a wanted column, and name the nearest one, or one with such a word."""
     meant = nearest(wanted, file.names)
@@ -152,19 +142,6 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
     elif len(axes) > 1:
         hint = f"; --axes {','.join(axes)} fits all axes together"
     raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
-
-
-def _refuse_motor_constant(
-    path: str | Path, push: str, constant: float | None, turns: bool
-) -> None:
-    """Refuse a current without the motor's constant, and the constant without a current."""
-    if (push == "current") != (constant is not None):
-        unit = "N*m/A" if turns else "N/A"
-        raise UsageError(
-            f"{path}: a current needs the motor's constant: --motor-constant LOW..HIGH in {unit}"
-            if push == "current"
-            else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
-        )
 
 
 def _taken_name(kind, turns, columns, places):
@@ -198,14 +175,26 @@ def read_log(
     column_names = dict.fromkeys(["time", *turning, *turning.values()])
     _refuse_unknown(columns, scales, column_names)
     places = _places_in(file.names, columns, column_names)
-    turns = _turns(columns, places)
+    # whether the log is one of a device that turns
+    straight = {"force", *MOTIONS}
+    turned = {"torque", *MOTIONS.values()}
+    turns = bool(turned & columns.keys())
+    if not turns and not straight & columns.keys() and not {"force", "position"} & {*places}:
+        turns = bool(turned & {*places})
     push = _taken_name(PUSHES, turns, columns, places)
     motion = _taken_name(MOTIONS, turns, columns, places)
     used = ("time", push, motion)
     for name in used:
         if name not in places:
             _refuse_missing(path, name, columns.get(name, name), file)
-    _refuse_motor_constant(path, push, constant, turns)
+    # refuse a current without the motor's constant, and the constant without a current
+    if (push == "current") != (constant is not None):
+        unit = "N*m/A" if turns else "N/A"
+        raise UsageError(
+            f"{path}: a current needs the motor's constant: --motor-constant LOW..HIGH in {unit}"
+            if push == "current"
+            else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
+        )
     taken_columns = [places[name][0] for name in used]
     beside = [name for name in OF_AXES if name in file.names and name not in taken_columns]
     rows = file.numbers(taken_columns + beside, 50)  # rows, at least

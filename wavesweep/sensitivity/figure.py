@@ -54,26 +54,22 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _draw(axes, *panel)
         for axes in grid[len(shown) :]:
             axes.set_visible(False)
-        _add_legend(canvas, shown)
+        # say which bars are of which quantity, if there are several
+        from matplotlib.patches import Patch
+
+        if len({quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}) > 1:
+            canvas.legend(
+                [Patch(**look) for look in _LOOKS.values()],
+                _QUANTITIES.values(),
+                loc="outside upper center",
+                ncols=2,
+            )
         if shown:
             elasticity = "elasticity: per cent of the limit per per cent of the number"
         else:
             elasticity = ""
         note_below(canvas, *_notes(panels, facts), assumption(facts), axis=elasticity)
     return canvas
-
-
-def _add_legend(canvas: Any, shown: list[tuple[Columns, list[str], str]]) -> None:
-    """Say which bars are of which quantity, if there are several."""
-    from matplotlib.patches import Patch
-
-    if len({quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}) > 1:
-        canvas.legend(
-            [Patch(**look) for look in _LOOKS.values()],
-            _QUANTITIES.values(),
-            loc="outside upper center",
-            ncols=2,
-        )
 
 
 def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any]) -> list[str]:

@@ -91,7 +91,13 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
             for axes, span in zip(row, spans, strict=True):
                 seen = {name: column[span] for name, column in columns.items()}
                 at = wall if title.startswith("position") else None
-                _draw_panel(axes, seen, signals, at)
+                # draw some signals in a panel, and a wall (m) as a line
+                for signal in signals:
+                    _draw_signal(axes, seen, signal, alone=len(signals) == 1)
+                if at is not None:
+                    axes.axhline(1e3 * at, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
+                axes.grid(**GRID)
+                axes.margins(x=0)
             row[0].set_ylabel(title)
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
@@ -119,16 +125,6 @@ def _with_measured(signals: Sequence[Signal], columns: Columns) -> Iterator[Sign
         if measured in columns:
             yield Signal(measured, f"{signal.label}, measured", paler("0.2", 0.6), True)
         yield signal
-
-
-def _draw_panel(axes: Any, columns: Columns, signals: Sequence[Signal], wall: float | None) -> None:
-    """Draw some signals in a panel, and a wall (m) as a line."""
-    for signal in signals:
-        _draw_signal(axes, columns, signal, alone=len(signals) == 1)
-    if wall is not None:
-        axes.axhline(1e3 * wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
-    axes.grid(**GRID)
-    axes.margins(x=0)
 
 
 def _draw_legend(canvas: Any, row: Any) -> None:
@@ -332,7 +328,14 @@ def _draw_signal(axes: Any, columns: Columns, signal: Signal, *, alone: bool) ->
     if np.isnan(values).all():
         return
     if signal.column == "late":
-        _draw_lateness(axes, times, values, signal)
+        # draw how late messages are, with their own ticks of the axis; lost ones are at -1
+        look = {"color": signal.colour, "markersize": 2.5, "label": signal.label}
+        axes.plot(*extremes(times, values), ".", **look)
+        most = max(int(values.max()), 0)
+        places = list(range(0, most + 1, max(1, round(most / 4))))
+        if (values < 0).any():
+            places = [-1, *places]
+        axes.set_yticks(places, ["lost" if place < 0 else f"{place}" for place in places])
         return
     before = len(axes.get_lines())
     # wide and pale, so that an energy on another is seen
@@ -347,17 +350,6 @@ def _draw_signal(axes: Any, columns: Columns, signal: Signal, *, alone: bool) ->
         style["drawstyle"] = "steps-post"
     colour = paler(signal.colour, 0.5 if below else 1)
     axes.plot(*extremes(times, values), color=colour, label=signal.label, **style)
-
-
-def _draw_lateness(axes: Any, times: np.ndarray, values: np.ndarray, signal: Signal) -> None:
-    """Draw how late messages are, with their own ticks of the axis; lost ones are at -1."""
-    look = {"color": signal.colour, "markersize": 2.5, "label": signal.label}
-    axes.plot(*extremes(times, values), ".", **look)
-    most = max(int(values.max()), 0)
-    places = list(range(0, most + 1, max(1, round(most / 4))))
-    if (values < 0).any():
-        places = [-1, *places]
-    axes.set_yticks(places, ["lost" if place < 0 else f"{place}" for place in places])
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:

@@ -289,17 +289,13 @@ def build_messages(
             lost = IN_A_ROW.fullmatch(item) if isinstance(item, str) else None
             if lost:
                 late += [None] * int(lost[1] or 1)
-            elif _is_late(item):
+            # whether a message may be late by that many ticks
+            elif isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE:
                 late.append(item)
             else:
                 mistakes.refuse(leaf, path, expected, show(item), of_key=False)
         messages[path.removeprefix(f"{MESSAGES}.")] = tuple(late)
     return messages
-
-
-def _is_late(item: object) -> bool:
-    """Whether a message may be late by that many ticks."""
-    return isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE
 
 
 def written_messages(late: tuple[int | None, ...]) -> list[int | str]:

@@ -120,7 +120,11 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
             for name, row in arrays.items()
             if row is not None and row.ndim == 1
         }
-        names = _signal_names(drawn)
+        # the names of the ports, junctions and inputs of a drawn loop
+        names = {*drawn.sums, *drawn.inputs}
+        for placed_block in drawn.placed:
+            block = placed_block.block
+            names |= {f"{block.name}.{port}" for port in (*block.inputs, *block.outputs)}
         unknown = [name for name in signals if name not in names]
         if drawn_loop.is_batch(drawn):
             raise UsageError("simulate: expected a single loop, found a batch")
@@ -138,15 +142,6 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
         marched = run_drawn(drawn, rows, tuple(signals))
         count = len(next(iter(marched.values()), ()))
         return DataFrame({"time_s": np.arange(count) * float(np.asarray(drawn.period))} | marched)
-
-
-def _signal_names(drawn) -> set[str]:
-    """The names of the ports, junctions and inputs of a drawn loop."""
-    names = {*drawn.sums, *drawn.inputs}
-    for placed_block in drawn.placed:
-        block = placed_block.block
-        names |= {f"{block.name}.{port}" for port in (*block.inputs, *block.outputs)}
-    return names
 
 
 def simulate(source: Source) -> list[DataFrame]:

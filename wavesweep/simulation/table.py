@@ -47,21 +47,6 @@ RESPONSE_METHODS = {
 }
 
 
-def _at_hand(spec):
-    """Whether the input enters where the hand does."""
-    return spec.drawing is None or entry_of(spec) == (spec.drawing.hand or ("",))[0]
-
-
-def _frame_lengths(simulation, columns):
-    """How many of the frames begun have each length, ticks."""
-    begun = int(columns["frame"].max(initial=-1)) + 1
-    lengths = np.diff([*simulation.starts, simulation.frame])[
-        np.arange(begun) % len(simulation.starts)
-    ]
-    values, counts = np.unique(lengths, return_counts=True)
-    return dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
-
-
 def simulate(
     spec: Spec,
     log: str | None = None,
@@ -103,7 +88,14 @@ def simulate(
     ends = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
     facts["settles_at"] = ends if alike else _reached(ends, columns)
     tables = [Table.of("simulate", columns, facts)]
-    if tones := [tone for tone in hand.tones if tone.last <= rows and alike and _at_hand(spec)]:
+    # whether the input enters where the hand does
+    if tones := [
+        tone
+        for tone in hand.tones
+        if tone.last <= rows
+        and alike
+        and (spec.drawing is None or entry_of(spec) == (spec.drawing.hand or ("",))[0])
+    ]:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
         notices = [*_unlike_the_linear(spec, linear, tones, simulation.frame)]
@@ -131,7 +123,13 @@ def _facts_of_run(spec, simulation, columns: Columns, wanted: int) -> dict[str, 
     if spec.drawing:  # whose rate may be an expression
         facts["tick_s"] = 1 / spec.tick_hz
     if spec.simulate.frames_file or spec.simulate["frames"] == RANDOM:
-        facts["frames"] = _frame_lengths(simulation, columns)
+        # how many of the frames begun have each length, ticks
+        begun = int(columns["frame"].max(initial=-1)) + 1
+        lengths = np.diff([*simulation.starts, simulation.frame])[
+            np.arange(begun) % len(simulation.starts)
+        ]
+        values, counts = np.unique(lengths, return_counts=True)
+        facts["frames"] = dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
     return facts
 
 
@@ -231,14 +229,12 @@ def _facts(
     # The digest of the spec covers only the names of files.
     if spec.simulate.frames_file:
         # As those that read it for the run take.
-        facts["frames_sha256"] = _digest(beside(spec, spec.simulate.frames_file), 1_000_000_000)
+        # the SHA-256 of a file. most: bytes, those of the first reading, so that what a shell
+        # passes is not read again
+        facts["frames_sha256"] = hashlib.sha256(
+            read_bytes(beside(spec, spec.simulate.frames_file), 1_000_000_000)
+        ).hexdigest()
     return facts
-
-
-def _digest(path: Path, most: int) -> str:
-    """The SHA-256 of a file. most: bytes, those of the first reading, so that what a shell
-    passes is not read again."""
-    return hashlib.sha256(read_bytes(path, most)).hexdigest()
 
 
 def _notices(spec: Spec) -> Iterator[str]:
@@ -308,7 +304,15 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     if not rows:
         return numbers
     if "wall" in options:
-        numbers["contact"] = _contact(columns, options)
+        # how often contact is made, for what share of the time it is felt, and whether the wall may
+        # pull
+        touching = columns.get("touching", np.zeros(1, bool))
+        made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
+        numbers["contact"] = {
+            "times": made,
+            "share": float(touching.mean()),
+            "pulls": options.get("pulls", True),
+        }
     if options.get("friction"):
         numbers["rest_s"] = _rest(columns)
     if "max_force" in options:
@@ -324,34 +328,23 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     if "energy_hand" in columns:
         numbers["energy"] = _energy(columns)
     for name, final in facts.get("settles_at", {}).items():
-        numbers["outputs"][name] = _stepped(columns, name, final, options["at_s"])
+        # what an output does after a step that is asked for at `start` (s): where it settles, its
+        # peak, and when it has settled, after the tick at which the step sets in
+        start = options["at_s"]
+        values = columns[run_column("outputs", name)]
+        time_s = columns["time_s"]
+        after = np.round(time_s - time_s[set_in(columns, start)], 12)
+        peak = int(np.argmax(np.abs(values)))
+        outside = np.flatnonzero(np.abs(values - final) > SETTLED_WITHIN_VALUE * abs(final))
+        settled = int(outside[-1]) + 1 if outside.size else 0
+        numbers["outputs"][name] = {
+            "settles_at": final,
+            "ends_at": float(values[-1]),
+            "peak": float(values[peak]),
+            "peak_s": float(after[peak]),
+            "settled_s": float(after[settled]) if final and settled < len(after) else None,
+        }
     return numbers
-
-
-def _contact(columns: Columns, options: Mapping[str, Any]) -> Numbers:
-    """How often contact is made, for what share of the time it is felt, and whether the wall may
-    pull."""
-    touching = columns.get("touching", np.zeros(1, bool))
-    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
-    return {"times": made, "share": float(touching.mean()), "pulls": options.get("pulls", True)}
-
-
-def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
-    """What an output does after a step that is asked for at `start` (s): where it settles, its
-    peak, and when it has settled, after the tick at which the step sets in."""
-    values = columns[run_column("outputs", name)]
-    time_s = columns["time_s"]
-    after = np.round(time_s - time_s[set_in(columns, start)], 12)
-    peak = int(np.argmax(np.abs(values)))
-    outside = np.flatnonzero(np.abs(values - final) > SETTLED_WITHIN_VALUE * abs(final))
-    settled = int(outside[-1]) + 1 if outside.size else 0
-    return {
-        "settles_at": final,
-        "ends_at": float(values[-1]),
-        "peak": float(values[peak]),
-        "peak_s": float(after[peak]),
-        "settled_s": float(after[settled]) if final and settled < len(after) else None,
-    }
 
 
 def set_in(columns: Columns, at_s: float) -> int:

@@ -25,17 +25,6 @@ NOMINAL_STEPS = "nominal steps"  # of what the program counts, whatever ticks ta
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
 
-def _drawn_in_words(spec: Spec, swept: Collection[str]) -> str:
-    """Which numbers of a drawn loop act continuously, and within which limits it is linear."""
-    said = [*_continuous(spec)]
-    if spec.tick:
-        said.append(NOMINAL_STEPS)
-    limits = ", ".join(_limits(spec, swept))
-    if limits:
-        said.append(f"linear while {limits}; simulate keeps to these limits")
-    return "; ".join(said)
-
-
 def model_in_words(spec: Spec, swept: Collection[str] = (), told: Collection[str] = ()) -> str:
     """A sentence about the wall, the delay and the velocity of the loop that a spec writes.
 
@@ -47,7 +36,14 @@ def model_in_words(spec: Spec, swept: Collection[str] = (), told: Collection[str
     linear.
     """
     if spec.drawing:
-        return _drawn_in_words(spec, swept)
+        # which numbers of a drawn loop act continuously, and within which limits it is linear
+        said = [*_continuous(spec)]
+        if spec.tick:
+            said.append(NOMINAL_STEPS)
+        limits = ", ".join(_limits(spec, swept))
+        if limits:
+            said.append(f"linear while {limits}; simulate keeps to these limits")
+        return "; ".join(said)
     read = keys_of_page(spec.values) - {*told}
     values = spec.values
     phrases = [assumption_of_page(values)]

@@ -79,7 +79,16 @@ def response_job(
     read, frequency = keys_of(spec) if read is None else read, np.asarray(frequency_hz, float)
     grid = make_grid(spec, axes, read=read, apart=False, rates=False)
     refuse_rows("bode", grid.size * frequency.size)
-    _refuse_aliases(grid, frequency)
+    # raise SpecError for frequencies beyond half the fast rate, which a force that is held over a
+    # tick does not have
+    name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
+    axis_of_bode = Axis(
+        "frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False
+    )
+    beyond = Mistakes()
+    refuse_beyond_half(axis_of_bode, grid.axes, grid.spec.tick_hz, name, beyond)
+    if beyond:
+        raise SpecError(beyond)
     grid.resolve_all("bode")
     points = frequency.size
     if spec.drawing:
@@ -113,19 +122,6 @@ def _ticks_drawn(spec, *, at_hand):
     if at_hand:
         port_at_hand(spec)
     return loops_of(spec, spec.values).drawn().ticks
-
-
-def _refuse_aliases(grid, frequency):
-    """Raise SpecError for frequencies beyond half the fast rate, which a force that is held over
-    a tick does not have."""
-    name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
-    axis_of_bode = Axis(
-        "frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False
-    )
-    beyond = Mistakes()
-    refuse_beyond_half(axis_of_bode, grid.axes, grid.spec.tick_hz, name, beyond)
-    if beyond:
-        raise SpecError(beyond)
 
 
 def _task(job, chunk):

@@ -246,7 +246,14 @@ def _report(
     for line, warning in _lines(said, facts, finished):
         say(line, warning)
     if not options.to_stdout:
-        _say_interrupted(command, folder_of(specs, options))
+        # name the checkpoints that interrupted runs of a command have left in a folder
+        directory = folder_of(specs, options)
+        from wavesweep.program.store.checkpoint import SUFFIX
+
+        for left in sorted(directory.glob(f".{command}-*{SUFFIX}")):
+            say(
+                f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed"
+            )
     _say_written(finished, changed, seconds)
 
 
@@ -270,16 +277,6 @@ def _lines(
     if FAVOURABLE in facts.get("assumes", ""):
         return [*assumed, *lines]
     return [*lines, *assumed]
-
-
-def _say_interrupted(command: str, directory: Path) -> None:
-    """Name the checkpoints that interrupted runs of a command have left in a folder."""
-    from wavesweep.program.store.checkpoint import SUFFIX
-
-    for left in sorted(directory.glob(f".{command}-*{SUFFIX}")):
-        say(
-            f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed"
-        )
 
 
 def _say_written(finished: Sequence[Finished], changed: Sequence[str], seconds: float) -> None:

@@ -211,15 +211,6 @@ def member_curves(
     return curves
 
 
-def _draw_unknown_bars(axes: Any, place: int, spans: Sequence[tuple[float, float]]) -> None:
-    """Draw what is not known in a line of bars, over the whole width if nothing is."""
-    for low, high in spans:
-        if np.isinf(low):
-            axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
-        else:
-            axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **UNKNOWN | {"zorder": 3})
-
-
 def _draw_stable_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> None:
     """Draw the bar of a stable interval, with strokes at the ends that are ends of the stable
     set."""
@@ -254,7 +245,14 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
         rows = member.rows
         colour = member.look.colour if member.guarantee or "spec" in rows else family
         unknown = list(chain.from_iterable(open_spans(rows)))
-        _draw_unknown_bars(axes, place, unknown)
+        # draw what is not known in a line of bars, over the whole width if nothing is
+        for low, high in unknown:
+            if np.isinf(low):
+                axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
+            else:
+                axes.barh(
+                    place, high - low, left=low, height=2 * HALF_BAR, **UNKNOWN | {"zorder": 3}
+                )
         stable = np.flatnonzero(rows["intervals"] > 0)
         if not stable.size:
             known = bool(rows["certified"].all()) if member.proved else not unknown

@@ -72,6 +72,19 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
         unproved += [_outline(piece) for piece in _unproved(chain)]
         felt += _felt(chain)
         edges += _edges(chain)
+    # what is not known: columns that are known in part, half way to their neighbours, and gaps. A
+    # gap counts only where others are known.
+    places = sorted(curve.columns)
+    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
+    begins = [places[0], *middles]
+    ends = [*middles, places[-1]]
+    unknown: list[tuple[float, float, float, float]] = []
+    for x, left, right in zip(places, begins, ends, strict=True):
+        _, open_spans = curve.columns[x]
+        unknown += [(left, right, low, high) for low, high in open_spans]
+    if curve.gaps:
+        gaps = [gap for gap in pairwise(places) if gap not in curve.gaps]
+        unknown += [(left, right, -np.inf, np.inf) for left, right in gaps]
     return Region(
         areas=areas,
         unproved=unproved,
@@ -79,7 +92,7 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
         doubtful=_joined([line for line, certified in edges if not certified]),
         felt=_joined(felt),
         bars=followed.bars,
-        unknown=_unknown(curve, view),
+        unknown=unknown,
     )
 
 
@@ -178,25 +191,6 @@ def _moved(intervals: Sequence[Interval], ends: np.ndarray) -> list[Interval]:
         replace(interval, low=low, high=high)
         for interval, (low, high) in zip(intervals, spans, strict=True)
     ]
-
-
-def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, float]]:
-    """What is not known: columns that are known in part, half way to their neighbours, and gaps.
-
-    A gap counts only where others are known.
-    """
-    places = sorted(curve.columns)
-    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
-    begins = [places[0], *middles]
-    ends = [*middles, places[-1]]
-    unknown: list[tuple[float, float, float, float]] = []
-    for x, left, right in zip(places, begins, ends, strict=True):
-        _, open_spans = curve.columns[x]
-        unknown += [(left, right, low, high) for low, high in open_spans]
-    if curve.gaps:
-        gaps = [gap for gap in pairwise(places) if gap not in curve.gaps]
-        unknown += [(left, right, -np.inf, np.inf) for left, right in gaps]
-    return unknown
 
 
 def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:

@@ -57,15 +57,8 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
                 "an unknown table",
                 f"block.{name}" if name in blocks else near,
             )
-    return _with_renamed_tables(leaves, meant)
-
-
-def _with_renamed_tables(
-    leaves: Mapping[Path, Leaf], new_names: Mapping[str, str]
-) -> dict[Path, Leaf]:
-    """Return the leaves with new names of their tables; a table whose new name is empty is left
-    out."""
-    named = {path: (new_names.get(path[0], path[0]), *path[1:]) for path in leaves}
+    # return the leaves with new names of their tables; a table whose new name is empty is left out
+    named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
     return {
         path if path[0] == new[0] else normal_path(new): leaves[path]
         for path, new in named.items()

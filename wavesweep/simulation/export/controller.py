@@ -118,7 +118,12 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     ticks = TickSums(cut, [block.name for block in plants], delayed)
     programs, table = _programs(ticks, late_results, one_sided and loop.gated)
 
-    read = _read_by(programs, list(ticks.places))
+    # what the programs read. names: of places
+    names = list(ticks.places)
+    read = set()
+    for program in programs:
+        for _, terms in lines_of(program):
+            read.update(names[source] for _, source in terms)
     inputs = [name for name in (*sensed, *outside) if name in read]
     if not pushed or not inputs:
         raise UsageError(
@@ -146,15 +151,6 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
         places=dict(zip(ticks.places, words, strict=True)),
         beside=beside,
     )
-
-
-def _read_by(programs: Sequence[Program], names: Sequence[str]) -> set[str]:
-    """What the programs read. names: of places."""
-    read = set()
-    for program in programs:
-        for _, terms in lines_of(program):
-            read.update(names[source] for _, source in terms)
-    return read
 
 
 def _refuse(loop: MarchedLoop, plants: Sequence[RunningBlock]) -> None:

@@ -70,8 +70,18 @@ def steps_of(spec: Spec) -> Steps | None:
             "export: expected frames of one length in a loop with channels, found frames that vary; leave either out"
         )
     simulated = {frame.ticks for frame in frames}
-    proved = _proved_lengths(spec)
-    _refuse_unproved(simulated, proved)
+    # the lengths of frames in [for_all]; empty if they do not change there
+    proved = {
+        length
+        for axis in (spec.for_all.changing if spec.for_all else ())
+        for length in lengths_at(spec, axis)
+    }
+    # refuse frames in [simulate] of a length that [for_all] does not have
+    if strange := sorted(simulated - proved) if proved else []:
+        raise UsageError(
+            f"simulate.frames: expected the lengths of [for_all] ({', '.join(map(str, sorted(proved)))}), found {strange[0]}; "
+            "--set simulate.frames= leaves them out"
+        )
     lengths = tuple(sorted(proved or simulated or {int(spec.values[RATIO])}))
     if spec.delay_of_frame:
         usual = NEXT_SLOW_STEP
@@ -81,24 +91,6 @@ def steps_of(spec: Spec) -> Steps | None:
         usual,
     ) * len(lengths)
     return Steps(lengths, frames_of(spec, frames) or _clock(spec, lengths, usual), delays, usual)
-
-
-def _proved_lengths(spec: Spec) -> set[int]:
-    """The lengths of frames in [for_all]; empty if they do not change there."""
-    return {
-        length
-        for axis in (spec.for_all.changing if spec.for_all else ())
-        for length in lengths_at(spec, axis)
-    }
-
-
-def _refuse_unproved(simulated: set[int], proved: set[int]) -> None:
-    """Refuse frames in [simulate] of a length that [for_all] does not have."""
-    if strange := sorted(simulated - proved) if proved else []:
-        raise UsageError(
-            f"simulate.frames: expected the lengths of [for_all] ({', '.join(map(str, sorted(proved)))}), found {strange[0]}; "
-            "--set simulate.frames= leaves them out"
-        )
 
 
 def _clock(spec: Spec, lengths: tuple[int, ...], usual: int) -> FrameClock:

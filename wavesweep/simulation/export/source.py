@@ -75,7 +75,16 @@ def exported(spec: Spec, *, floats: bool = False) -> dict[str, str]:
         columns[member] = signals[name if name in own.inputs else SEEN + name]
     amplifier = _amplifier_ticks(spec, own)
     host = ExampleHost(own, march.loop, members, march.entry)
-    flags = _flags(own, steps)
+    # the flags of the templates' conditional parts
+    flags = {
+        "wall": own.loop.wall is not None,
+        "late": own.late,
+        "results": bool(own.results),
+        "tells": any(result.touches for result in own.results),
+        "several": len(own.programs) > 1,
+        "zero": own.late and any(result.zero for result in own.results),
+        "steps": steps is not None,
+    }
     flags["amplifier"] = bool(amplifier)
     flags["dead_times"] = bool(dead_times_of(spec))
     flags |= {"single": False, "sizes": False}
@@ -144,19 +153,6 @@ def _amplifier_ticks(spec: Spec, own: ExportedController) -> float:
     return spec.values["device.delay"] + spec.values["device.dead_time"] * own.loop.rate
 
 
-def _flags(own: ExportedController, steps: Steps | None) -> dict[str, bool]:
-    """The flags of the templates' conditional parts."""
-    return {
-        "wall": own.loop.wall is not None,
-        "late": own.late,
-        "results": bool(own.results),
-        "tells": any(result.touches for result in own.results),
-        "several": len(own.programs) > 1,
-        "zero": own.late and any(result.zero for result in own.results),
-        "steps": steps is not None,
-    }
-
-
 def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None) -> dict[str, Any]:
     """The texts for the templates' names. entry: the signal from outside that the example gives."""
     loop = own.loop
@@ -164,6 +160,14 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
     names = [own.places[name] for name in own.ticks.places]
     functions = [tick_function(index, program, names) for index, program in enumerate(own.programs)]
     in_drawing = bool(spec.drawing)
+    # what enters each output, a line for each term
+    lines = []
+    for port, made in terms_of(spec).items():
+        lines.append(f" *   {port} = {made['sum']}")
+        for term in made["terms"]:
+            lines.append(f" *     {term['coefficient']:g} times {term['from']}")
+    for port in own.beside:
+        lines.append(f" *   {as_drawn(port)}: from outside alone, so the host's")
     texts = {
         "entry": f"{entry} = 1 from rest" if in_drawing else "pushed with 1 N from rest",
         "own_header": "controller.h",
@@ -182,7 +186,7 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
         "table": listed(own.table),
         "sets": len(own.table) // len(own.ticks.sets),
         "cases": "\n".join(branch(index) for index in reversed(range(len(functions)))),
-        "sums": "\n".join(_sums(spec, own)),
+        "sums": "\n".join(lines),
         "places": "\n".join(f"    {name}," for name in own.places.values()),
     }
     texts |= constants({"fast_hz": loop.rate, "T": loop.tick})
@@ -195,18 +199,6 @@ def branch(index: int) -> str:
     """The branch of a switch that runs a program; the first one is that of all other values."""
     label = f"case {index}" if index else "default"
     return f"    {label}:\n        tick_{index}(s);\n        break;"
-
-
-def _sums(spec: Spec, own: ExportedController) -> list[str]:
-    """What enters each output, a line for each term."""
-    lines = []
-    for port, made in terms_of(spec).items():
-        lines.append(f" *   {port} = {made['sum']}")
-        for term in made["terms"]:
-            lines.append(f" *     {term['coefficient']:g} times {term['from']}")
-    for port in own.beside:
-        lines.append(f" *   {as_drawn(port)}: from outside alone, so the host's")
-    return lines
 
 
 def _wall(own: ExportedController) -> dict[str, Any]:
