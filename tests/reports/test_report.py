@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep import results
 from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope
 from wavesweep.program.cli import main
 from wavesweep.program.number_words import rounded_down, rounded_up
@@ -106,31 +105,17 @@ def test_what_a_report_refutes_is_unstable_by_the_spectral_radius_and_stable_on_
         assert loop.spectral_radius(J=J, K=end + (end - K)) < 1
 
 
-def test_the_commands_of_a_report_give_its_tables_and_the_report(axis, tmp_path, monkeypatch):
+def test_the_commands_of_a_report_give_its_tables_their_proof_and_the_report(axis, tmp_path, monkeypatch, capsys):
     source, page = axis
     monkeypatch.chdir(tmp_path)
     Path("axis.toml").write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
     for command in re.search(r"<pre>(.*?)</pre>", page, re.DOTALL)[1].splitlines():
         assert main(shlex.split(unescape(command))[1:]) == 0
+    assert "verified/stability-region.proof: 4 of 4 claims proved by the checker" in capsys.readouterr().out
     hashes = dict(re.findall(r"SHA-256 of (verified/\S+)\s+([0-9a-f]{64})", unescape(" ".join(read(page).words))))
     assert len(hashes) == 3
     assert {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in hashes} == hashes
     assert Path("results/axis/report.html").read_text(encoding="utf-8") == page
-
-
-def test_a_report_tells_of_the_rows_that_verify_does_not_prove_again(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    sweep = {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}
-    of_all = {"J": {"start": 0.005, "stop": 0.006}}
-    Path("box.toml").write_text(as_toml(PD | {"sweep": sweep, "for_all": of_all}), encoding="utf-8")
-    assert main(["stability-region", "box.toml", "--no-plot", "--out", "found", "--quiet"]) == 0
-    table = results.read(Path("found/stability-region.csv"))
-    others = int((table["certified"] & (table["guarantee"] == "for_all")).sum())
-    capsys.readouterr()
-    assert main(["verify", "found", "--prove", "1"]) == 0
-    left, what = re.search(r"(\d+) (of more than one loop) not proved again", capsys.readouterr().out).groups()
-    assert int(left) == others > 0
-    assert f"rows {what.replace('of', 'for')} are not proved again" in content.SAME
 
 
 def test_a_loop_without_an_axis_has_a_report_that_assumes_nothing_of_intervals():

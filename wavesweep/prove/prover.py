@@ -1,5 +1,4 @@
-"""What a search asks for: stretches in doubt proved in ball arithmetic, and certified slices
-proved again."""
+"""What a search asks for: stretches in doubt proved in ball arithmetic."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -9,9 +8,6 @@ import numpy as np
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
-from wavesweep.prove.again import prove_again
-
-__all__ = ["ball_prover", "prove_again"]
 
 REACH_BEYOND_END = 1e-14  # of an end: how far a proof reaches into what is known on its other side
 

@@ -46,9 +46,9 @@ WISHES = "What is wished for"
 PANEL = 'id="axes_'  # is in the SVG of a figure with panels
 TIMING = "When it samples, computes and acts"
 SAME = (
-    "wavesweep verify computes rows of the tables again, and proves certified intervals of the spec's own loop a second time, in "
-    "ball arithmetic; rows for more than one loop are not proved again. The last command gives this file. On a processor of "
-    "another type, or with another version of numpy, last digits may differ, and so may the hashes."
+    "With --proof a command says which rows have a proof file, which wavesweep verify has a checker of its own read; it computes "
+    "rows of the tables again as well. The last command gives this file. On a processor of another type, or with another version "
+    "of numpy, last digits may differ, and so may the hashes."
 )
 
 
@@ -354,11 +354,12 @@ def _verification(
     for entry in found:
         others = sum(each[0] == entry.table.kind for each in folders)
         folders.append((entry.table.kind, f"verified-{others + 1}" if others else "verified"))
-    commands = [
-        f"{entry.command} --out {folder}" for entry, (_, folder) in zip(found, folders, strict=True)
-    ]
+    commands = []
+    for entry, (_, folder) in zip(found, folders, strict=True):
+        proof = " --proof" if entry.title == INTERVALS else ""
+        commands.append(f"{entry.command}{proof} --out {folder}")
     for folder in dict.fromkeys(folder for _, folder in folders):
-        commands.append(f"wavesweep verify {folder} --prove")
+        commands.append(f"wavesweep verify {folder}")
     yield html.element("h2", "How to verify this report")
     yield html.element("p", f"Save the spec below as {spec.name}.toml, and run:")
     yield html.element("pre", "\n".join([*commands, again]))

@@ -8,43 +8,23 @@ from wavesweep.program.cli.options import PATH
 MOST_LINES = 50  # of the differences of results
 
 
-def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:
-    del context, option
-    if prove is not None and not (prove.isdecimal() and int(prove)):
-        raise click.UsageError(
-            f"--prove: expected a number of slices from 1 on, or none behind DIR, found {prove}"
-        )
-    return int(prove or 0)
-
-
 @click.command("verify")
 @click.argument("directory", metavar="DIR", type=PATH)
-@click.option(
-    "--prove",
-    is_flag=False,
-    flag_value="20",
-    metavar="[N]",
-    callback=_count,
-    help="Also prove N certified slices of each table of intervals (20 without N) again in ball arithmetic, spread evenly over "
-    "it, and say how many that confirms, refutes or cannot settle. It stands behind DIR.",
-)
-def command(directory: str, prove: int) -> int:
-    """Hold results against their data packages, and compute a sample of the rows again.
+def command(directory: str) -> int:
+    """Hold results against their data packages, have the checker read their proof files, and compute a sample of the rows again.
 
     DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared,
-    and some of its rows with what the spec gives now. The exit code is 1 if anything differs, or if
-    a proof refutes a certified row.
+    and some of its rows with what the spec gives now. The exit code is 1 if anything differs, or if the
+    checker refuses a claim of a proof file, which `--proof` of `zwidth` and `stability-region` writes.
 
     \b
-    Examples:
+    Example:
       wavesweep verify results/mine
-      wavesweep verify results/mine --prove
     """
     from wavesweep.program.cli.messages import printable, progress, say, show_json
     from wavesweep.program.results.verification import verify
 
-    report = progress("computing rows again", "--prove with fewer slices takes less")
-    verified = verify(directory, prove=prove, progress=report)
+    verified = verify(directory, progress=progress("computing rows again"))
     if verbosity().as_json:
         summary = {
             "command": "verify",
@@ -52,7 +32,7 @@ def command(directory: str, prove: int) -> int:
             "checked": verified.checked,
             "differences": verified.differences,
         }
-        show_json(summary | ({"proved": verified.proved} if prove else {}))
+        show_json(summary)
     else:
         if verified.checked and not verbosity().quiet:
             click.echo(printable("\n".join(verified.checked)))

@@ -1,6 +1,5 @@
-"""A folder of results held against its data packages, and a sample of its rows computed, or proved, again."""
+"""A folder of results held against its data packages, with its proof files, and a sample of its rows computed again."""
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -41,25 +40,20 @@ NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 
 @dataclass(frozen=True)
 class Verification:
-    """The result for a folder: sentences about the checks that were made, and about each difference that was found.
-
-    proved: for each table of which slices were proved again, its file and how many of them have
-    each verdict of `ProvedAgain`.
-    """
+    """The result for a folder: sentences about the checks that were made, and about each difference that was found."""
 
     checked: tuple[str, ...]
     differences: tuple[str, ...]
-    proved: tuple[Mapping[str, str | int], ...] = ()
 
 
 def verify(
     directory: str | Path,
     rows: int = 20,
     seed: int = 0,
-    prove: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verification:
-    """Compare each table in a folder with its data package (bytes, hashes, digest of the spec), and compute rows again.
+    """Compare each table in a folder with its data package (bytes, hashes, digest of the spec), have the checker read its
+    proof file, and compute rows again.
 
     Parameters
     ----------
@@ -70,33 +64,25 @@ def verify(
         responses, passivity and simulation are computed again as a whole.
     seed : int, default 0
         Of the draw.
-    prove : int, default 0
-        Of a table of intervals, so many certified slices, spread evenly over it, are proved again
-        in ball arithmetic.
     progress : callable, optional
         Is called with the number of combinations of a table that are done, and of all that are
-        computed, or proved, again.
+        computed again.
 
     Returns
     -------
     Verification
-        Sentences: `checked` of the checks that were made, `differences` of what was found; `proved`
-        for each table of which slices were proved again.
+        Sentences: `checked` of the checks that were made, `differences` of what was found.
 
     Raises
     ------
     UsageError
-        If the folder has no data package of this program, or if there is nothing that proves.
+        If the folder has no data package of this program.
 
     Notes
     -----
     Rows are compared to the bit or, if another version of this program or of numpy made them, to
     1e-9, relative.
     """
-    if prove and offered("prover") is None:
-        raise UsageError(
-            "prove: expected the capability `prove`, whose ball arithmetic proves slices again, found it missing"
-        )
     packages = sorted(Path(directory).glob(f"*{PACKAGE}"))
     if not packages:
         raise UsageError(f"{directory}: expected results with their data package, found none")
@@ -105,21 +91,16 @@ def verify(
     alone = [path for path in sorted(tables) if path.stem not in stems and path.stem in HOMES]
     checked: list[str] = []
     differences = [f"{path}: its data package is missing" for path in alone]
-    proved: list[Mapping[str, str | int]] = []
     for package in packages:
-        for text, different in _of_package(
-            package, rows, seed, prove, proved, progress or (lambda *_: None)
-        ):
+        for text, different in _of_package(package, rows, seed, progress or (lambda *_: None)):
             (differences if different else checked).append(text)
-    return Verification(tuple(checked), tuple(differences), tuple(proved))
+    return Verification(tuple(checked), tuple(differences))
 
 
 def _of_package(
     package: Path,
     rows: int,
     seed: int,
-    prove: int,
-    proved: list[Mapping[str, str | int]],
     progress: Callable[[int, int], None],
 ) -> Iterator[tuple[str, bool]]:
     """Yield (sentence, whether it is about a difference) for one table."""
@@ -161,8 +142,6 @@ def _of_package(
             True,
         )
     yield from _rows(package, facts, again, rows, seed, progress)
-    if prove and again.provable:
-        yield from _proved_again(parquet, again, prove, proved, progress)
 
 
 def _files(package: Path) -> Iterator[str]:
@@ -342,57 +321,6 @@ def _starts(parquet: Path) -> np.ndarray | None:
             return None
         starts.append(first + np.flatnonzero(numbers == 0))
     return np.concatenate(starts)
-
-
-def _proved_again(
-    parquet: Path,
-    again: Recompute,
-    most: int,
-    proved: list[Mapping[str, str | int]],
-    progress: Callable[[int, int], None],
-) -> Iterator[tuple[str, bool]]:
-    """Yield the sentences about certified slices that are proved again; their counts are appended to `proved`."""
-    try:
-        starts = _starts(parquet)
-        if starts is None or len(starts) != again.combinations:
-            return  # which is a difference already
-        of_all = read_rows(parquet, columns=["certified"])["certified"][starts]
-        certified = np.flatnonzero(of_all[: again.provable])
-        others = int(of_all[again.provable :].sum())
-        places = np.linspace(0, len(certified) - 1, min(most, len(certified))).round().astype(int)
-        picked, ends = certified[places].tolist(), np.append(starts, rows_in(parquet)).tolist()
-        claims = (
-            (number, read_rows(parquet, ends[number], ends[number + 1]))
-            for number in _counted(picked, progress)
-        )
-        verdicts = list(again.prove(claims)) if again.prove else []
-    except (WavesweepError, KeyError, ValueError, OSError) as error:
-        yield f"{parquet}: its rows cannot be proved again: {error}", True
-        return
-    told = Counter(result.verdict for result in verdicts)
-    counts = {name: told[name] for name in ("whole", "ends", "unsettled", "refuted")}
-    proved.append(
-        {"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts}
-    )
-    reasons = "; ".join(
-        dict.fromkeys(result.why for result in verdicts if result.verdict == "unsettled")
-    )
-    of_one = " of the spec's own numbers" if others else ""
-    text = f"{parquet}: {len(picked)} of {len(certified)} certified slices{of_one} proved again in ball arithmetic: {counts['whole']} "
-    text += f"confirmed on the whole range, {counts['ends']} at their ends and between them, {counts['refuted']} refuted, "
-    text += f"{counts['unsettled']} not known{f' ({reasons})' if reasons else ''}"
-    if others:
-        text += f"; {others} of more than one loop not proved again"
-    yield text, False
-    fault = (
-        "unless the file was changed, this is a fault of wavesweep: please report it with the spec"
-    )
-    for number, result in zip(picked, verdicts, strict=True):
-        if result.verdict == "refuted":
-            yield (
-                f"{parquet}: row {ends[number] + 1} is certified, but ball arithmetic refutes it, {result.why}; {fault}",
-                True,
-            )
 
 
 def first_difference(found: Columns, expected: Columns, exact: bool, first_row: int) -> str:

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wavesweep.capabilities import offered
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.number_words import span_in_words
-from wavesweep.program.tables.kind import Kind, Line, Numbers, ProvedAgain, Recompute, Summary
+from wavesweep.program.tables.kind import Kind, Line, Numbers, Recompute, Summary
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -147,26 +146,6 @@ def rows_again(
         records = single.task(chunk)()
         block = stage.job.columns(np.repeat(combination, records.size), records)
         yield KINDS[2 if hands else 0].ordered(_finished(block, stage, stages, hands))
-
-
-def proved_again(
-    spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]
-) -> Iterator[ProvedAgain]:
-    """Yield what ball arithmetic says of some combinations of a table without hands; claims: their numbers and their rows."""
-    from wavesweep.program.analyses.interval_jobs import searches_of
-    from wavesweep.program.sweep.job import cut_otherwise
-
-    prover = offered("prover")  # there, as `verify` refuses to prove without it
-    job = stages_of(spec, along, None)[0].job
-    single = cut_otherwise(job, deep=1, wide=1)  # then the number of a chunk is that of its slice
-    for number, rows in claims:
-        chunk = single.chunks[int(single.grid.slice_of(np.array([number]))[0])]
-        (search,) = searches_of(single, chunk).searches
-        intervals_claimed = []
-        if rows["intervals"][0]:
-            ends = [rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega")]
-            intervals_claimed = list(zip(*ends, strict=True))
-        yield prover.prove_again(search, intervals_claimed)
 
 
 def _finished(block: Columns, stage: Stage, stages: Sequence[Stage], hands: Any) -> Columns:
@@ -357,8 +336,6 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
         spec.sha256,
         combinations=sum(sizes),
         of_combinations=partial(rows_again, spec, along, hands),
-        provable=0 if hands else sizes[0],
-        prove=partial(proved_again, spec, along),
     )
 
 

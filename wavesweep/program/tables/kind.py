@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from wavesweep.program.tables.fields import Field, columns_of
 
@@ -28,25 +28,11 @@ class Summary(Protocol):
         """The summary as numbers and words that JSON can hold."""
 
 
-class ProvedAgain(NamedTuple):
-    """What ball arithmetic says of a certified slice.
-
-    verdict: "whole" if it proves the same intervals on the whole range; "ends" if that takes too
-    many operations, and it proves each end and one value between two ends; "refuted" if it proves
-    something else; otherwise "unsettled". why: in words, of the last two.
-    """
-
-    verdict: Literal["whole", "ends", "refuted", "unsettled"]
-    why: str = ""
-
-
 @dataclass(frozen=True)
 class Recompute:
     """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations.
 
-    rows: their expected number, 0 if it is known only once they are computed. provable: how many of
-    the combinations, the first ones, may be proved again. prove: from pairs of the number of a
-    combination and its rows, what ball arithmetic says of each.
+    rows: their expected number, 0 if it is known only once they are computed.
     """
 
     sha256: str
@@ -54,8 +40,6 @@ class Recompute:
     rows: int = 0
     combinations: int = 0
     of_combinations: Callable[[Iterable[int]], Iterator[Columns]] | None = None
-    provable: int = 0
-    prove: Callable[[Iterable[tuple[int, Columns]]], Iterator[ProvedAgain]] | None = None
 
 
 @dataclass(frozen=True)
