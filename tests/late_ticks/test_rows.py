@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from meaning.attacked import contradictions
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
@@ -42,6 +43,7 @@ def test_a_row_lies_within_that_of_ticks_on_time_and_next_to_what_refutes_it():
     assert late["high"] < less["high"] < late["fails_from"] * 1.2
     assert 0.97 * late["fails_from"] < late["high"] < late["fails_from"]
     assert late["counterexample"].startswith("ticks of 1.2, 1.2, 1")
+    assert contradictions(SPEC) == []
 
 
 TWO_INTERVALS = {

@@ -40,6 +40,17 @@ def judge_attacked(number: int, tables: dict | None = None) -> list[Found]:
     return found
 
 
+def contradictions(tables: dict) -> list[Found]:
+    """What an attack meets that the rows of a spec with a set do not allow."""
+    return [one for one in judge_attacked(0, tables) if not one.same]
+
+
+def growth(tables: dict, word, **numbers) -> float:
+    """What a pattern that goes on for ever multiplies the motion by, in the spec with these numbers; drifts are left out."""
+    member = with_numbers(tables, numbers)
+    return radius(family_of(member, asked_of(tables)).march(word), drift_of(_alone(member)))
+
+
 def _cannot_vary(tables) -> str:
     """A number that varies and may not: only lengths of frames and delays of results do."""
     every = str([block.get("every") for block in tables.get("block", {}).values()])
