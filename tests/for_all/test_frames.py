@@ -1,15 +1,14 @@
 """Frames of varying length against the loop at one length, and against a march in plain numpy."""
 
-from itertools import chain, product
-
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from meaning.attacked import contradictions
+from meaning.attacked import growth as growth_of
+from meaning.members import Frame
 from support.frames import frames_of_controller, frames_of_drawing
-from support.specs import INTEGRATIONS, values_of
+from support.specs import INTEGRATIONS, nested, values_of
 
 import wavesweep
-from tests.for_all.marches import growth_of, pmw
 from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._stability.stable import stable_intervals
@@ -76,18 +75,22 @@ def test_a_result_comes_with_the_next_frame_of_a_ratio_that_is_not_known(kind):
     assert found.high == pytest.approx(min(alone), rel=1e-9)
 
 
+def marched(K, word, **asked):
+    """What a pattern of frames multiplies the motion by, by the documents' own reading of the same loop."""
+    return growth_of(nested(fig4()) | {"for_all": asked}, tuple(Frame(*each) for each in word), K_VE=K)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("elapsed", [True])
-def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
+def test_patterns_grow_as_in_a_march():
     rng = np.random.default_rng(5)
-    frames = FramesInAnyOrder(LENGTHS, (1, 8, FRAME), elapsed=elapsed)
+    frames = FramesInAnyOrder(LENGTHS, (1, 8, FRAME))
     family = frames_of_controller(fig4(), frames)
+    varied = {"rates.ratio": {"values": [*LENGTHS], "varying": True}}
     for K in (150.0, 400.0, 900.0):
         pattern = [(int(rng.choice(LENGTHS)), frames.delays[rng.integers(3)]) for _ in range(3)]
         word = tuple(family.symbols.index(Symbol(*each)) for each in pattern)
-        in_time = [(ticks, ticks if delay == FRAME else delay) for ticks, delay in pattern]
-        expected = growth_of(pmw(K), in_time, None if elapsed else 20)
-        assert growth(family.at(K), word) == pytest.approx(expected, rel=1e-9)
+        expected = marched(K, [(ticks, "frame" if delay == FRAME else delay) for ticks, delay in pattern], **varied)
+        assert growth(family.at(K), word) == pytest.approx(expected, rel=1e-7)
 
 
 def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
@@ -95,8 +98,7 @@ def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
     kinds = [(each.delay, each.lost) for each in family.symbols]
     assert kinds == [(1, 0), (LOST, 1), (LOST, 2)]
     np.testing.assert_array_equal(family.follows, [[True, True, False], [True, False, True], [True, False, False]])
-    one_lost = [(20, 1), (20, None)]
-    assert growth(family.at(300.0), (0, 1)) == pytest.approx(growth_of(pmw(300.0), one_lost), rel=1e-9)
+    assert growth(family.at(300.0), (0, 1)) == pytest.approx(marched(300.0, [(20, 1), (20, None)], lost=2), rel=1e-7)
 
 
 def test_words_that_may_not_be_repeated_refute_nothing():
@@ -113,49 +115,19 @@ def test_words_that_may_not_be_repeated_refute_nothing():
     assert [(five.symbols[i].ticks, five.symbols[i].lost) for i in longest] == [(20, count) for count in range(6)]
 
 
-def slow_wall(stiffness, in_time):
-    """The frame of 20 ms of a free device (0.1 kg, 1.5 N*s/m) and a wall with 1 N*s/m: of position, velocity and held force."""
-    rate = 1.5 / 0.1
-    fades = np.exp(-rate * 0.02)
-    glides = (1 - fades) / rate
-    moves = np.array([[1, glides, (glides - 0.02) / 1.5], [0, fades, (fades - 1) / 1.5], [0, 0, 1]])
-    samples = np.array([[1, 0, 0], [0, 1, 0], [stiffness, 1, 0]])
-    return moves @ samples if in_time else moves
-
-
-def radius(word, stiffness):
-    """What a pattern of results that come in time or not multiplies the motion by, per frame."""
-    product = np.eye(3)
-    for in_time in word:
-        product = slow_wall(stiffness, in_time) @ product
-    return np.abs(np.linalg.eigvals(product)).max() ** (1 / len(word))
-
-
-def wall_beside_losses(lost):
-    """The largest stiffness that is proved with so many losses in a row, and the refuted one with its pattern."""
-    wall = {
-        "environment": {"delay": 0, "B_VE": 1.0, "K_VE": 60.0},
-        "controller": {"kind": "dc-slow"},
-        "for_all": {"lost": lost},
-    }
-    rows = wavesweep.compile(wall).stable_intervals(along="K_VE", span=(0, 2000))
-    row = rows[rows["guarantee"] == "for_all"].iloc[0]
-    pattern = ["lost" not in each for each in row["counterexample"].removeprefix("frames ").split(", ")]
-    assert pattern.count(True)
-    return row, pattern
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("lost", [1, 3])
-def test_losses_beside_results_that_are_in_place_at_once_end_where_a_march_does(lost):
-    row, pattern = wall_beside_losses(lost)
-    assert row["settled"]
-    assert np.isnan(row["felt_high"])  # which the loop of constant frames alone has
-    assert radius(pattern, row["fails_from"] * (1 - 1e-4)) < 1 < radius(pattern, row["fails_from"])
-    patterns = [[True, *[False] * count] for count in range(lost + 1)]
-    words = [[*chain(*each)] for each in product(patterns, repeat=4)]
-    assert max(radius(word, row["high"]) for word in words) < 1
-    assert row["fails_from"] <= min(k for k in np.arange(1.0, 300.0) if any(radius(each, k) > 1 for each in patterns))
+def test_losses_beside_results_that_are_in_place_at_once_end_where_a_march_does():
+    tables = {
+        "rates": {"ratio": 5},
+        "environment": {"delay": 0, "B_VE": 1.0},
+        "controller": {"kind": "dc-slow"},
+        "for_all": {"lost": 3},
+        "sweep": {"along": "K_VE", "K_VE": {"start": 0, "stop": 2000}},
+    }
+    (row,) = wavesweep.stability_region(tables).query("guarantee == 'for_all'").itertuples()
+    assert row.settled
+    assert np.isnan(row.felt_high)  # which the loop of constant frames alone has
+    assert contradictions(tables) == []
 
 
 @pytest.mark.parametrize(
@@ -191,14 +163,15 @@ def test_a_drawn_loop_has_the_frames_of_the_controller_that_it_draws(elapsed):
 
 PERIODIC = {
     "rates": {"tick_hz": 1000},
-    "numbers": {"K": 100.0},
+    "numbers": {"K": 900.0, "n": 4},
     "block": {
         "m": {"type": "mass", "mass": 0.5, "damping": 2.0},
-        "slow": {"type": "hold", "every": 4},
-        "speed": {"type": "difference", "every": 4, "phase": 1},
-        "later": {"type": "hold", "every": 4, "phase": 2},
+        "slow": {"type": "hold", "every": "n"},
+        "speed": {"type": "difference", "every": "n", "phase": 1},
+        "later": {"type": "hold", "every": "n", "phase": 2},
     },
     "wire": {"slow.u": "m.x", "speed.u": "m.x", "later.u": "K*slow.y + 3*speed.y", "m.f": "-later.y"},
+    "for_all": {"n": {"values": [4, 7], "varying": True}},
 }
 
 
@@ -207,26 +180,9 @@ def test_periods_of_blocks_that_run_after_the_sample_are_those_of_the_frame_befo
     spec = load(PERIODIC)
     family = frames_of_drawing(spec.drawing, spec.values, (4, 7), "numbers.K")
     assert {(each.ticks, each.step) for each in family.symbols} == {(4, 4), (4, 7), (7, 4), (7, 7)}
-    step, pattern, K = expm(1e-3 * np.array([[-4, 0, 2], [1, 0, 0], [0, 0, 0]])), [4, 7, 7], 900.0
-    v, x, force, before, gap, sizes = 0.3, 1.0, 0.0, 0.9, pattern[-1], []
-    for _ in range(300):
-        for ticks in pattern:
-            for k in range(ticks):
-                if k == 0:
-                    held = x
-                if k == 1:
-                    speed, before = (x - before) / (gap * 1e-3), x
-                if k == 2:
-                    force = K * held + 3 * speed
-                v, x = step[:2, :2] @ (v, x) - step[:2, 2] * force
-            gap = ticks
-        size = max(abs(v), 30 * abs(x))
-        v, x, force, before, held = (each / size for each in (v, x, force, before, held))
-        sizes.append(np.log(size))
-    word = tuple(
-        next(i for i, each in enumerate(family.symbols) if (each.ticks, each.step) == pair) for pair in ((4, 7), (7, 4), (7, 7))
-    )
-    assert growth(family.at(K), word) == pytest.approx(np.exp(np.mean(sizes[150:])), rel=0.02)
+    pairs = [(each.ticks, each.step) for each in family.symbols]
+    word = tuple(map(pairs.index, ((4, 7), (7, 4), (7, 7))))
+    assert growth(family.at(900.0), word) == pytest.approx(growth_of(PERIODIC, (Frame(4), Frame(7), Frame(7))), rel=1e-7)
 
 
 def test_one_length_alone_is_the_interval_of_today():

@@ -112,45 +112,6 @@ def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, share
     assert all(radius(march(K), LENGTHS, shares) < 1 for K in (1e-4, 1e-2, 1.0))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [7])
-def test_results_late_and_lost_at_random_have_the_moments_of_a_march(seed):
-    """Delays of 0, of a whole frame and between, independent or by the length of the frame, and results that never come."""
-    rng = np.random.default_rng(seed)
-    lengths = rng.choice(np.arange(2, 30), rng.integers(1, 4), replace=False).tolist()
-    shares = rng.integers(0, 9, len(lengths) if rng.uniform() < 0.5 else (len(lengths),) * 2) + 1
-    delays = rng.choice(1 + min(lengths), rng.integers(1, min(4, 1 + min(lengths))), replace=False).tolist()
-    rows = rng.integers(0, 5, (len(lengths) if seed % 3 and len(lengths) > 1 else 1, len(delays))) + (rng.uniform() < 0.8)
-    rows[:, 0] += 1
-    loss = rng.choice([0.0, 0.05, 0.4])
-    kind, march = (("pmw", pmw), ("dc-slow", dc_slow))[seed % 2]
-    spec = built_in(kind, lengths, **{"shares" if shares.ndim == 1 else "next": shares.tolist()})
-    spec["for_all"] |= {"loss": float(loss)} if loss else {}
-    spec["environment"]["delay"] = delays[0]
-    spec["rates"] = {"ratio": lengths[0]}
-    if len(lengths) == 1:
-        del spec["for_all"]["rates.ratio"]
-    if len(delays) > 1:
-        own = {"shares": rows.tolist() if len(rows) > 1 else rows[0].tolist()}
-        spec["for_all"]["environment.delay"] = {"values": delays, "varying": True, **own}
-    chances = (1 - loss) * rows / rows.sum(1, keepdims=True)
-    results = [*zip(delays, chances.T.tolist(), strict=True), (None, loss)]
-    if not load(spec).for_all or not load(spec).for_all.at_random:
-        return
-    found = found_of(spec, "environment.K_VE")
-    for each in found:
-        for K, stable in (
-            (each.low or 1e-3, 1),
-            (each.high, 1),
-            ((each.low + each.high) / 2, 1),
-            (each.above.x, 0),
-            (each.below.x, 0),
-        ):
-            assert np.isnan(K) or (radius(march(K), lengths, shares, results) < 1) == stable
-    inside = [K for K in np.geomspace(1, 1999, 12) if radius(march(K), lengths, shares, results) < 1 - 1e-3]
-    assert all(any(each.low <= K <= each.high for each in found) for K in inside)
-
-
 @pytest.mark.parametrize("k", [10.0, 40.0, 53.4, 53.5, 100.0])
 def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
     """`x' = -k (z + I)`: z is sampled with the frame, and I integrates over the time since it last ran, a tick later."""

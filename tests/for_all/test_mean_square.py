@@ -1,10 +1,7 @@
 """Messages lost at random, against closed forms, operators of their own, and many runs."""
 
-from itertools import product
-
 import numpy as np
 import pytest
-from support.messages import marched, random_loop, spec_of
 
 from wavesweep.engine._sets.taylor_models import Polynomials
 from wavesweep.engine._switched.graph import Graph
@@ -130,42 +127,6 @@ def test_all_intervals_are_found_in_which_either_most_messages_are_lost_or_most_
         assert inside == pytest.approx(outside, rel=1e-4)
     for p in np.linspace(found[0].above.x, found[1].below.x, 50):
         assert radius(p) > 1
-
-
-def lossy(source):
-    """A random loop whose two channels lose messages at random, one message of each in a frame of few ticks."""
-    loop = random_loop(source)
-    for channel in loop["channels"]:
-        channel |= {"late": 0, "lost": 0}
-    spec, chance = spec_of(loop), source.uniform(0, 0.5, 2).tolist()
-    for name, p in zip(("up", "down"), chance, strict=True):
-        spec["block"][name]["loss"] = p
-    return loop, spec, chance
-
-
-def moments(loop, g, chance):
-    """The operator on the second moments of both states and of what the channels show, over a frame."""
-    ticks = int(np.lcm(*(channel["every"] for channel in loop["channels"])))
-    counts, whole = [ticks // channel["every"] for channel in loop["channels"]], 0
-    for fates in product([0, None], repeat=sum(counts)):
-        late = [list(fates[: counts[0]]), list(fates[counts[0] :])]
-        state, _ = marched(loop, g, ticks, late, list(np.eye(4)), [[], []])
-        weight = np.prod([p if each is None else 1 - p for p, row in zip(chance, late, strict=True) for each in row])
-        whole = whole + weight * np.kron(state, state)
-    return whole
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 11])
-def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tick(seed):
-    loop, spec, chance = lossy(np.random.default_rng(seed))
-    (found,) = brackets_on_average(chain(spec, "g"), (0.0, 100.0))
-    assert np.isfinite(found.low)
-    for g in (found.low, (found.low + found.high) / 2, found.high):
-        assert np.abs(np.linalg.eigvals(moments(loop, g, chance))).max() < 1
-    assert np.isfinite(found.above.x)
-    assert np.abs(np.linalg.eigvals(moments(loop, found.above.x, chance))).max() > 1 - 1e-12
-    assert found.high == pytest.approx(found.above.x, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -1,21 +1,20 @@
-"""Messages that are late or lost, against closed forms and a march with queues of messages that shares no code."""
+"""Messages that are late or lost, against closed forms and the documents' own reading."""
 
 from collections import defaultdict
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.messages import marched, random_loop, spec_of
+from meaning.attacked import growth as growth_of
+from support.messages import random_loop, spec_of
 
 import wavesweep
 from wavesweep.engine._drawing.drawing import path_of
 from wavesweep.engine._sets.enclosed_loop import Side
-from wavesweep.engine._switched.any_order import bracket, decide
+from wavesweep.engine._switched.any_order import decide
 from wavesweep.engine._switched.patterns import growth
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.switched import least_refuted, seems_refuted
 from wavesweep.for_all.channel_families import Sent, channels_of, frames_with_messages, messages_over
-from wavesweep.for_all.varying import Rules, bracketed_over
 from wavesweep.program.spec import load
 
 PLANT = {"type": "mass", "mass": 10.0, "damping": 1.0}
@@ -93,16 +92,8 @@ def test_messages_that_carry_what_drifts_are_refused(channel):
 
 
 def radius(loop, g, late):
-    """The spectral radius of a pattern that is repeated for ever, over the pattern with all messages that are under way."""
-    ticks = len(late[1]) * loop["channels"][1]["every"]
-    state, waiting = [np.zeros(1)] * 4, [[], []]
-    for _ in range(4):
-        state, waiting = marched(loop, g, ticks, late, state, waiting)
-    rows = list(np.eye(4 + sum(map(len, waiting))))
-    places = iter(rows[4:])
-    begun = [[(at, n, next(places)) for at, n, _ in each] for each in waiting]
-    state, after = marched(loop, g, ticks, late, rows[:4], begun)
-    return np.abs(np.linalg.eigvals(np.array([*state, *(row for each in after for _, _, row in each)]))).max()
+    """What a pattern that is repeated for ever multiplies the motion by, by the documents' own reading."""
+    return growth_of(spec_of(loop), dict(zip(("up", "down"), map(tuple, late), strict=True)), g=g)
 
 
 def pattern(found, word):
@@ -152,63 +143,6 @@ def test_patterns_grow_as_they_do_tick_by_tick(seed):
         late = pattern(found, word)
         g = source.uniform(0, 3)
         assert growth(found.at(g), word) == pytest.approx(radius(loop, g, late), rel=1e-6, abs=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 4, 8])
-def test_simulate_runs_a_pattern(seed):
-    source = np.random.default_rng(200 + seed)
-    loop, spec = random_loop(source), None
-    late = [source.choice([0, 1, 2, 3, 7, None], source.integers(1, 6)).tolist() for _ in range(2)]
-    messages = {
-        name: ["lost" if each is None else each for each in row] for name, row in zip(("up", "down"), late, strict=True)
-    }
-    pulse = {"input": "pulse", "at_s": 0.0, "width_s": loop["tick"], "duration_s": 60 * loop["tick"]}
-    spec = spec_of(loop) | {"simulate": pulse | {"messages": messages}}
-    run = wavesweep.simulate(spec)[0]
-    for ticks in (20, 59):
-        state, _ = marched(loop, 0.1, ticks, late, [np.zeros(1)] * 4, [[], []], push=1.0)
-        assert run.pos[ticks] == pytest.approx(state[0][0], rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0])
-def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed):
-    source = np.random.default_rng(100 + seed)
-    loop = random_loop(source)
-    found = family(spec_of(loop), "g")
-    proof = bracket(found, 0.02, (0.0, 100.0), work=1e9)
-    for g in (proof.low, proof.high, (proof.low + proof.high) / 2) if np.isfinite(proof.low) else ():
-        for word in filter(None, (random_word(found, source) for _ in range(10))):
-            late = pattern(found, word)
-            assert radius(loop, g, late) < 1
-    if proof.above.word:
-        late = pattern(found, proof.above.word)
-        assert radius(loop, proof.above.x, late) >= 1 - 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0])
-def test_what_is_proved_for_a_range_of_masses_survives_them_with_random_patterns(seed):
-    source = np.random.default_rng(300 + seed)
-    loop = random_loop(source)
-    mass, *others = loop["numbers"]
-    tables, ends = spec_of(loop), (0.8 * mass, 1.25 * mass)
-    tables["numbers"]["m"], tables["block"]["plant"]["mass"] = mass, "m"
-    spec = load(tables | {"for_all": {"m": dict(zip(("start", "stop"), ends, strict=True))}})
-    rules, found = replace(Rules.of(spec), work=1e8), family(tables, "g")
-    nominal = bracket(found, 0.02, (0.0, 100.0), work=1e8)
-    if not np.isfinite(nominal.low):
-        return
-    proof = bracketed_over(rules, dict(spec.values), path_of("g"), spec.for_all.axes, (0.0, 100.0), (0.0, nominal.fails_from))
-    for g in (proof.low, proof.high, (proof.low + proof.high) / 2) if proof else ():
-        for word in filter(None, (random_word(found, source) for _ in range(10))):
-            own = loop | {"numbers": [source.choice([*ends, source.uniform(*ends)]), *others]}
-            assert radius(own, g, pattern(found, word)) < 1
-    if proof and proof.above.word:
-        own = loop | {"numbers": [proof.above.point[0], *others]}
-        assert ends[0] <= proof.above.point[0] <= ends[1]
-        assert radius(own, proof.above.x, pattern(found, proof.above.word)) >= 1 - 1e-9
 
 
 @pytest.mark.slow

@@ -5,10 +5,11 @@ from itertools import product
 
 import numpy as np
 import pytest
+from meaning.attacked import growth
+from meaning.members import Frame
 from scipy.linalg import expm
-from scipy.signal import butter
 from support.frames import plan_of_controller
-from support.specs import values_of
+from support.specs import nested, values_of
 
 import wavesweep
 from wavesweep.engine._sets.enclosed_loop import Side
@@ -24,7 +25,6 @@ from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
-T = 1e-3
 HAND = "operator.mass", "operator.damping", "operator.stiffness"
 
 
@@ -93,42 +93,6 @@ def test_numbers_that_jump_from_frame_to_frame_do_not_count_as_constant_ones():
     assert not shrink_over(Polynomials(forms, nothing, 1, 3), Graph.least(follows), A, follows)[0]
 
 
-def marched_frames(kind, K, hand, lengths, b=10.0, B=1.0):
-    """The matrices of frames from their difference equations, tick by tick: a sample ends a frame, as in the package."""
-    mass, damping, stiffness = 0.1 + hand[0], 1.5 + hand[1], hand[2]
-    move = expm(T * np.array([[-damping / mass, -stiffness / mass, 1 / mass], [1, 0, 0], [0, 0, 0]]))[:2]
-    (b0, b1), (_, a1), root = *butter(1, 8.57, fs=1 / T), np.sqrt(2 * b)
-
-    def tick(state, phase, step):
-        v, x, before, u, y, x_s, out, shown = state
-        speed = (x - before) / T
-        shown = out if phase == 1 else shown
-        if kind == "dc-slow":
-            force, out = shown, K * x + B * speed if phase == 0 else out
-            u = y = x_s = 0.0
-        else:
-            wave = root * speed - shown
-            u, y, force = wave, b0 * wave + b1 * u - a1 * y, b * speed - root * shown
-            if phase == 0:
-                slow = (root * y - K * x_s) / (b + B)
-                x_s, out = x_s + step * T * slow, y - np.sqrt(2 / b) * (K * x_s + B * slow)
-        return np.array([*(move @ [v, x, -force]), x, u, y, x_s, out, shown])
-
-    show, plain = (np.array([tick(each, phase, 0) for each in np.eye(8)]).T for phase in (1, 2))
-    ends = (np.array([tick(each, 0, length) for each in np.eye(8)]).T for length in lengths)
-    return [end @ np.linalg.matrix_power(plain, n - 2) @ show for end, n in zip(ends, lengths, strict=True)]
-
-
-def growth(frames, word):
-    """The spectral radius of a product without the eigenvalue 1 of a position that nothing holds."""
-    whole = np.eye(8)
-    for each in word:
-        whole = frames[each] @ whole
-    values = np.linalg.eigvals(whole)
-    at_one = np.argmin(np.abs(values - 1))
-    return np.abs(np.delete(values, at_one) if np.abs(values[at_one] - 1) < 1e-6 else values).max()
-
-
 @pytest.mark.parametrize("stop", [1.0, 0.15])
 def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(stop):
     """What it adds to the frame, 5e-10/((p - 0.3)^2 + 1e-9), is 1/2 at 0.3 and next to nothing at the nodes."""
@@ -150,10 +114,14 @@ def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(s
     assert found == 0 if stop == 1 else found.matrices.rest.max() < 1e-6
 
 
+def values_at(kind):
+    values = values_of(kind) | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
+    return values | {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
+
+
 def frames_of(kind, box):
     """The frames of 18 and 22 ticks over a box of the logarithm of K_VE and the numbers of a hand."""
-    values = values_of(kind) | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
-    values |= {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
+    values = values_at(kind)
     paths = ["environment.K_VE", *HAND]
     plan = plan_of_controller(values, FramesInAnyOrder((18, 22)), paths)
     return plan.over([Side(paths[0], 0.0), *map(Side, paths[1:])], box)
@@ -211,11 +179,13 @@ def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
     """Their eigenvalues are those of the march, at K_h = 0 too, where nothing holds the position."""
     box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
     frames = frames_of(kind, box).over(box[None])[0].matrices
+    tables = nested(values_at(kind)) | {"for_all": {"rates.ratio": {"values": [18, 22], "varying": True}}}
     for s in product((-1.0, 0.3, 1.0), repeat=4):
         place = box.mean(0) + (box[1] - box[0]) / 2 * s
-        marched = marched_frames(kind, np.exp(place[0]), place[1:], (18, 22))
-        for own, other in zip(at(frames, np.array(s)), marched, strict=True):
-            assert np.abs(np.linalg.eigvals(own)).max() == pytest.approx(growth([other], [0]), abs=1e-4)
+        numbers = dict(zip(("K_VE", *HAND), [np.exp(place[0]), *place[1:]], strict=True))
+        for own, ticks in zip(at(frames, np.array(s)), (18, 22), strict=True):
+            expected = growth(tables, (Frame(ticks, 1),), **numbers)
+            assert np.abs(np.linalg.eigvals(own)).max() == pytest.approx(expected, abs=1e-4)
 
 
 def test_a_frame_that_may_not_follow_itself_need_not_shrink_alone():

@@ -41,31 +41,6 @@ def spec_of(loop):
     }
 
 
-def marched(loop, g, ticks, late, state, waiting, push=0.0):
-    """Signals after so many ticks, as rows over some basis: position, velocity and what both channels show; and their messages
-    under way, as (tick of arrival, number, row). push: a force in the first tick."""
-    mass, damping, stiffness, a, b = loop["numbers"]
-    flow = expm(np.array([[0, 1, 0], [-stiffness / mass, -damping / mass, 1 / mass], [0, 0, 0]]) * loop["tick"])[:2]
-    (x, v, *shown), waiting, sent = state, [list(each) for each in waiting], [0, 0]
-    for k in range(ticks):
-        for i, channel in enumerate(loop["channels"]):
-            newest = max((each for each in waiting[i] if each[0] <= k), key=lambda each: each[1], default=None)
-            runs = k % channel["every"] == channel["phase"]
-            if newest:
-                shown[i], waiting[i] = newest[2], [each for each in waiting[i] if each[1] > newest[1]]
-            elif runs and channel["missing"] == "zero":
-                shown[i] = 0 * x
-            if runs:
-                read, own = (a * x + b * v if i == 0 else -g * shown[0]), late[i][sent[i] % len(late[i])]
-                sent[i] += 1
-                if own == 0:
-                    shown[i], waiting[i] = read, []
-                elif own is not None:
-                    waiting[i].append((k + own, sent[i], read))
-        x, v = flow @ np.array([x, v, shown[1] + push * (k == 0)])
-    return [x, v, *shown], [[(at - ticks, n - sent[i], row) for at, n, row in each] for i, each in enumerate(waiting)]
-
-
 def random_blocks(source):
     """A mass, and blocks of random types and rates in a row, each of which reads the mass, a push and blocks before it.
 
