@@ -17,8 +17,6 @@ from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded, sum_rounding
 
 FIRST_ARCS = 64  # of half the circle
-# of neighbouring arcs, whose middles are sums of some dozens of rounded halves
-ARC_OVERLAP = 2.0**-44
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +133,8 @@ def _least(loop, walls, multiplier, middles, half):
     On an arc, M differs by `rest_m` from `m + m1 s`, and `1 - K G_x - B G_v` without its pole by
     `rest_a` from `a + a1 s`, with s the angle from the middle.
     """
-    half = half + ARC_OVERLAP
+    # Neighbouring arcs overlap, as their middles are sums of some dozens of rounded halves.
+    half = half + 2.0**-44
     curved = half**2 / 2
     about = _resolvents(loop, middles, half)
     m, m1 = multiplier.at(middles)

@@ -17,7 +17,6 @@ import numpy as np
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded, sum_rounding
 
-MOST_WORDS = 5000  # frames in a row that a set of all rests is tried with, 6 of four kinds
 SPREAD_SHARE = 1e-4  # of the rest's size, below which a direction is an error
 
 
@@ -147,7 +146,8 @@ def _every_rest(own: Bounded, own_step: Bounded, follows: np.ndarray) -> _Rests 
             if found:
                 return found
         first, following = np.nonzero(follows[last])
-        if first.size > MOST_WORDS:
+        # Frames in a row that a set of all rests is tried with: 6 of four kinds.
+        if first.size > 5000:
             return None
         before = A.part(first)
         step = before @ own_step.part(following) + step.part(first)

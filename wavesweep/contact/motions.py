@@ -11,8 +11,6 @@ import numpy as np
 from wavesweep.contact.wall_loop import WallsAlong
 from wavesweep.program.number_words import MOST_DIGITS, in_all_digits
 
-FEWEST_DIGITS = 4  # of a force in words
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
@@ -109,7 +107,8 @@ def _of(walls, period, angle, opened, value):
     sine = np.cos(turns)
     one, other = walls.opened(2 * np.pi * np.arange(1, period) / period)
     opened_at_all = one + value * other
-    for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1):
+    # Digits of a force in words, few to begin with.
+    for digits in range(4, MOST_DIGITS + 1):
         force = np.array([float(f"{u:.{digits}g}") for u in sine - sine.min()])
         parts = np.fft.fft(force)
         parts[0] = 0.0  # whatever the push makes it

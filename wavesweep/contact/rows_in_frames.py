@@ -20,16 +20,11 @@ from wavesweep.engine.drawing import path_of
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
-BACK = (0.01, 0.03, 0.1, 0.3)  # of a wall, how far below it a proof is begun once more
-BEFORE_END = 0.01  # of the way to a first motion that goes on, how far before it a proof is tried
 # Shares of a wall that a proof goes down in a piece: the first and largest one, the first from where
 # forms are looked for once more, and the least that is tried.
 MOST_SHARE, FIRST_SHARE, LEAST_SHARE = 0.9, 0.1, 0.001
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
 MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
-# Frames that a node knows, and directions in which rests differ that are no errors: proofs begin with
-# the first, and go on with those after it.
-FINER = ((0, 2), (0, 3), (1, 2), (2, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +49,9 @@ class InFrames:
         alone = InFrames(frames, None, unit)
         loops = []
         size = (0, 0)
-        for ahead, spread in FINER:
+        # Frames that a node knows, and directions in which rests differ that are no errors:
+        # proofs begin with the first, and go on with those after it.
+        for ahead, spread in ((0, 2), (0, 3), (1, 2), (2, 2)):
             edges = edges_of(frames, ahead, spread)
             if edges is None:
                 return alone if alone.unstable else None
@@ -228,7 +225,8 @@ class Along:
                 return self.down(found, high, low), high
             ceiling = high
         above = ceiling
-        top = ceiling - BEFORE_END * (ceiling - low)
+        # How far before a first motion that goes on a proof is tried, of the way to it.
+        top = ceiling - 0.01 * (ceiling - low)
         found = self.proved_at(top)
         for halved in range(1, 14):  # halvings of the range, down to where a first proof is tried
             if found:
@@ -252,7 +250,8 @@ class Along:
         """The longest interval that is proved down from `top` or from a little below it: forms at a
         wall that is only just proved may serve at no other."""
         best = self.down(found, top, low), top
-        for back in BACK:
+        # How far below a wall a proof is begun once more, of the wall.
+        for back in (0.01, 0.03, 0.1, 0.3):
             if best[0] < (1 - back) * best[1]:
                 break
             begun = self.proved_at((1 - back) * top)

@@ -10,8 +10,6 @@ import numpy as np
 from wavesweep.contact.stored_check import Conditions, Stored, coefficient_parts
 from wavesweep.engine.switched import Inequality, minimised, symmetric_basis
 
-LEAST_WEIGHT = 1e-5  # of the rest, g, where g + h is 1 at most
-LEAST_ROOM = 1e-7  # of F, where forces are of size 1
 SMALL = 1e-9  # of the traces of all P_i beside t: keeps those bounded that F does not bound
 
 
@@ -73,8 +71,10 @@ def find_stored(
     G[0, g] = -1.0
     G[1, h] = -1.0
     G[2, [g, h]] = 1.0
-    x = minimised(cost, inequalities, G, np.array([-LEAST_WEIGHT, 0.0, 1.0]))
-    if not (np.isfinite(x).all() and x[t] > LEAST_ROOM):
+    # The least weight of the rest, g, where g + h is 1 at most.
+    x = minimised(cost, inequalities, G, np.array([-1e-5, 0.0, 1.0]))
+    # The least room of F, where forces are of size 1.
+    if not (np.isfinite(x).all() and x[t] > 1e-7):
         return None
     P = np.tensordot(x[each_node], basis, (1, 0))
     return Stored(P, float(x[g]), max(0.0, float(x[h])))

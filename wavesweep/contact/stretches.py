@@ -15,8 +15,6 @@ from wavesweep.contact.wall_loop import WallsAlong
 SEEDS = (0.3, 0.1, 0.01, 0.001, 0.6, 0.9)
 TRIED_NEAR_END = 2e-4  # of a linear interval, how near to its ends a proof is tried
 RESOLVED = 2e-4  # of the end that is found, how far the next failure is known to be
-STEPS_TO_END = 12  # at most, towards an end
-SAMPLED_AGAIN = 4  # times at most, with angles at which the check fails
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +62,8 @@ class Line:
         ceases to serve.
         """
         start = low
-        for _ in range(SAMPLED_AGAIN):
+        # Sampled again so many times at most, with angles at which the check fails.
+        for _ in range(4):
             ends = self.walls.at(low, high) if whole else self.walls.at(high)
             multiplier, margin = self.sampled.multiplier(ends)
             if not margin > LEAST_SHARE:
@@ -88,7 +87,8 @@ class Line:
         as it serves, or else halves the way that is left.
         """
         best, beyond, value = seed, limit, seed
-        for _ in range(STEPS_TO_END):
+        # Steps towards an end, at most.
+        for _ in range(12):
             multiplier, margin = self.sampled.multiplier(self.walls.at(value))
             if margin > LEAST_SHARE:
                 reach = self.sampled.reach(multiplier, self.walls)

@@ -37,7 +37,6 @@ LOOKED_AT = 33  # values of y, evenly and towards the low end, by which its rang
 FREQUENCIES = 90  # frequencies of a response
 ROOM_OF_PLANE = 1.25  # times the highest limit, in two digits: up to where a plane goes
 PIXELS = (800, 400)  # of the plane
-PREVIEW_PIXELS = 2  # pixels to which a preview is right
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,8 @@ def preview(
     if cells and by_gain:
         curve, view = _columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2 + 1))
         low, high = plane.y_span
-        gaps = known_gaps(curve.columns, view, PREVIEW_PIXELS * (high - low) / view.high)
+        # A preview is right to 2 pixels.
+        gaps = known_gaps(curve.columns, view, 2 * (high - low) / view.high)
         answer["plane"] = {**plane_of(PlaneCurve(curve.columns, gaps), view), "how": "columns"}
     elif cells:
         # the plane by the eigenvalues in the middle of so many cells along each side

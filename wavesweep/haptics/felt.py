@@ -23,9 +23,6 @@ RECORD = record_type(*((name, "<f8") for name in FELT))
 """Records of intervals with the stiffness that is felt at their ends."""
 # of an end, how far from it is looked where a mode has the frame's own period there
 BESIDE_END = 1e-4
-# relative difference of two such looks, beyond which nothing is felt that is the same on both sides
-AGREED = 1e-3
-KNOWN_STIFFNESS = 1e-6  # relative error up to which a stiffness counts as known
 
 
 def feels(drawing: Drawing) -> bool:
@@ -70,9 +67,8 @@ def _fill_felt(felt, loops):
 
     for members, port in ports_by_rate(loops.some(unknown), unknown.size):
         response = static_response(Lifted.of(port))
-        found = np.where(
-            response.impedance_error <= KNOWN_STIFFNESS, response.impedance.real, np.nan
-        )
+        # The relative error up to which a stiffness counts as known.
+        found = np.where(response.impedance_error <= 1e-6, response.impedance.real, np.nan)
         felt[unknown[members]] = found
         if size > 1 and port.rest().going:  # one may stand still where those about it go on
             for at in unknown[members][np.isnan(found)].tolist():
@@ -154,8 +150,10 @@ def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.nd
             )
             moved = stiffness(np.tile(row[ends], 4), sides.ravel()).reshape(4, -1)
             near, far = moved[0] + moved[1], moved[2] + moved[3]
+            # The relative difference of two such looks, beyond which nothing is felt that is
+            # the same on both sides
             felt[ends] = np.where(
-                np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan
+                np.abs(near - far) <= 1e-3 * np.abs(near), (4 * near - far) / 6, np.nan
             )
     return felt.reshape(shape)
 

@@ -30,16 +30,8 @@ from wavesweep.identification.prediction.search import FIT_LOGGER
 from wavesweep.identification.prediction.smoother import LIKELIER
 
 ENCODER_OFFSETS = 12  # offsets of the encoder's steps over which rounding errors are averaged
-EXACT_RESIDUAL = 1e-10  # residual, relative to the motion, that double precision alone explains
-RARE_POWER = 1e-8  # probability of the power of a band below which white noise does not explain it
-SIGMAS = 5.0  # significance at which an effect that the model lacks is seen
 RINGING = 0.03  # its damping ratio
 SWINGING = 0.25  # share of the mass that takes part in it
-# expected significance at which an effect is seen in spite of errors of three sigmas
-SURE_SIGNIFICANCE = 8.0
-# share of the force of the log, below which a force that the model lacks, whatever it depends on, is
-# less than amplifiers and sensors know of it: it widens the intervals by what it changes
-LEAST_LACKING = 1e-5
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
 LAGS = (1.0, 4.0, 16.0)  # time constants in ticks
@@ -196,7 +188,10 @@ def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray]) -> tuple[
     if best is not None:
         share = float(1 - best.left / force)
     pushed = float(np.std(rows.force[first:end]))
-    withheld = bool(share > NAMED_SHARE and force > LEAST_LACKING * pushed)
+    # The share of the force of the log, below which a force that the model lacks,
+    # whatever it depends on, is less than amplifiers and sensors know of it: it widens the
+    # intervals by what it changes
+    withheld = bool(share > NAMED_SHARE and force > 1e-5 * pushed)
     # As much force as the log has itself may be that of a motion that no model here has. A log that
     # leaves the mass open has its own refusal.
     open_mass = float((fit.half + fit.extra)[0]) > np.log(3) / 2
@@ -313,15 +308,18 @@ def judged(fit: Fit) -> Verdict:
         directions = (root * rows.used)[:, None] * changes
         residual_beside = _orthogonal(basis, directions)
         along = left @ residual_beside
+        # Standard deviations at which an effect that the model lacks is seen.
         is_resonance |= bool(
-            (np.abs(along) > SIGMAS * np.linalg.norm(left[:, None] * residual_beside, axis=0)).any()
+            (np.abs(along) > 5.0 * np.linalg.norm(left[:, None] * residual_beside, axis=0)).any()
         )
         share = float(np.sum(along**2) / np.sum(left**2))
         if frequency:
+            # The expected significance at which an effect is seen in spite of errors
+            # of three sigmas
             shown.append(
                 (
                     frequency,
-                    bool((np.abs(directions[:, 0] @ residual_beside) > SURE_SIGNIFICANCE).any()),
+                    bool((np.abs(directions[:, 0] @ residual_beside) > 8.0).any()),
                 )
             )
             if share > tone_share:
@@ -329,9 +327,11 @@ def judged(fit: Fit) -> Verdict:
                 tone_share = share
     residual = fit.residual[rows.skip :]
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
-    exact = estimate.rounded or rms < EXACT_RESIDUAL * np.ptp(rows.reading)
+    # The residual, relative to the motion, that double precision alone explains.
+    exact = estimate.rounded or rms < 1e-10 * np.ptp(rows.reading)
     alike = _like_friction(fit)
-    remains = not exact and (is_resonance or float(odds.min()) < RARE_POWER)
+    # The probability of the power of a band below which white noise does not explain it.
+    remains = not exact and (is_resonance or float(odds.min()) < 1e-8)
     stretch = [
         *takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))
     ]  # in which a resonance would be seen

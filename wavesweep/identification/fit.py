@@ -29,14 +29,7 @@ from wavesweep.identification.prediction.intervals import Prediction, StaticFric
 from wavesweep.identification.prediction.scaled_log import ONE_WAY, OUTLIER_SHARE
 
 FIRST_ROWS = 5  # rows from which the initial velocity is guessed
-# times the noise of the readings or their step, above which an error is not that of an encoder
-GROWN_ERROR = 5.0
-LAST_DIGITS = 1e-7  # of the motion: smaller errors are those of the last digits
-SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
 FITTING_ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
-# standard deviations from the median beyond which a reading is an outlier, if it is also two steps
-# off
-OUTLIER = 6.0
 SLOW_TURN = 0.005  # of the usual velocity, at which friction turns round to see what this changes
 
 
@@ -147,7 +140,8 @@ def fitted(
         theta = refined(model, theta, rows)
     # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they
     # come from wider ones.
-    widest = SECANT * scales(model, theta, rows)
+    # The widest step of a derivative with friction, relative to the scale of the number.
+    widest = 0.01 * scales(model, theta, rows)
     if model.friction:
         steps = widest
     else:
@@ -260,9 +254,9 @@ def _encoder_alone(model, theta, rows, noise):
         theta = theta + step
         left = left - slopes @ step
         usual = float(np.median(np.abs(left))) / 0.6745
-        if usual < GROWN_ERROR * max(
-            noise, rows.resolution, LAST_DIGITS * float(np.ptp(rows.reading))
-        ):
+        # Beyond 5 times the noise of the readings or their step an error is not
+        # that of an encoder; errors of the last digits of the motion are smaller.
+        if usual < 5.0 * max(noise, rows.resolution, 1e-7 * float(np.ptp(rows.reading))):
             return True
     return False
 
@@ -366,7 +360,9 @@ def _inliers(model, theta, rows):
             :, None
         ]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]
-    used = np.abs(off) <= max(OUTLIER * deviation, 2 * rows.resolution)
+    # Standard deviations from the median beyond which a reading is an outlier, if it is
+    # also two steps off
+    used = np.abs(off) <= max(6.0 * deviation, 2 * rows.resolution)
     if np.mean(~used) < OUTLIER_SHARE:
         return used
     return np.ones(len(used), bool)

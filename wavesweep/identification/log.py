@@ -16,7 +16,6 @@ from wavesweep.program.reading.units import TIME, column_named, converted, unit_
 
 JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
-MISSING_ROW = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
 NAMES = {  # of a column, in small letters, in place of those above
@@ -254,7 +253,8 @@ def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, floa
         )
     period = float(np.median(steps))
     usual = np.percentile(steps, [5, 95])  # stamps of whole ms have steps of two lengths
-    gap = steps > MISSING_ROW * period + usual[1] - usual[0]
+    # Periods between two rows above which one may be missing.
+    gap = steps > 1.5 * period + usual[1] - usual[0]
     if gap.any():
         row = int(gap.argmax())
         problem = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"

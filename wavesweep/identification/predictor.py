@@ -20,7 +20,6 @@ from scipy.signal import lfilter
 
 from wavesweep.identification.model import Model
 
-SETTLED_DOUBLING = 1e-12  # relative change of its solution that ends the doublings
 FORGOTTEN = 1e-9  # effect of the initial state below which it no longer matters
 
 
@@ -216,7 +215,8 @@ def _steady(A, C, noise):
         forward = forward @ forward_shared
         covariance = covariance + (added + added.T) / 2
         seen = (seen + seen.T) / 2
-        if np.abs(added).max() <= SETTLED_DOUBLING * np.abs(covariance).max():
+        # The relative change of its solution that ends the doublings.
+        if np.abs(added).max() <= 1e-12 * np.abs(covariance).max():
             break
     return covariance
 

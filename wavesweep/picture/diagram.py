@@ -12,7 +12,6 @@ from wavesweep.program.plots.labels import as_it_stands
 from wavesweep.program.plots.style import MOST_DISTINCT, distinct_look, family_looks, figure, paler
 from wavesweep.program.spec import Spec
 
-WIDEST_PICTURE = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
 PICTURE_MARGIN = 0.12  # inch
 TITLE, NAME, SMALL = 9.0, 8.0, 7.0  # points
 PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from it
@@ -120,7 +119,8 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
             f"the picture of the loop: expected at most {MOST_WIRES} wires, which can be read, found {wires}"
         )
     boxes = [_box(box) for box in loop.parts]
-    return boxes, lay_out(boxes, WIDEST_PICTURE - 2 * PICTURE_MARGIN)
+    # Inch: the smallest letters have ten pixels at a width of 1280.
+    return boxes, lay_out(boxes, 10.5 - 2 * PICTURE_MARGIN)
 
 
 def _when(every, phase=0):

@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 Source = Spec | str | Path | Mapping[str, Any]
 Span = tuple[float, float]
 MOST_ANSWERS = 16  # that are kept
-MOST_ROWS_KEPT = 10_000  # of an answer: some 2 MB
 # The latest answers of `stable_intervals`: a figure, and the display of a notebook, ask again.
 _ANSWERS: dict[
     tuple[Spec, Axis, object, object], tuple[Columns, dict[str, str], dict[str, Any]]
@@ -256,7 +255,8 @@ class Loop:
         if answer is None:
             job = job_over(grid, axis, require=required)
             answer = self._table("zwidth", *intervals.of_calls(job, progress))
-            if len(answer[0]["low"]) <= MOST_ROWS_KEPT:
+            # Rows of an answer that is kept: some 2 MB.
+            if len(answer[0]["low"]) <= 10_000:
                 _ANSWERS[question] = answer
         if len(_ANSWERS) > MOST_ANSWERS:
             del _ANSWERS[next(iter(_ANSWERS))]

@@ -9,7 +9,6 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 DIGITS = 6  # significant ones of a number in a sentence
 MOST_DIGITS = 17  # those that tell any two doubles apart
-SAME_AS_PRINTED = 1e-15  # relative: 0.1 is not a double, and 2*0.3/1e-5 not 60000
 
 
 def span_in_words(low: float, high: float, digits: int = DIGITS) -> str:
@@ -66,6 +65,7 @@ def rounded_down(value: float, digits: int = DIGITS) -> str:
 
 def _rounded(value: float, digits: int, rounding: str) -> str:
     nearest = f"{value:.{digits}g}"
-    if abs(float(nearest) - value) <= SAME_AS_PRINTED * abs(value):
+    # Relative: 0.1 is not a double, and 2*0.3/1e-5 not 60000.
+    if abs(float(nearest) - value) <= 1e-15 * abs(value):
         return nearest
     return f"{float(Context(prec=digits, rounding=rounding).create_decimal(value)):.{digits}g}"

@@ -49,8 +49,6 @@ def memory_limit() -> float:
     return limit
 
 
-BYTES_KEPT = 2**27  # bytes that the allocator keeps
-FROM_HEAP = 2**25  # bytes up to which an array comes from there, the most that glibc allows
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
 
 
@@ -66,8 +64,10 @@ def keep_memory() -> None:
         import ctypes
 
         mallopt = ctypes.CDLL(None).mallopt
-        mallopt(M_MMAP_THRESHOLD, FROM_HEAP)
-        mallopt(M_TRIM_THRESHOLD, BYTES_KEPT)
+        # Bytes up to which an array comes from the heap, the most that glibc allows.
+        mallopt(M_MMAP_THRESHOLD, 2**25)
+        # Bytes that the allocator keeps.
+        mallopt(M_TRIM_THRESHOLD, 2**27)
 
 
 def why_no_processes() -> str:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Axis, Spec
     from wavesweep.program.tables.table import Table
 
-MOST_VALUES = 6  # of an axis that are named
 # of a table of intervals that a report shows; of a longer one the rows with the largest and the
 # least end
 MOST_REPORT_ROWS = 24
@@ -80,7 +79,8 @@ def _clause(asked: Question) -> str:
 
 def _values(spec: Spec, axis: Axis) -> str:
     unit = _unit(spec, axis)
-    if len(axis.values) > MOST_VALUES:
+    # Values of an axis that are named one by one.
+    if len(axis.values) > 6:
         return f"{len(axis.values)} {axis.name} from {min(axis.values):g} to {max(axis.values):g}{unit}"
     return f"{axis.name} = {', '.join(f'{value:g}' for value in axis.values)}{unit}"
 

@@ -20,10 +20,6 @@ from wavesweep.engine.rows import Rows
 COMPLEX_STEP = 1e-30
 CORNER = 1e-6  # of an end; a further crossing so near makes it a corner
 SLOPPY = 1e-8  # error of an elasticity, of itself or of 1, beyond which it is not given
-# |y^H x| of eigenvectors of length 1, below which two eigenvalues meet: the root of a double's
-# rounding
-DEFECTIVE = 1e-7
-ORDER_ROUNDINGS = 8  # times the order: by so many roundings of its entries a frame may be off
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +112,9 @@ def _crossing(ends: _Ends, delta):
     # not the crossing that sets the end, as far as doubles tell
     wrong = ~near | ((F_end[:, 0] > 0) != ends.rising)
     error = np.where(wrong[:, None] | ~np.isfinite(error), np.inf, error)
-    return (delta, slope, error, share, np.abs(mode.overlap) < DEFECTIVE), near & ~wrong
+    # |y^H x| of eigenvectors of length 1, below which two eigenvalues meet: the root of
+    # a double's rounding
+    return (delta, slope, error, share, np.abs(mode.overlap) < 1e-7), near & ~wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +149,8 @@ def _mode(E, delta) -> _Mode:
         N = V[:, :, :-1] @ (U[:, :-1] / values[:, :-1, None])
     left, right = U[:, -1:], V[:, :, -1:]
     left, right = left - (left @ M) @ N, right - N @ (M @ right)
-    noise = ORDER_ROUNDINGS * n * EPS
+    # By so many roundings of its entries a frame of this order may be off.
+    noise = 8 * n * EPS
     size = np.abs(E) + np.abs(delta)[:, None, None] * np.eye(n)
     off_right = noise * (np.abs(N) @ (size @ np.abs(right)))
     off_left = noise * ((np.abs(left) @ size) @ np.abs(N))

@@ -14,7 +14,6 @@ from wavesweep.identification.model import ORDER, Model
 
 WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
 ONE_WAY = 0.98  # share of the motion one way above which friction is a constant force
-CLEAR_OF_NOISE = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
 OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
 
 
@@ -188,7 +187,9 @@ def scaled(
             speeds = np.cumsum(log.reading)
         noise = 3 * np.sqrt(3 / (2 * width**3 + 3 * width**2 + width))
         used = width
-        if CLEAR_OF_NOISE / 3 * noise < 0.05 * speeds.std():
+        # Times the noise of a velocity, below which a twentieth of its size has to
+        # be.
+        if 6.0 / 3 * noise < 0.05 * speeds.std():
             break
     moving = np.ones(len(force))
     if model.measured == "position":

@@ -47,7 +47,6 @@ OWN_NUMBERS = "with the spec's own numbers"
 PLAIN_FRACTION = 100  # the largest denominator of a probability that is written as a fraction
 SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 WIDEST = 120  # letters of a line
-LONGEST_LOOPS = 76  # letters of the loops of a line, beyond which it names their tables
 IN_DOUBLES = "not certified (double precision)"
 SAMPLED = "not certified (sampled bounds)"
 HOW_KNOWN = {
@@ -272,7 +271,8 @@ def loops_in_words(scope: Scope) -> str:
 def _loops_of_a_line(scope: Scope) -> str:
     """The same for a line: in place of a longer text the tables that have it are named."""
     loops = loops_in_words(scope)
-    if len(loops) <= LONGEST_LOOPS or scope.run:
+    # Letters of the loops of a line, beyond which it names their tables.
+    if len(loops) <= 76 or scope.run:
         return loops
     late = [each for each in scope.messages if not each.in_time]
     tables = []

@@ -16,8 +16,6 @@ from wavesweep.program.spec import Spec
 LOWEST_HZ, HIGHEST_HZ, POINTS, FINE = 1e-4, 100.0, 481, 81
 TENTH = 0.1  # of the stiffness at rest, what another may differ by and count as the same
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
-# of the impedance over the highest frequency, what a damping of 0 may be off by
-ZERO_DAMPING = 1e-9
 ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 # states; of more, hundreds of frequencies take minutes, and `bode` has those that are asked for
 MOST_FELT_STATES = 300
@@ -193,5 +191,6 @@ def _damping(response, low):
             return np.nan
         if off[best] <= ROUGHLY * np.abs(damping[best]):
             return damping[best]
-        nothing = abs(damping[best]) <= off[best] <= ZERO_DAMPING * np.abs(impedance[0, 0]) / low
+        # What a damping of 0 may be off by, of the impedance over the highest frequency.
+        nothing = abs(damping[best]) <= off[best] <= 1e-9 * np.abs(impedance[0, 0]) / low
         return 0.0 if nothing else np.nan

@@ -71,7 +71,6 @@ from wavesweep.program.tables.columns import unlike_units
 # hears which panel of how many is drawn
 PANELS_LOGGER = logging.getLogger("wavesweep.figure.panels")
 _APART = 0.8  # points between bars of two members at a value of x
-_EDGE = 0.03  # of the axis, beyond the bars at its ends
 # share of the axis without intervals at its high end, from which it is not shown; and what is
 _EMPTY, _SHOWN_OF_EMPTY = 0.4, 0.1
 _HOW = {  # how stable sets are drawn, in the notes below the figure
@@ -315,7 +314,8 @@ def _draw_plane(
     if any(curve.open_at_ends for curve in curves):
         in_bars = sum(not curve.gaps for curve in curves)
         width = bars_of_members[0].width
-        edge = max(_EDGE, (width + _APART) * in_bars / 2 / points)
+        # Of the axis, beyond the bars at its ends.
+        edge = max(0.03, (width + _APART) * in_bars / 2 / points)
         low, high = _with_room(low, high, edge, logarithmic)
     axes.set_xlim(low, high)
     return [y for y in reached if y > shown.view[1]], bars_of

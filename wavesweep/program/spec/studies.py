@@ -29,8 +29,6 @@ FARTHEST_FACTOR = 10.0
 DEFAULT_FREQUENCIES = Axis(
     "frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log"
 )
-# of the tick's rate, the usual frequencies of responses between inputs and outputs
-OF_PORTS = (1e-5, 0.49)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
@@ -208,7 +206,8 @@ def _frequencies(request: Request, axes: Iterable[Axis]) -> Axis:
     given = next((axis for axis in axes if axis.path == DEFAULT_FREQUENCIES.path), None)
     if given or not (request.stepped and request.hz):
         return given or DEFAULT_FREQUENCIES
-    start, stop = (share * request.hz for share in OF_PORTS)
+    # The usual frequencies of responses between inputs and outputs, of the tick's rate.
+    start, stop = (share * request.hz for share in (1e-5, 0.49))
     return replace(
         DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop
     )

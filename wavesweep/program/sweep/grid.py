@@ -20,9 +20,6 @@ Changes = Mapping[str, np.ndarray]  # path -> value of each loop
 # chunk
 CHECKED = 100_000
 MOST_GRID_ROWS = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
-# combinations of axes that the loop is drawn anew for, each of which is checked before the work
-# begins
-MOST_DRAWN_ANEW = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,9 +154,9 @@ def make_grid(
     ]
     plain = plain_paths(spec, [axis.path for axis in used], rates=rates)
     anew = [axis for axis in used if axis.path not in plain]
-    _refuse_too_many(
-        "combinations of the axes that the loop is drawn anew for", anew, MOST_DRAWN_ANEW
-    )
+    # Each combination that the loop is drawn anew for is
+    # checked before the work begins
+    _refuse_too_many("combinations of the axes that the loop is drawn anew for", anew, 10_000)
     loop = tuple(used if apart else sorted(used, key=lambda axis: axis.path in plain))
     arrays = {axis.path: np.asarray(axis.values) for axis in axes}
     return Grid(spec, tuple(axes), loop, plain, _count(axes), _count(loop), arrays)

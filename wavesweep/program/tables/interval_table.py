@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from wavesweep.program.sweep.running import Run, WorkOptions
     from wavesweep.program.tables.hand_rows import Hands
 
-MOST_WITHOUT_WALL = 64  # loops of a sweep that are looked at without their wall
-
 
 def intervals(
     spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[WorkOptions]
@@ -282,7 +280,8 @@ def _without_wall(stage: Stage) -> dict[str, Any]:
     if stage.job.asked.axis.path not in grid.spec.wall:
         return {}
     axes = [axis for axis in grid.axes if axis.path not in grid.spec.wall]
-    for values in islice(product(*(axis.values for axis in axes)), MOST_WITHOUT_WALL):
+    # Loops of a sweep that are looked at without their wall.
+    for values in islice(product(*(axis.values for axis in axes)), 64):
         changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
         radius = radius_without_wall(grid.spec.with_values(changes) if changes else grid.spec)
         if radius:

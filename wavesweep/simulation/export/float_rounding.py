@@ -38,11 +38,8 @@ from wavesweep.simulation.tick_sums import Program, TickSums
 
 UNIT = 2.0**-24  # relative, what rounding to a float moves a number by at most
 LEAST, MOST = 2.0**-126, 2.0**127  # sizes of floats of all digits, of the largest one half
-LEAST_OF_ALL = 2.0**-149  # the least float above 0
-ROOM = 1.01  # of the errors of a run, for those of the same run in floats
 MOST_WORK = 2e9  # multiplications for the map of a frame
 MOST_TICKS = 100_000  # looked at one by one, 2 s
-MOST_ROUNDS = 4  # of errors that cover what they move; one or two do, or none
 SLOW = "export: the loop settles too slowly, or has too many ticks and states, for bounds on floats"
 MOST_DOUBLINGS = 40  # of frames until half is left: that of a pole at 1 - 1e-12
 UNSEEN = 1e-9  # of the circle: a mode closer to it drifts; of the largest row: none of it is seen
@@ -77,7 +74,8 @@ class _TickMap(NamedTuple):
 
     def off(self, sizes: np.ndarray) -> np.ndarray:
         """What the sums are off by at most, with terms of these sizes."""
-        return self.share @ sizes + LEAST_OF_ALL * (self.share > 0).sum(1)
+        # The least float above 0 is 2^-149.
+        return self.share @ sizes + (2.0**-149) * (self.share > 0).sum(1)
 
     def among(self, moving: np.ndarray) -> _TickMap:
         """The map of what some of the numbers are moved by, if the others are not."""
@@ -237,8 +235,10 @@ def _errors(
         frame = tick.A @ frame
     settling = _without_drift(frame, np.concatenate(bears))
     needed = [tick.off(size) for tick, size in zip(in_turn, terms, strict=True)]
-    for _ in range(MOST_ROUNDS):
-        errors = [ROOM * each for each in needed]
+    # One or two rounds of errors cover what they move, or none do.
+    for _ in range(4):
+        # Of the errors of a run, with room for those of the same run in floats.
+        errors = [1.01 * each for each in needed]
         moved = [_at_frames(in_turn, errors, settling)]
         needed = []
         for tick, size, error in zip(in_turn, terms, errors, strict=True):
