@@ -4,12 +4,15 @@ Exit code 0: all are proved; 1: one is refused; 2: the file is not about this sp
 """
 
 import sys
+from decimal import Context, Decimal
+from fractions import Fraction
 from pathlib import Path
 
 from wavesweep.checker.file import LONGEST_SPEC, Claim, check
 from wavesweep.checker.reader.loops import Unreadable
 
 USAGE = "usage: python -m wavesweep.checker SPEC.toml FILE.proof"
+DIGITS = 300  # more than a number of a file has
 SCOPES = {
     "modes": "the spec's own loop",
     "for all": "all that [for_all] and its channels allow",
@@ -21,13 +24,13 @@ SCOPES = {
 def in_words(claim: Claim) -> str:
     """What a claim says, from its data."""
     where = [
-        f"{name} from {float(low):.15g} to {float(high):.15g}"
+        f"{name} from {_written(low)} to {_written(high)}"
         for name, (low, high) in claim.sides.items()
     ]
-    where += [f"{name} = {float(value):.15g}" for name, value in claim.numbers.items()]
+    where += [f"{name} = {_written(value)}" for name, value in claim.numbers.items()]
     circle = "the unit circle"
     if claim.radius != 1:
-        circle = f"the circle of radius {float(claim.radius):.15g}, in each frame"
+        circle = f"the circle of radius {_written(claim.radius)}, in each frame"
     words = f"{SCOPES[claim.claim]}, {', '.join(where) or 'its own numbers'}: "
     if claim.shares:
         parts = {None: "open", 0: "stable"}
@@ -45,6 +48,8 @@ def in_words(claim: Claim) -> str:
         words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
         if claim.word:
             words += f", with frames {', '.join(claim.word)} for ever"
+    elif not claim.states:
+        words += "there is no mode"
     else:
         modes = (
             f"all {len(claim.states)} modes are" if len(claim.states) > 1 else "the only mode is"
@@ -55,6 +60,14 @@ def in_words(claim: Claim) -> str:
     if claim.drifts:
         words += f" ({len(claim.drifts)} {'drift' if len(claim.drifts) == 1 else 'drifts'} set aside, which nothing opposes)"
     return words
+
+
+def _written(number: Fraction) -> str:
+    """All digits of a decimal number: a claim about a rounded one would be another."""
+    short = f"{float(number):.15g}"
+    if Fraction(short) == number:
+        return short
+    return str(Context(DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator)))
 
 
 def main(arguments: list[str]) -> int:

@@ -29,7 +29,8 @@ LONGEST = 60  # characters of a number
 EXPONENT = 100  # of a number: a key has sizes from 1e-60 to 1e60
 LARGEST = 8192  # bits of exact numbers; those beyond are enclosed
 POWER = 64
-DECIMAL = re.compile(r"[+-]?\d[\d_]*(\.[\d_]*)?([eE]([+-]?\d+))?|[+-]?\.\d+([eE]([+-]?\d+))?")
+DIGITS = "[0-9](?:_?[0-9])*"
+DECIMAL = re.compile(rf"[+-]?(?:{DIGITS}(?:\.(?:{DIGITS})?)?|\.{DIGITS})(?:[eE]([+-]?{DIGITS}))?")
 
 
 class Refused(Exception):
@@ -39,7 +40,7 @@ class Refused(Exception):
 def decimal(text: str) -> Fraction:
     """A number as it is written, of no more digits than somebody would write."""
     found = DECIMAL.fullmatch(text)
-    if not found or len(text) > LONGEST or abs(int(found[3] or found[5] or 0)) > EXPONENT:
+    if not found or len(text) > LONGEST or abs(int(found[1] or 0)) > EXPONENT:
         raise Unreadable(f"{text[:LONGEST]!r} is no decimal number of at most {LONGEST} characters")
     return Fraction(text)
 

@@ -130,6 +130,8 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
         raise Unreadable(f"the spec cannot be read: {error!r}") from None
     words = steps_of(schedules)
     word = []
+    if claim.word and "" in words:
+        raise Refused("frames of a word, and the spec has no frames that differ")
     if claim.claim == "refuted" and "" not in words:
         word = _repeated(moves, claim.word)
         words = {kind: words[kind] for kind in word}

@@ -41,8 +41,12 @@ def loop_of(tables: dict, arithmetic, cut: str = "") -> Controller | Drawing:
 
 def with_numbers(tables: dict, values: dict) -> dict:
     """The same spec with other numbers, by their names in [sweep] and [for_all]."""
+    places: dict[tuple, str] = {}
     for name, value in values.items():
         path = _place(tables, name)
+        other = places.setdefault(tuple(path), name)
+        if other != name:
+            raise Unreadable(f"{other} and {name} are one number")
         tables = _changed(tables, path, value)
     return tables
 
@@ -109,11 +113,11 @@ def unknown_key(tables: dict, loop: Controller | Drawing) -> str | None:
             "saturation": LIMITS,
             "channel": MESSAGES,
         }
-        free = {"type", "every", "phase"} | extra.get(block["type"], set())
+        free = {"type"} | extra.get(block["type"], set())
         own += [
             f"block.{name}.{key}"
             for key in block
-            if key not in free and f"block.{block['type']}.{key}" not in loop.key.asked
+            if key not in free and (name, key) not in loop.read
         ]
     own += [f"wire.{port}" for port in loop.wires if f"wire.{port}" not in loop.key.asked]
     return own[0] if own else None

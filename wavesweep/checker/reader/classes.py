@@ -33,16 +33,17 @@ def _one(tables: dict, name: str, drawing: dict) -> dict:
     signals = dict(tables.get("signals", {}))
     wires = dict(tables.get("wire", {}))
     ports = drawing.get("ports", {})
-    own = {}
+    own = {number: f"{name}_{number}" for number in drawing.get("numbers", {})}
+    for part in ("block", "signals"):
+        own |= {each: f"{name}.{each}" for each in drawing.get(part, {})}
+    own |= {port: f"{name}.{port}" for port in ports.get("inputs", [])}
+    made = [*own.values(), *(f"{name}.{output}" for output in ports.get("outputs", {}))]
+    taken = [each for each in made if each in {*numbers, *blocks, *signals} or made.count(each) > 1]
+    taken += [port for port in drawing.get("wire", {}) if f"{name}.{port}" in wires]
+    if taken:
+        raise Unreadable(f"{taken[0]} of the class of {name} is there twice")
     for number, value in drawing.get("numbers", {}).items():
-        own[number] = f"{name}_{number}"
         numbers[own[number]] = value
-    for block in drawing.get("block", {}):
-        own[block] = f"{name}.{block}"
-    for signal in drawing.get("signals", {}):
-        own[signal] = f"{name}.{signal}"
-    for port in ports.get("inputs", []):
-        own[port] = f"{name}.{port}"
     for block, keys in drawing.get("block", {}).items():
         changed = {key: _renamed(value, own) for key, value in keys.items() if key != "type"}
         changed |= given.pop(block, {})

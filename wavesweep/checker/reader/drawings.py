@@ -9,7 +9,14 @@ from fractions import Fraction
 from wavesweep.checker.reader import devices, filters
 from wavesweep.checker.reader.classes import written_out
 from wavesweep.checker.reader.controllers import add_model, add_sections
-from wavesweep.checker.reader.expressions import linear, multiplied_out, number, parsed, terms_of
+from wavesweep.checker.reader.expressions import (
+    FUNCTIONS,
+    linear,
+    multiplied_out,
+    number,
+    parsed,
+    terms_of,
+)
 from wavesweep.checker.reader.loops import (
     Instant,
     Keys,
@@ -26,6 +33,7 @@ from wavesweep.checker.reader.loops import (
 )
 
 DEVICES = tuple(devices.DEFAULTS)  # of several axes
+RESERVED = {*FUNCTIONS, "prev", "pi", "dt"}
 PLANTS = {"mass", "inertia", "mass_matrix", *DEVICES, "spring", "ss", "tf"}
 
 
@@ -41,11 +49,16 @@ class Drawing:
         for name, given in self.key("numbers", {}).items():
             self.numbers[name] = given["value"] if isinstance(given, dict) else given
         self.known: dict[str, object] = {}
+        self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
         self.T = 1 / arithmetic.exact(self.number(self.key("rates.tick_hz")))
         self.signals = self.key("signals", {})
         self.blocks = self.key("block", {})
         self.wires = self.key("wire", {})
         self.outside = self.inputs()
+        names = [*self.numbers, *self.signals, *self.outside]
+        for name in names:
+            if names.count(name) > 1 or name in RESERVED or self.owner(name) in self.blocks:
+                raise Unreadable(f"{name} has two meanings")
         self.remembered: set[tuple[str, str]] = (
             set()
         )  # (what, "" of each tick or a block of its runs)
@@ -98,6 +111,7 @@ class Drawing:
 
     def word(self, block: str, key: str, default=None):
         self.key.asked.add(f"block.{self.blocks[block]['type']}.{key}")
+        self.read.add((block, key))
         return self.blocks[block].get(key, default)
 
     def choice(self, block: str, key: str, default: str, *others: str) -> str:
@@ -209,6 +223,8 @@ class Drawing:
     def plant(self, name: str):
         """(inputs, outputs, A, B, C, D) of a plant."""
         kind = self.blocks[name]["type"]
+        if self.every(name) != 1 or self.phase(name):
+            raise Unreadable(f"block.{name} is continuous, and runs every so many ticks")
         if kind in {"mass", "inertia"}:
             mass = self.value(name, kind)
             damping = self.value(name, "damping", 0)

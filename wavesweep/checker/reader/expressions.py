@@ -1,12 +1,14 @@
 """Arithmetic of a spec as sums: a form over names of signals, its number under the name ""."""
 
 import ast
+import re
 from collections.abc import Callable
 
 from wavesweep.checker.reader.loops import Unreadable, form, scaled
 
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")
 LONGEST = 10_000  # characters of an expression
+CHARACTERS = re.compile(r"[\w.+*/()\s-]*")
 
 
 def parsed(text) -> ast.expr:
@@ -14,6 +16,10 @@ def parsed(text) -> ast.expr:
     text = str(text).strip()
     if len(text) > LONGEST:
         raise Unreadable(f"an expression of {len(text)} characters; at most {LONGEST}")
+    if not CHARACTERS.fullmatch(text):
+        raise Unreadable(
+            f"{text[:60]!r} is no expression of names, numbers, + - * / ** and brackets"
+        )
     try:
         return ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
@@ -85,7 +91,7 @@ def linear(node, value_of: Callable[[str], dict], arithmetic) -> dict:
         return {"": arithmetic.number(node.value)}
     if isinstance(node, (ast.Name, ast.Attribute)):
         return value_of(dotted(node))
-    if isinstance(node, ast.UnaryOp):
+    if isinstance(node, ast.UnaryOp) and not isinstance(node.op, ast.Not):
         inside = linear(node.operand, value_of, arithmetic)
         return scaled(-1, inside) if isinstance(node.op, ast.USub) else inside
     if isinstance(node, ast.Call):

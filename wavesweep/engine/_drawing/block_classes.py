@@ -192,7 +192,7 @@ class _Instance:
         for path, leaf in self.parts.items():
             placed.update(self.placed(path, leaf))
         for port in map(str, self.inputs):
-            wire = self.rest.pop(("wire", self.name, port), None)
+            wire = self.rest.pop(("wire", *self.name.split("."), port), None)
             if wire is None:
                 expected = f'a wire to this input, "{self.name}.{port}" = "..." in [wire]'
                 found = "none (0 leaves it at rest)"
@@ -210,7 +210,9 @@ class _Instance:
                 self.mistakes.refuse(leaf, path_of_key, expected, "an unknown key", near)
         for path in placed.keys() & self.rest.keys():
             expected = f"another name than that of a part of {self.name}"
-            self.mistakes.refuse(self.rest[path], ".".join(path), expected, show(path[1]))
+            self.mistakes.refuse(
+                self.rest[path], ".".join(path), expected, show(".".join(path[1:]))
+            )
         return self.rest | placed
 
     def placed(self, path: Path, leaf: Leaf) -> Iterator[tuple[Path, Leaf]]:
@@ -230,7 +232,7 @@ class _Instance:
             yield ("block", f"{self.name}.{name}", *rest), value
         elif table in ("signals", "wire"):
             in_full = ".".join((self.name, name, *rest))
-            yield (table, *in_full.rsplit(".", 1)), self.renamed(leaf)
+            yield (table, *in_full.split(".")), self.renamed(leaf)
         elif (table, name) == ("ports", "outputs") and rest:
             yield ("signals", f"{self.name}.{rest[0]}"), self.renamed(leaf)
 

@@ -309,11 +309,11 @@ class _TableReader(PortReader):
             self.leaves[path] = leaf
             if name == PERIOD:
                 self.refuse(leaf, path, f"a name, {NOT_RESERVED}", show(name))
-            elif not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
+            elif not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.signals):
                 self.refuse(
                     leaf,
                     path,
-                    f"{NAME}, and no number, function or signal from outside either",
+                    f"{NAME}, and no number, function, output or signal from outside either",
                     show(name),
                 )
             elif not isinstance(leaf.value, str):
