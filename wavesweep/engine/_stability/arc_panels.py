@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._stability.real_roots import at_ends, by_discs
+from wavesweep.engine._stability.real_roots import at_ends, isolate
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
@@ -91,7 +91,7 @@ def panel_roots(
     columns: number of columns. settling: number of a function that settles a panel on which it is
     proved to be positive, whatever the other functions do; its roots do not count.
 
-    On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its
+    On each panel the interpolant at NODES points must have decayed, and `isolate` must prove its
     roots for every function within the error bound; otherwise the panel is split. The bound
     consists of rounding, of the coefficients that are cut away, and of features that the nodes may
     miss: the interpolant of a function that is analytic and at most G inside an ellipse about the
@@ -337,7 +337,7 @@ def _proved_roots(
     for degree in CUT_DEGREES:
         if not rows.size:
             return
-        roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
+        roots = isolate(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
         proved = roots.complete
         yield rows[proved], roots.take(proved)
         rows = rows[~proved]

@@ -1,11 +1,10 @@
 """All real roots in (-1, 1) of a polynomial known to within an error bound, with the proof that
 there are no others."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine._stability.bernstein import roots_by_sign
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
@@ -44,31 +43,8 @@ def isolate(coefficients: np.ndarray, noise: np.ndarray) -> Roots:
     """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within
     `noise`.
 
-    coefficients: `(rows, n)`; noise: `(rows,)`. The roots are found by the signs of Bernstein
-    coefficients (`roots_by_sign`), and by Smith's discs (`by_discs`) in the rows that these leave
-    undecided.
-    """
-    coefficients, noise = _of_size_one(coefficients, noise)
-    (row, value, within, slope), complete = roots_by_sign(coefficients, noise)
-    roots = _none(coefficients)
-    rank = np.arange(row.size) - np.searchsorted(row, row)
-    roots.value[row, rank] = value
-    roots.radius[row, rank] = within
-    roots.inside[row, rank] = True
-    roots.slope_sign[row, rank] = slope
-    roots.proved[complete] = True
-    rest = np.flatnonzero(~complete)
-    if rest.size:
-        discs = by_discs(coefficients[rest], noise[rest])
-        for field in fields(Roots):
-            getattr(roots, field.name)[rest] = getattr(discs, field.name)
-    return roots
-
-
-def by_discs(coefficients: np.ndarray, noise: np.ndarray) -> Roots:
-    """`isolate` by Smith's discs about the eigenvalues of the colleague matrix, the n-1 complex
-    roots (Specht 1957; Good 1961).
-
+    coefficients: `(rows, n)`; noise: `(rows,)`. They are among the n-1 complex roots, the eigenvalues
+    of the colleague matrix (Specht 1957; Good 1961).
     Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations, of
     radius `r_i / weight_i`, `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold
     all the roots, and an isolated disc holds exactly one.

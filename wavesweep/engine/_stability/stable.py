@@ -49,8 +49,8 @@ def stable_intervals(
     the other number. radius: `(slices,)`, of a circle in place of the unit circle, up to 1.
 
     Crossings are the roots of one real polynomial per column (`crossings`), polished in state space
-    (`boundary`). A column is certified if three conditions hold. The signs of Bernstein
-    coefficients, or Smith's discs, prove that the polynomial has no further real root for any
+    (`boundary`). A column is certified if three conditions hold. Smith's
+    discs prove that the polynomial has no further real root for any
     coefficients within their measured error (`isolate`), so that no pair of crossings can hide.
     Both ends satisfy the characteristic equation to rounding, and rounding of the loop's own
     entries cannot move them by more (`boundary.end_errors`). The counts of unstable eigenvalues
