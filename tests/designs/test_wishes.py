@@ -271,7 +271,8 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
     between = next(number for number, each in enumerate(job.asked.finer) if each not in job.asked.scenarios)
     ends = list(job.asked.scenarios)
 
-    def found(_spec, asked, _scenarios, designs, _stop):
+    def found(_spec, asked, _scenarios, designs, _stop, *, ranked):
+        assert ranked
         count = len(next(iter(designs.values())))
         return {
             wish.name: WorstMeasure(np.ones(count), np.full(count, between), np.ones(count, bool), np.zeros(count, bool))

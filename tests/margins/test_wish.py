@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wavesweep.margins import lifted_margins
 from wavesweep.margins.broken_loops import broken_at
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.table import margins
@@ -31,10 +32,10 @@ TABLES = {  # an integrator under a gain: L = K T/(z - 1)
 }
 
 
-def found(tables, K):
+def found(tables, K, **given):
     spec = load(tables)
     scenarios = family.scenarios_of(spec)
-    return wishes.evaluate(spec, spec.design.wishes, scenarios, {"numbers.K": K}, 1.0)
+    return wishes.evaluate(spec, spec.design.wishes, scenarios, {"numbers.K": K}, 1.0, **given)
 
 
 @pytest.mark.slow
@@ -61,7 +62,38 @@ def test_margins_of_several_rates_are_those_of_the_table():
         table = dict(zip(columns["margin"], columns["value"], strict=True))
         assert measured["Ms"].value[number] == table["sensitivity"]
         assert measured["phase_deg"].value[number] == table["phase"]
-        assert measured["gain"].value[number] == table["gain_up"]
+        assert measured["gain"].value[number] == pytest.approx(table["gain_up"], rel=1e-12)
+
+
+@pytest.mark.parametrize(("K", "delayed"), [(30.0, 0), (50.0, 1)])
+def test_what_a_search_ranks_by_are_the_margins_that_are_proved(K, delayed):
+    """Of a signal that is made four times in a frame, whose gain may grow or fall to the limit, or of an unstable loop."""
+    blocks = TABLES["block"] | {"slow": {"type": "delay", "steps": delayed, "every": 4}}
+    wire = {"p.u": "c.y + 0.2*p.y", "c.u": "ref - 0.9*p.y - 0.1*slow.y", "slow.u": "p.y"}
+    wish = {name: TABLES["design"]["wish"][name] for name in ("gain", "phase_deg")}
+    tables = TABLES | {"block": blocks, "wire": wire, "design": TABLES["design"] | {"wish": wish}}
+    seen, proved = (found(tables, np.array([0.01, K, 900.0]), ranked=ranked) for ranked in (True, False))
+    for name in wish:
+        assert proved[name].certified.all()
+        assert np.isfinite(proved[name].value).tolist() == [False, True, False]
+        assert seen[name].value == pytest.approx(proved[name].value, rel=2e-6, nan_ok=True)
+
+
+def test_margins_are_proved_for_the_numbers_of_for_all_and_for_the_worst_between(monkeypatch):
+    """The gain of the sensor is largest in the middle of the range of r."""
+    blocks = TABLES["block"] | {"slow": {"type": "hold", "every": 4}}
+    wire = {"p.u": "c.y", "c.u": "ref - (1 + r - r*r)*(0.9*p.y + 0.1*slow.y)", "slow.u": "p.y"}
+    wish = {"wish": {"gain": TABLES["design"]["wish"]["gain"]}}
+    tables = TABLES | {"block": blocks, "wire": wire, "design": TABLES["design"] | wish}
+    spec = load(tables | {"numbers": {"K": 10.0, "r": 0.0}, "for_all": {"r": {"start": 0, "stop": 1}}})
+    tried = [{"numbers.r": r} for r in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    proofs = []
+    proved = lifted_margins.margins_of
+    monkeypatch.setattr(lifted_margins, "margins_of", lambda *about: proofs.append(about) or proved(*about))
+    measured = wishes.evaluate(spec, spec.design.wishes, tried, {"numbers.K": np.array([10.0])}, 1.0)["gain"]
+    alone = wishes.evaluate(spec, spec.design.wishes, tried[2:3], {"numbers.K": np.array([10.0])}, 1.0)["gain"]
+    assert len(proofs) == 3 + 1
+    assert (measured.value, measured.scenario, measured.certified) == (alone.value, 2, True)
 
 
 @pytest.mark.asks("require")

@@ -64,7 +64,10 @@ RANKED_ALONE = 8  # designs that rank one by one before these are chosen, at eit
 FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
 MOST_SCENARIOS = 4096  # combinations that a search holds for at most
 MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
-TIMED = 16  # designs from which the time is estimated; half as many cost nearly as much together
+# designs from which the time is estimated, up to the first ones that take longer than that; half as
+# many as the last cost nearly as much together
+TIMED = 2, 2, 16
+LONG = 1.0  # s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,14 +119,16 @@ def _task(job, chunk):
 class Evaluation:
     """What is measured of designs: the wishes of a spec, at their worst over the scenarios.
 
-    stop: see `Study`. dtype: of the records, see `record_of`. proof: of [for_all].
+    stop: see `Study`. dtype: of the records, see `record_of`. proof: of [for_all]. ranked: whether a
+    search ranks designs by it.
     """
 
     spec: Spec
     scenarios: Sequence[Scenario]
     stop: float
     dtype: np.dtype
-    proof: Any = None
+    proof: Any
+    ranked: bool
 
     @staticmethod
     def of(job: Job, scenarios: Sequence[Scenario], *, last: bool) -> Evaluation:
@@ -133,7 +138,7 @@ class Evaluation:
             proof = _proof_of(spec)
         else:
             proof = spec.for_all and spec.for_all.ranking(spec)
-        return Evaluation(spec, scenarios, job.asked.stop, job.dtype, proof)
+        return Evaluation(spec, scenarios, job.asked.stop, job.dtype, proof, not last)
 
     def records(self, designs: Mapping[str, np.ndarray], count: int) -> np.ndarray:
         """A record for each of `count` designs, which may be none."""
@@ -142,7 +147,8 @@ class Evaluation:
         if not count:
             return records
         wishes = self.spec.design.wishes
-        measured = evaluate(self.spec, wishes, self.scenarios, designs, self.stop, self.proof)
+        about = self.spec, wishes, self.scenarios, designs, self.stop, self.proof
+        measured = evaluate(*about, ranked=self.ranked)
         for name, worst in measured.items():
             records[name] = worst.value
             records[f"{name}_scenario"] = worst.scenario
@@ -343,14 +349,15 @@ def job_of(spec: Spec) -> Job:
     often = _between(grid.spec, 20)  # of those that the search looks at from time to time
     finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= MOST_CHECKED))
     finest = finer
+    one_by_one = any(wish.kind.seen for wish in wanted.wishes)
     between = _between(grid.spec, 256)
-    if between:
+    if between and not one_by_one:
         finest = scenarios_of(grid.spec, between)
     study = Study({}, scenarios_of(grid.spec), finer, finest, stop)
     rounds = wanted.settings["generations"]
     population = wanted.settings["population"]
     # Designs of a task, at most: those of one structure are the faster, the more they are.
-    chunks = Chunks(rounds + 1, max(population, FRONT), 1, 48)
+    chunks = Chunks(rounds + 1, max(population, FRONT), 1, 4 if one_by_one else 48)
     total = rounds * population
     return Job(
         DESIGNS,
@@ -424,7 +431,7 @@ class _Run:
         spec = self.job.grid.spec
         wanted = spec.design
         designs = designs_of(wanted.vary, spread(best, FRONT).genes)
-        measured = evaluate(spec, wanted.wishes, study.finer, designs, study.stop)
+        measured = evaluate(spec, wanted.wishes, study.finer, designs, study.stop, ranked=True)
         decide = np.concatenate([measure.scenario for measure in measured.values()])
         often = np.bincount(decide, minlength=len(study.finer))
         order = np.argsort(-often, kind="stable")[: np.count_nonzero(often)]
@@ -538,15 +545,17 @@ def seconds_of(job: Job) -> float:
     """Estimate the seconds of the whole study in one process, from some designs about the own one."""
     spec = job.grid.spec
     own = genes_of(spec.design.vary, spec.values)
-    genes = own + 0.1 * np.random.default_rng(0).standard_normal((TIMED, len(own)))
+    genes = own + 0.1 * np.random.default_rng(0).standard_normal((TIMED[-1], len(spec.design.vary)))
     designs = designs_of(spec.design.vary, np.clip(genes, 0.0, 1.0))
     evaluation = Evaluation.of(job, job.asked.scenarios, last=False)
-    few = {path: values[:2] for path, values in designs.items()}
-    evaluation.records(few, 2)  # which loads what is needed
-    started = time.process_time()
-    evaluation.records(designs, TIMED)
-    of_design = (time.process_time() - started) / TIMED
-    return of_design * (job.chunks.loops - 1) * spec.design.settings["population"]
+    for number in TIMED:  # the first of which also load what is needed
+        few = {path: values[:number] for path, values in designs.items()}
+        started = time.process_time()
+        evaluation.records(few, number)
+        seconds = time.process_time() - started
+        if seconds > LONG:
+            break
+    return seconds / number * (job.chunks.loops - 1) * spec.design.settings["population"]
 
 
 def own_records(spec: Spec, job: Job) -> np.ndarray:

@@ -36,7 +36,8 @@ class WishKind:
     ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it. reads:
     how the paths begin of all numbers that it reads; empty if it reads the whole loop. measure: of
     one that a capability offers, from the loops of a batch, their number and its own options to the
-    value of each, and whether that is certified.
+    value of each, and whether that is certified. seen: the same by which a search ranks designs, with
+    less that is proved; loops go one by one.
     """
 
     unit: str
@@ -47,6 +48,7 @@ class WishKind:
     ports: tuple[str, ...] | None = None
     reads: tuple[str, ...] = ()
     measure: Callable[..., tuple] | None = field(default=None, repr=False, compare=False)
+    seen: Callable[..., tuple] | None = field(default=None, repr=False, compare=False)
 
     @property
     def own_options(self) -> tuple[str, ...]:

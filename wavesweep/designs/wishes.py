@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.designs.bands import GAUSS_NODES, HIGH, BandModes, Sampled, over_band
-from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
+from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of, scenarios_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.engine.loop import Loops
@@ -60,6 +60,8 @@ def evaluate(
     designs: Mapping[str, np.ndarray],
     stop: float,
     proof: Any = None,
+    *,
+    ranked: bool = False,
 ) -> dict[str, WorstMeasure]:
     """Return the worst values of designs: wish -> `WorstMeasure`. The designs need not be the
     product of some axes.
@@ -67,8 +69,10 @@ def evaluate(
     spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path ->
     value of each design, `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m.
     proof: if given, walls are those that are proved for all of it, and other values are missing
-    where a loop is refuted, and not certified where it is not proved. Accuracy: that of stable
-    intervals, responses and norms; a value is certified only if everything that it depends on is.
+    where a loop is refuted, and not certified where it is not proved. ranked: whether a search ranks
+    designs by them, for which margins are not proved. Accuracy: that of stable intervals, responses
+    and norms; a value is certified only if everything that it depends on is, of margins with
+    values of [for_all] itself and with those that are the worst.
     """
     measured = {}
     searched = {}  # damping of the walls -> points, and the stiffest wall of each
@@ -81,6 +85,7 @@ def evaluate(
             verdicts[key] = proof.verdict(spec.with_values(own))
         return verdicts[key]
 
+    own = scenarios_of(spec)
     for wish in wishes:
         if wish.word in ("z_width", "felt"):
             damping = wish.options.get("B_VE", (spec.values[spec.wall[1]],))
@@ -92,9 +97,19 @@ def evaluate(
             continue
         walls = _walls_of(spec, wish)
         points = points_of(designs, scenarios, {} if wish.kind.reads else walls)
-        measure = _offered if wish.kind.measure else _MEASURES[wish.word]
+        seen = wish.kind.seen or wish.kind.measure
+        measure = partial(_offered, seen) if seen else _MEASURES[wish.word]
         blank = _unknown(points.size)
         value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
+        if wish.kind.seen and not ranked:
+            decide = np.zeros(points.shape, bool)
+            decide[:, [scenario in own for scenario in scenarios]] = True
+            _, worst = points.worst(value, wish.kind.more)
+            decide[np.arange(worst.size), worst] = True
+            at = np.flatnonzero(decide)
+            measure = partial(_offered, wish.kind.measure, spec, wish)
+            proved = _where_solvable(spec, points.some(at), measure, *_unknown(at.size))
+            value[at], certified[at] = proved
         if proof and not wish.kind.reads:  # all of the loop
             said = _of_each(points, verdict, (*designs, *walls))
             value = np.where(said == "refuted", np.nan, value)
@@ -341,7 +356,7 @@ def _coupled(spec, points):
     return spec, Points(changes, points.shape).some(first), back
 
 
-def _offered(spec, wish, points):
+def _offered(measure, spec, wish, points):
     """What a capability measures. Of points that differ only in numbers that it does not read,
     it is computed once."""
     value, certified = _unknown(points.size)
@@ -354,7 +369,7 @@ def _offered(spec, wish, points):
     for members, loops in _batches(spec, points):
         if spec.drawing:
             loops.refuse_unsuitable()
-        measured = wish.kind.measure(loops, members.size, **options)
+        measured = measure(loops, members.size, **options)
         value[members], certified[members] = measured
     if reads:
         return value[back], certified[back]

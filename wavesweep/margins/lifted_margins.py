@@ -13,7 +13,7 @@ scalar (A. Packard, J. Doyle, Automatica 29, 1993). For one sample in a frame it
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -51,9 +51,9 @@ from wavesweep.margins.loop_margins import (
     stable_around_1,
 )
 
-GAINS = frozenset(("gain_up", "gain_down"))
+GAINS = frozenset(("gain_up", "gain_down", "gain"))
 TURNS = frozenset(("phase", "delay_frames"))
-MARGINS = GAINS | TURNS | {"disk", "sensitivity", "complementary"}
+MARGINS = TURNS | {"gain_up", "gain_down", "disk", "sensitivity", "complementary"}
 END_ERROR = 2e-9  # relative error of an end of `stable_along_any`
 DISK_GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
 # samples of a frame at all angles at which the spectral radius is looked at before its peaks are
@@ -64,6 +64,11 @@ TOUCHES = 1e-7  # a peak or dip of the gain within this distance of 1 may touch 
 # distance of the direct term's size from 1 beyond which the pencil of the gain 1 is regular
 DIRECT = 1e-6
 MODE_MET = 1e-6  # of a mode, from the place on the circle where it should be
+# shares of a curve of factors, which a search looks at; the nearer the closer to the factor 1
+SEEN_AT = np.linspace(0.0, 1.0, 33) ** 2
+SEEN_TO = 1e-7
+# the factors at which such curves end, powers of which they are
+SEEN = {"gain": (LARGEST_GAIN_FACTOR, 1 / LARGEST_GAIN_FACTOR), "phase": (-1 + 0j,)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +341,8 @@ def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[lis
     """Return the margins of a broken loop, empty if it is not stable, and why its stability is in
     doubt, a code.
 
-    wanted: names of those that are asked for, the others are not worked out. gain_up, gain_down:
+    wanted: names of those that are asked for, the others are not worked out. gain: the less of gain_up
+    and 1 / gain_down, in place of both. gain_up, gain_down:
     factors of the signal, of all its samples in a frame, at the ends of the stable interval around
     1; LARGEST_GAIN_FACTOR and 0 if they are beyond LARGEST_GAIN_FACTOR and 1/LARGEST_GAIN_FACTOR.
     phase (degrees): up to which every rotation of the signal leaves the loop
@@ -354,7 +360,7 @@ def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[lis
     """
     found = []
     if GAINS.intersection(wanted):
-        found, doubt = _gains(loop)
+        found, doubt = _gains(loop, nearer="gain" in wanted)
         if not found:
             return [], doubt
     else:
@@ -370,20 +376,62 @@ def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[lis
     return [*found, *_peaks(loop, wanted)], doubt
 
 
-def _gains(loop) -> tuple[list[Margin], int]:
-    """Both margins of gain, none of a loop that is not stable, and the doubt about them."""
-    around_1, doubt = stable_around_1(loop.loop, 0.0 if loop.cut else None)
+def seen_margins(loop: LiftedLoop, wanted: Collection[str]) -> tuple[list[Margin], int]:
+    """Return the margins that a search ranks loops by, of `margins_of` with nothing proved of gains
+    and phases of several samples: they are where the spectral radius is first seen to reach 1.
+
+    Accuracy: SEEN_TO of half a turn, or of the logarithm of LARGEST_GAIN_FACTOR, unless the loop is
+    unstable between two of SEEN_AT and at neither.
+    """
+    from scipy.optimize import brentq
+
+    if loop.cut:
+        return margins_of(loop, wanted)
+
+    others = set(wanted) - SEEN.keys()
+    found, doubt = margins_of(loop, others) if others else ([], int(Doubt.NONE))
+
+    def growth(share, limit):
+        with np.errstate(all="ignore"):
+            E = loop.frames(limit ** np.atleast_1d(share)).E
+        E = np.where(np.isfinite(E).all((-2, -1), keepdims=True), E, LARGEST_GAIN_FACTOR)
+        return np.squeeze(np.abs(1 + np.linalg.eigvals(E)).max(-1) - 1)
+
+    if growth(0.0, 1.0) >= 0:
+        return [], doubt
+    for name in SEEN.keys() & wanted:
+        least = 1.0
+        for limit in SEEN[name]:
+            first = int((growth(SEEN_AT, limit) >= 0).argmax())
+            if first and SEEN_AT[first - 1] < least:
+                of_share = partial(growth, limit=limit)
+                least = min(least, brentq(of_share, *SEEN_AT[first - 1 : first + 1], xtol=SEEN_TO))
+        value = 180 * least if name == "phase" else LARGEST_GAIN_FACTOR**least
+        found.append(Margin(name, value, np.nan, np.nan, doubt))
+    return found, doubt
+
+
+def _gains(loop, *, nearer) -> tuple[list[Margin], int]:
+    """Both margins of gain, none of a loop that is not stable, and the doubt about them. nearer: the
+    less of them alone."""
+    around_1, doubt = stable_around_1(loop.loop, 0.0 if loop.cut else None, nearer=nearer)
     if doubt and loop.cut:
-        around_1, doubt = stable_around_1(loop.loop)
+        around_1, doubt = stable_around_1(loop.loop, nearer=nearer)
     found: list[Margin] = []
     if around_1 is None:
         return found, doubt
     rate = 2 * np.pi / loop.period
-    for name, end in (("gain_up", "high"), ("gain_down", "low")):
+    ends = [("gain_up", "high"), ("gain_down", "low")]
+    if nearer:
+        ends = [("gain", "low" if around_1["low"] * around_1["high"] > 1 else "high")]
+    for name, end in ends:
         omega = float(around_1[f"{end}_omega"])
         # A part of the loop that runs by itself sees it in a shorter frame of its own.
         omega = float(abs(omega - rate * np.round(omega / rate)))
-        found.append(limited_or_not(name, float(around_1[end]), omega, END_ERROR, doubt))
+        factor = float(around_1[end])
+        if name == "gain":
+            factor = max(factor, 1 / factor)
+        found.append(limited_or_not(name, factor, omega, END_ERROR, doubt))
     return found, doubt
 
 

@@ -43,11 +43,14 @@ class Margin:
         return Margin(name, np.nan if doubt else value, np.nan, 0.0, doubt, limited=bool(doubt))
 
 
-def stable_around_1(loop: Loops, lowest: float | None = None) -> tuple[np.record | None, int]:
+def stable_around_1(
+    loop: Loops, lowest: float | None = None, *, nearer: bool = False
+) -> tuple[np.record | None, int]:
     """Return the stable interval around 1 of the factor of a signal, a record of the search, None
     if none is known, and the doubt about the factors that were looked at.
 
     loop: with a gain at the signal. lowest: of the factors, 1 over the largest one by default.
+    nearer: whether one end is enough if the other is farther from 1.
     """
     for most in SPANS:
         least = 1 / most if lowest is None else lowest
@@ -58,6 +61,8 @@ def stable_around_1(loop: Loops, lowest: float | None = None) -> tuple[np.record
             return None, doubt
         ends_below = around_1["low"][0] > least or lowest is not None
         if ends_below and around_1["high"][0] < most:
+            break
+        if nearer and max(around_1["low"][0], 1 / around_1["high"][0]) > 1 / most:
             break
     return around_1[0], doubt
 
