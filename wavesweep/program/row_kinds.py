@@ -50,12 +50,6 @@ def row_kinds() -> Mapping[str, RowKind]:
     return {"": RowKind(), **COMPUTED, **offered}
 
 
-def row_kind(word: str) -> RowKind:
-    """The kind of rows with a word; a plain one if the capability that makes them is not
-    installed."""
-    return row_kinds().get(word) or RowKind("", f"{word} (drawn plainly)", "#777777")
-
-
 def words_of(column: str) -> dict[str, str]:
     """The words that a column, `hand` or `guarantee`, can have, with their meanings."""
     return {

@@ -25,7 +25,7 @@ from wavesweep.program.analyses.claim_words import (
 from wavesweep.program.analyses.claims import Claim, Property, Status
 from wavesweep.program.columns import whose_column
 from wavesweep.program.number_words import in_all_digits
-from wavesweep.program.row_kinds import row_kind
+from wavesweep.program.row_kinds import row_kinds
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import (
     claims_of_rows,
@@ -255,7 +255,7 @@ def _assumed(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"Method: {method}."
     claims = {word: Claim.read(fact) for word, fact in facts["claims"].items()}
     for word, claim in claims.items():
-        subject = f"Rows of {row_kind(word).legend}" if len(claims) > 1 else "Rows"
+        subject = f"Rows of {row_kinds()[word].legend}" if len(claims) > 1 else "Rows"
         yield f"{subject}: {claimed(claim)}."
     for wall in dict.fromkeys(walls_in_words(claim.scope) for claim in claims.values()):
         yield f"{wall}."

@@ -134,7 +134,7 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
         if not row["intervals"]:
             texts["low"] = "none"
         word = row[whose] if whose else ""
-        claim = of_rows(table.facts, word, columns)
+        claim = of_rows(table.facts, word)
         rows.append([*texts.values(), _proof(row, claim)])
     return (*head, "proof"), rows
 
@@ -149,7 +149,7 @@ def claims_of_rows(spec: Spec, table: Table) -> Iterator[Claim]:
     for row in _rows(columns):
         own = all(row[name] == spec.values[spec.names.find(name).path] for name in axes_of(columns))
         if own and row["certified"] and row["low"] <= value <= row["high"]:
-            yield of_rows(table.facts, row["guarantee"], columns)
+            yield of_rows(table.facts, row["guarantee"])
 
 
 def _proof(row: Columns, claim: Claim) -> str:

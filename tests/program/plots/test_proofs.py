@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from wavesweep.program import plots
+from wavesweep.program.analyses.claim_words import fact_of
+from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status
 from wavesweep.program.plots.region_figures import LADDER
 
 from .conftest import table_of_intervals
+
+FACTS = {"claims": {"for_all": fact_of(Claim(STABLE, Scope(), Status.PROVED))}}
 
 SPEC, PROVED, REFUTED = 1000.0, 400.0, 600.0
 
@@ -49,7 +53,7 @@ def said(figure):
 
 @pytest.mark.whole
 def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values():
-    figure = plots.zwidth(table("B_VE", [0.0, 1.0, 2.0]), {})
+    figure = plots.zwidth(table("B_VE", [0.0, 1.0, 2.0]), FACTS)
     (axes,) = figure.axes
     assert carets(axes) == [(0.0, REFUTED), (1.0, REFUTED), (2.0, REFUTED)]
     drawn = [each for each in axes.collections if each.get_segments()]
@@ -73,17 +77,17 @@ def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(
 
 @pytest.mark.whole
 def test_a_bar_shows_the_same_and_nothing_proved_is_said():
-    (axes,) = plots.zwidth(table("b", [10.0]), {}).axes
+    (axes,) = plots.zwidth(table("b", [10.0]), FACTS).axes
     assert carets(axes) == [(REFUTED, pytest.approx(0.808))]  # below the star
     (part,) = hatched(axes)
     assert {x for x, _ in part} == {PROVED, REFUTED}
-    figure = plots.zwidth(table("b", [10.0], proved=False), {})
+    figure = plots.zwidth(table("b", [10.0], proved=False), FACTS)
     (axes,) = figure.axes
     assert "nothing proved" in [text.get_text() for text in axes.texts]
     (whole,) = hatched(axes)
     assert {x for x, _ in whole} == {0.0, axes.get_xlim()[1]}
     assert "not known" in said(figure)
-    figure = plots.zwidth(table("b", [10.0], proved=False, none=True), {})
+    figure = plots.zwidth(table("b", [10.0], proved=False, none=True), FACTS)
     (axes,) = figure.axes
     assert "nowhere stable" in [text.get_text() for text in axes.texts]
     assert hatched(axes) == []  # since that is known

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from wavesweep.engine.drawing import SHARES, path_of, scalars
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.program.analyses.required_words import required_in_words
-from wavesweep.program.row_kinds import row_kind
 
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing
@@ -386,17 +385,12 @@ class Claim:
         return replace(self, status=Status.COMPUTED)
 
 
-def of_rows(facts: Mapping[str, Any], word: str, columns: Collection[str] = ()) -> Claim:
-    """What the rows of a table with a word say; columns: the names of those that the table has.
-
-    Of a table of an earlier version, which has no claims, only that much is known.
-    """
+def of_rows(facts: Mapping[str, Any], word: str) -> Claim:
+    """What the rows of a table with a word say; of a table of an earlier version, which has no claims,
+    only that much is known."""
     written = facts.get("claims", {}).get(word or "spec", {})
     if "property" not in written:
-        status = Status.CERTIFIED
-        if row_kind(word).unsettled and "settled" in columns:
-            status = Status.PROVED
-        return Claim(STABLE, Scope(), status)
+        return Claim(STABLE, Scope(), Status.CERTIFIED)
     return Claim.read(written)
 
 

@@ -64,7 +64,6 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     from wavesweep.program.cli.messages import say
     from wavesweep.program.plots.figure_files import save_all
     from wavesweep.program.plots.style import about_figure
-    from wavesweep.program.tables.columns import missing_for
 
     plots.refuse_settings()
     path = Path(table)
@@ -84,11 +83,6 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
             expected = f"expected a table that has a figure of its own, found one that {by} draws"
             raise UsageError(f"{path}: {expected}")
         try:
-            if missing := missing_for(kind, columns, facts):
-                say(
-                    f"{path}: drawn plainly, since the capability that makes {missing} is not there",
-                    warning=True,
-                )
             figure = plots.figure_of(kind)(columns, facts)
             written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
         except (*results.NOT_OURS, SpecError) as error:

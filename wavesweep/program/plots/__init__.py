@@ -30,12 +30,7 @@ def __getattr__(name):
 
 
 def figure_of(kind: str) -> Callable[..., Any]:
-    """The function that draws the tables of a kind from columns and facts; one of no capability
-    that there is, plainly."""
-    if kind not in HOMES:
-        from wavesweep.program.plots.plain_figure import plain
-
-        return plain
+    """The function that draws the tables of a kind from columns and facts."""
     home, _, name = kind_named(kind).figure.rpartition(".")
     return import_module(home).__dict__[name]
 

@@ -28,7 +28,7 @@ from wavesweep.program.plots.region_figures import (
 )
 from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
-from wavesweep.program.row_kinds import COMPUTED, row_kind
+from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
 NOT_KNOWN, REFUTED = "not known", "refuted from here"
 _SMALL = 7  # points, of a legend above a figure of one column
@@ -169,7 +169,7 @@ def _best(shown: Shown, members: Sequence[Member]) -> str:
         word = best.get(shown.whose, "")
     claim = next(member.claim for member in members if member.guarantee == word)
     proved = claim.status is Status.PROVED
-    rows = row_kind(word).legend if proved or shown.whose == "hand" or word else ""
+    rows = row_kinds()[word].legend if proved or shown.whose == "hand" or word else ""
     certain = all(member.rows["certified"].all() for member in members)
     certified = bool(best["certified"]) and not certain
     start, stop = shown.swept

@@ -32,7 +32,7 @@ from wavesweep.program.plots.style import (
     family_looks,
     paler,
 )
-from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
+from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
 
@@ -116,14 +116,14 @@ def _members_of_hands(
         rows = where(columns, kinds == word)
         if not len(rows["along"]):
             continue
-        claim = of_rows(facts, word, columns)
-        name = row_kind(word).legend
+        claim = of_rows(facts, word)
+        name = row_kinds()[word].legend
         if claim.status is Status.PROVED and not rows["certified"].all():
             name += " (not all certified)"
         elif word not in COMPUTED and claim.scope.hands == OPERATOR and "operator" in kinds:
             name += " (operator)"
         drawn = _as_drawn(rows, claim)
-        members.append(Member(name, look_of(row_kind(word)), drawn, claim, facts, word))
+        members.append(Member(name, look_of(row_kinds()[word]), drawn, claim, facts, word))
     return members
 
 

@@ -107,67 +107,40 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """
     old = dict(_numbers(before))
     new = dict(_numbers(now))
-    differences: list[str] = []
-    for key in {**new, **old}:
-        if old.get(key) != new.get(key):
-            differences += _changed(old, new, key)
-    return differences
-
-
-def _changed(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterator[str]:
-    """Yield the change of a key; of an axis that has ends before and after, those of its parts."""
-    if isinstance(old.get(key), Mapping) and isinstance(new.get(key), Mapping):
-        keys = [
-            name for name in {**new[key], **old[key]} if old[key].get(name) != new[key].get(name)
-        ]
-        yield from (
-            f"{key}.{name} {_shown(old[key], name)} -> {_shown(new[key], name)}" for name in keys
-        )
-    else:
-        yield f"{key} {_shown(old, key)} -> {_shown(new, key)}"
+    return [
+        f"{key} {_shown(old, key)} -> {_shown(new, key)}"
+        for key in {**new, **old}
+        if old.get(key) != new.get(key)
+    ]
 
 
 def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the keys of the specs of a run, the short ones if there are some, and their values."""
     short = {path: symbol for symbol, path in SYMBOLS.items()}
-    several, along = facts.get("specs"), facts.get("along")
+    along = facts.get("along")
     if isinstance(along, Mapping):  # of `why`, which an option may name
         yield "along", along.get("name")
-    for name, tables in (
-        several if several and isinstance(several, Mapping) else {"": facts.get("spec")}
-    ).items():
-        if not isinstance(tables, Mapping):  # a package that somebody has changed
-            continue
+    for name, tables in (facts.get("specs") or {"": facts.get("spec", {})}).items():
         for path, value in _flat(tables):
             yield f"{name}: {short.get(path, path)}" if name else short.get(path, path), value
 
 
 def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in tables.items():
-        if (
-            isinstance(value, Mapping) and "start" not in value
-        ):  # an axis is one value, if it has ends or a list
+        if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{name}.")
         else:
-            yield f"{above}{name}", list(value) if isinstance(value, tuple) else value
+            yield f"{above}{name}", value
 
 
 def _shown(values: Mapping[str, Any], key: str) -> str:
-    if key not in values:
-        if key.rpartition(": ")[2] in ("bode.from", "bode.to"):
-            return "all"
-        if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key:
-            return "not swept"
-        return "not given"
-    value = values[key]
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{name} = {_text(item)}' for name, item in value.items())}}}"
-    if isinstance(value, list):
-        text = f"[{', '.join(map(_text, value))}]"
-        if len(text) <= 40:  # characters of a list in a message
-            return text
-        return f"{len(value)} values"
-    return _text(value)
+    value = values.get(key, "not given")
+    if not isinstance(value, list):
+        return _text(value)
+    text = f"[{', '.join(map(_text, value))}]"
+    if len(text) <= 40:  # characters of a list in a message
+        return text
+    return f"{len(value)} values"
 
 
 def _text(value: object) -> str:

@@ -20,7 +20,7 @@ from wavesweep.program.results.package import (
     packaged_kinds,
     parsed,
 )
-from wavesweep.program.tables import kind_named, kinds
+from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.columns import checked, fields_of, in_order, kind_of, kinds_by_name
 from wavesweep.program.tables.fields import Field, FieldKind
 
@@ -276,16 +276,13 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     package = path.with_suffix(".datapackage.json")
     try:
         names, facts = _names_and_facts(path, package)
-        command = packaged_facts(package).get("command", "")  # which a Parquet file does not have
-        kind = kind_of(names, path.stem, {"command": command})
-        if kind in kinds() and (missing := set(kind_named(kind).names) - set(names)):
+        kind = kind_of(names, path.stem)
+        if missing := set(kind_named(kind).names) - set(names):
             raise UsageError(
                 f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}"
             )
         columns = in_order(kind, read(path), facts)
-        if (
-            kind in kinds() and kind_named(kind).fields
-        ):  # the columns of a design study follow from its spec
+        if kind_named(kind).fields:  # the columns of a design study follow from its spec
             checked(fields_of(kind, columns, facts), columns)
     except (*NOT_OURS, WavesweepError) as error:
         if isinstance(error, UsageError):
@@ -299,7 +296,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         ) from error
     if not len(next(iter(columns.values()), ())):
         raise UsageError(f"{path}: expected the rows of a table, found none")
-    return kind, columns, facts if kind in kinds() else {**facts, "command": command}
+    return kind, columns, facts
 
 
 def _refuse_other_paths(path: Path) -> None:

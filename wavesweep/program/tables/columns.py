@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import home_of
 from wavesweep.engine.drawing import keys_of_block
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.keys import TURNED
-from wavesweep.program.columns import Columns, run_column, whose_column
-from wavesweep.program.row_kinds import row_kinds
+from wavesweep.program.columns import run_column
 from wavesweep.program.spec import KEYS, SYMBOLS
 from wavesweep.program.spec.studies import K_VE_SPAN
-from wavesweep.program.tables import HOMES, kind_named, kinds
+from wavesweep.program.tables import kind_named, kinds
 from wavesweep.program.tables.fields import OF_ALONG, Field, FieldKind
 
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
@@ -78,8 +76,8 @@ def fields_of(
 
 def in_order(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
     """Give the columns of a table in the order of the program, without those that it does not have."""
-    table_kind = kind_named(kind) if kind in HOMES else None
-    if table_kind is None or not table_kind.fields:
+    table_kind = kind_named(kind)
+    if not table_kind.fields:
         return dict(columns)
     field_names = [field.name for field in table_kind.fields]
     axes: list[str] = []
@@ -206,38 +204,10 @@ def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, l
     return unlike
 
 
-def missing_command(kind: str, facts: Mapping[str, Any]) -> str:
-    """Give the command that made a table of a kind that is not known here, from the facts of its run.
-
-    The text is empty if the kind is known, and if the command is there: then the table is damaged.
-    """
-    words = [word for word in str(facts.get("command", "")).split()[1:] if not word.startswith("-")]
-    if kind in HOMES or not words:
-        return ""
-    command = words[0]
-    is_there = command in HOMES or home_of(command)
-    return "" if is_there else command
-
-
-def missing_for(kind: str, columns: Columns, facts: Mapping[str, Any]) -> str:
-    """What no installed capability makes of a table, in words: all of it, or some of its rows; empty if there is nothing."""
-    command = missing_command(kind, facts)
-    if command:
-        return f"tables of wavesweep {command}"
-    whose = whose_column(columns)
-    if whose not in ("guarantee", "hand"):
-        return ""
-    words = set(columns[whose].tolist()) - set(row_kinds())
-    if words:
-        return f"rows of {', '.join(sorted(words))}"
-    return ""
-
-
-def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
+def kind_of(names: Iterable[str], stem: str) -> str:
     """Give the kind of the table that has columns of these names; stem: the name of its file, if several kinds have them.
 
-    facts: of the run. Without the capability that made the table, the kind is that name. Raises
-    WavesweepError for columns of no known table.
+    Raises WavesweepError for columns of no known table.
     """
     names = list(names)
     known_kinds = kinds()
@@ -248,7 +218,7 @@ def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
         return stem
     if fitting:
         return max(fitting, key=lambda name: len(known_kinds[name].names))
-    if stem in known_kinds or missing_command(stem, facts):
+    if stem in known_kinds:
         return stem
     expected = f"the columns of a table with a figure ({', '.join(known_kinds)})"
     raise WavesweepError(f"expected {expected}, found {', '.join(names)}")

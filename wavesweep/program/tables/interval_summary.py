@@ -343,7 +343,7 @@ class IntervalSummary:
             if whose == "spec":
                 self._summaries[word] = self._of_spec(word, rows)
             elif word not in self._summaries:
-                claim = of_rows(self._facts, word, columns)
+                claim = of_rows(self._facts, word)
                 self._summaries[word] = LoopSummary(claim, word, self._axes, self._facts)
             summary = self._summaries[word]
             summary.add(rows)
