@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from support.networks import back, growth, random_messages, random_network, spec_of
 
 import wavesweep
@@ -115,13 +116,53 @@ def test_an_integrator_whose_messages_are_late_by_any_of_many_ticks_has_a_small_
 
 
 def test_a_channel_behind_another_has_a_small_gain_though_little_of_a_message_is_left_after_it():
-    channel = {"type": "channel", "late": 10}
-    mass = {"type": "mass", "mass": 1.0, "damping": 20.0, "stiffness": 100.0}
-    wire = {"a.u": "K*x.x", "b.u": "a.y", "x.f": "-b.y"}
-    spec = {"rates": {"tick_hz": 1000}, "numbers": {"K": 1.0}, "block": {"x": mass, "a": channel, "b": channel}, "wire": wire}
-    gain = ring(spec).gain
+    gain = ring(masses_in_a_row(late=10)).gain
     assert gain.proved(1.0, 1.0)
     assert not gain.proved(1000.0, 1000.0)
+
+
+def masses_in_a_row(**keys):
+    """A mass that a spring holds, pushed by what went through two channels, one behind another."""
+    channel = {"type": "channel", **keys}
+    mass = {"type": "mass", "mass": 1.0, "damping": 20.0, "stiffness": 100.0}
+    wire = {"a.u": "K*x.x", "b.u": "a.y", "x.f": "-b.y"}
+    return {"rates": {"tick_hz": 1000}, "numbers": {"K": 1.0}, "block": {"x": mass, "a": channel, "b": channel}, "wire": wire}
+
+
+def test_a_loop_whose_gain_is_below_one_is_proved_by_peaks_however_late_messages_are():
+    """Without overshoot it is K/100, at rest; beyond it half of a second of 0 and half of 1/K is unstable."""
+    peaks = ring(masses_in_a_row(late=400)).gain.peaks
+    assert peaks.proved(0.0, 95.0)
+    assert peaks.proved(99.0, 99.0)
+    assert not peaks.proved(101.0, 101.0)
+
+
+@pytest.mark.parametrize(("every", "late"), [(1, 30), (4, 9)])
+def test_peaks_have_the_sum_of_a_response_that_is_marched(every, late):
+    """What is read in each tick is any of the last messages: the response of a mass, sampled when it sends."""
+    spec = masses_in_a_row(every=every, late=late)
+    spec["block"]["x"] |= {"damping": 4.0}
+    spec["wire"] = {"a.u": "K*x.x", "x.f": "-a.y"}
+    del spec["block"]["b"]
+    flow = expm(1e-3 * np.array([[0, 1, 0], [-100, -4, 1], [0, 0, 0]]))
+    state, total = flow[:2, 2], 0.0
+    for _ in range(8000):
+        total += abs(state[0])
+        state = flow[:2, :2] @ state
+    peaks = ring(spec).gain.peaks
+    assert peaks.proved(0.995 / total, 0.995 / total)
+    assert not peaks.proved(1.005 / total, 1.005 / total)
+    assert not peaks.proved(0.5 / total, 1.1 / total)
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 12))])
+def test_what_peaks_prove_survives_messages(seed):
+    source = np.random.default_rng(4000 + seed)
+    loop = random_network(source)
+    peaks = ring(spec_of(loop)).gain.peaks
+    end = max(K for K in np.geomspace(1, 2e4, 25) if peaks.proved(K, K))
+    assert 10 < end < 2e4
+    assert all(growth(loop, end, random_messages(loop, source)) < 1 for _ in range(12))
 
 
 @pytest.mark.slow

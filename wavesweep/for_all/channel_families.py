@@ -392,12 +392,13 @@ def _steps(
             if after not in seen_states:
                 seen_states.add(after)
                 open_.append(after)
-        if len(steps) > most:
-            raise NotByWordsError(
-                f"channels {', '.join(channel.name for channel in channels)}: expected at most {most} ways in which messages are late or "
-                "lost, found more, as every tick of `late` is one; write what every message takes as a delay (seconds) before the "
-                "channel, choose longer ticks, or list values in [sweep] in place of ranges of [for_all]"
-            )
+            if len(steps) > most:
+                names = ", ".join(channel.name for channel in channels)
+                raise NotByWordsError(
+                    f"channels {names}: expected at most {most} ways in which messages are late or lost, found more, as every tick "
+                    "of `late` is one; write what every message takes as a delay (seconds) before the channel, choose longer "
+                    "ticks, or list values in [sweep] in place of ranges of [for_all]"
+                )
     for (row, after), (sent, sources) in steps.items():
         yield row, sent, after, sources
 

@@ -18,7 +18,8 @@ large, and only m_0 is kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
@@ -37,10 +38,11 @@ from wavesweep.engine.switched import (
     shrink_along,
     units_of_places,
 )
-from wavesweep.for_all.channel_families import NOTHING, SENT
+from wavesweep.for_all.channel_families import NOTHING, SENT, NotByWordsError
 from wavesweep.for_all.open_channels import OpenLoop, taken_from
+from wavesweep.for_all.peak_gain import PeakGain
 
-LEAST_STEP = 0.02  # of a number, a stretch that ends a proof
+LEAST_STEP = 0.005  # of a number, a stretch that ends a proof
 # Messages that are kept up to which all are states: 82 take minutes, where two take 10 ms (two
 # channels of `late = 40` in every tick).
 MOST_KEPT = 60
@@ -65,8 +67,8 @@ class SmallGain:
     are free, and become the differences d.
 
     loop: see `OpenLoop`, with the messages that are kept. kinds: of its ticks. whole: its ticks. slots: of each channel the state that
-    is w and d. gains: `g` of each channel. known: logarithms of the weights that were found last, by
-    their count.
+    is w and d. gains: `g` of each channel. peaks: the same loop by peaks, None if what drifts is sent.
+    known: logarithms of the weights that were found last, by their count.
     """
 
     loop: OpenLoop
@@ -74,38 +76,31 @@ class SmallGain:
     whole: LoopFrames
     slots: np.ndarray
     gains: np.ndarray
+    peaks: PeakGain | None
     known: dict[int, np.ndarray] = field(default_factory=dict)
 
     @staticmethod
     def of(loop: OpenLoop) -> SmallGain:
         """The same of a loop with channels."""
+        newest = replace(loop, choices=[[held[:1] for held in row] for row in loop.choices])
         middle = sum(loop.counts) <= MOST_KEPT
-        newest = [[held[:1] for held in row] for row in loop.choices]
-        kept = loop if middle else replace(loop, choices=newest)
-        counts = kept.counts
-        kinds = []
-        for at, alike in enumerate(loop.alike):
-            taken = []
-            for channel, count, held in zip(loop.channels, counts, loop.choices[at], strict=True):
-                taken.append(_taken(channel.sends(at), count, held[-1], middle))
-            kinds.append((alike, tuple(taken)))
-        ticks = len(kinds)
-        rows = [[kind] for kind in kinds]
-        whole = kept.frames(rows, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
-        names = [whole.ticks.states[state] for state in whole.kept]
-        slots: list[int] = []
+        kept = loop if middle else newest
+        about = (0.5, 0.5) if middle else (1.0, 0.0)
+        kinds, whole, slots = _with_free(loop, kept, about, ((SENT, 1.0), (0, -1.0)))
         gains = []
-        for at, (channel, count) in enumerate(zip(loop.channels, counts, strict=True)):
-            name = f"{channel.name}.message {count + 1}"
-            if name not in names:  # whatever is held is in time
-                continue
-            slots.append(names.index(name))
+        for at in slots:
+            channel = loop.channels[at]
             oldest = np.zeros(channel.every)
             for now, choices in enumerate(loop.choices):
                 since = (now - channel.phase) % channel.every
                 oldest[since] = max(oldest[since], choices[at][-1] or 0)
-            gains.append(oldest @ oldest / (4 if middle else 1))
-        return SmallGain(kept, kinds, whole, np.array(slots, int), np.array(gains))
+            gains.append(oldest @ oldest * about[0] ** 2)
+        peaks = None
+        with suppress(NotByWordsError):
+            _, of_peaks, free = _with_free(loop, newest, (0.0, 0.0), ((SENT, 1.0),))
+            peaks = PeakGain(of_peaks, free)
+        states = np.array([*slots.values()], int)
+        return SmallGain(kept, kinds, whole, states, np.array(gains), peaks)
 
     def over(self, sides: Sequence[Side]) -> FramesOver:
         """The ticks over the cells of a box of sides; the loop is that of some of its numbers."""
@@ -125,18 +120,29 @@ class SmallGain:
 
     def reached(self, x: float, goal: float) -> float:
         """The number up to which all from x towards the goal are proved; NaN for x NaN."""
-        step = goal - x
-        while abs(step) > LEAST_STEP * abs(x) and x != goal:
-            ahead = goal if abs(goal - x) <= abs(step) else x + step
-            if self.proved(*sorted((x, ahead))):
-                x = ahead
-                step *= 2
-            else:
-                step /= 2
+        for proved in self._proofs:
+            step = goal - x
+            again = False
+            while abs(step) > LEAST_STEP * abs(x) and x != goal:
+                ahead = goal if abs(goal - x) <= abs(step) else x + step
+                held = proved(*sorted((x, ahead)))
+                if held:
+                    x = ahead
+                if again or not held:
+                    step *= 2 if held else 0.5
+                again = held
         return x
 
     def proved(self, low: float, high: float) -> bool:
         """Whether the loop decays for all numbers from low to high, which may be the same."""
+        return any(proved(low, high) for proved in self._proofs)
+
+    @property
+    def _proofs(self) -> list[Callable[[float, float], bool]]:
+        """By peaks, which take no search, and by squares."""
+        return [*([self.peaks.proved] if self.peaks else []), self._by_squares]
+
+    def _by_squares(self, low: float, high: float) -> bool:
         points = self.whole.hull(low, high)
         if points is None:
             return False
@@ -259,12 +265,32 @@ def _stored(A, B, C, D, share, of_given) -> np.ndarray:
     return np.array(X[::-1])
 
 
-def _taken(sends: bool, count: int, oldest: int | None, middle: bool) -> tuple[object, tuple]:
-    """The same as `taken_from` of what is held, the newest, or half of it and half of the oldest,
-    and w."""
-    shows, registers = taken_from(sends, count, 0)
-    if oldest:
-        about = ((shows, 0.5), (registers[oldest], 0.5)) if middle else ((shows, 1.0),)
-        shows = (*about, (count, 1.0))
-    difference = ((SENT, 1.0), (0, -1.0)) if sends else NOTHING
-    return shows, (*registers, difference)
+def _with_free(
+    loop: OpenLoop, kept: OpenLoop, about: tuple[float, float], given: tuple
+) -> tuple[list[tuple], LoopFrames, dict[int, int]]:
+    """The kinds of the ticks of a loop, and these ticks, in which a channel shows w and shares `about`
+    of the newest and of the oldest message, and w becomes what is given; with the state that is w
+    by the number of the channel, if not all that it shows is in time.
+
+    kept: the loop with the messages that are kept."""
+    kinds = []
+    for at, alike in enumerate(loop.alike):
+        taken = []
+        for channel, count, held in zip(loop.channels, kept.counts, loop.choices[at], strict=True):
+            sends = channel.sends(at)
+            shows, registers = taken_from(sends, count, 0)
+            if held[-1]:
+                ends = shows, registers[min(held[-1], count - 1)]
+                shows = (*zip(ends, about, strict=True), (count, 1.0))
+            taken.append((shows, (*registers, given if sends else NOTHING)))
+        kinds.append((alike, tuple(taken)))
+    ticks = len(kinds)
+    rows = [[kind] for kind in kinds]
+    whole = kept.frames(rows, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
+    names = [whole.ticks.states[state] for state in whole.kept]
+    slots = {}
+    for at, (channel, count) in enumerate(zip(loop.channels, kept.counts, strict=True)):
+        name = f"{channel.name}.message {count + 1}"
+        if name in names:
+            slots[at] = names.index(name)
+    return kinds, whole, slots

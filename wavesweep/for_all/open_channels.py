@@ -86,12 +86,12 @@ class OpenLoop:
         self, kinds: Sequence[Sequence[tuple]], symbols, follows, more: int = 0
     ) -> LoopFrames:
         """The frames that consist of these kinds of ticks, of several loops those of the first;
-        more: registers beside messages."""
+        more: registers beside messages, which are free: none may be relative to what it copies."""
         held, drift = self._drift(more)
         rows, places = places_of(self.drawn, self.channels, kinds, held)
         ticks = ticks_of(places, self.number)
         refuse_moved(ticks, drift)
-        ticks, _ = drift.relative_ticks(ticks)
+        ticks, _ = drift.relative_ticks(ticks, copied=not more)
         if not self.number:
             ticks = ticks.of_loop(0)
         written = WrittenFrames(

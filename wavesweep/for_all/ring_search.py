@@ -24,6 +24,7 @@ from wavesweep.for_all.message_rings import RingFrames
 WORK = 1e11  # operations of a search for norms, or of a proof on one side: some 40 s
 STARTS = (0.1, 0.01, 0.5, 1e-3, 1e-4)  # of an interval, where a proof begins
 NORMS_BEGIN = 0.2  # of what a small gain proves, where norms are searched that prove more
+ROOM = 0.01  # of a number with which a proof begins
 LEAST_STEP = 5e-3  # of a number, or of the way that is left: shorter ones end a proof
 STEPS = 80  # of a proof
 TOLERANCE = 0.01  # of what is refuted, how near to it a proof is aimed at
@@ -61,7 +62,8 @@ def bracket_ring(
     low, high = about
     gain = family.gain
     starts = [low + share * (high - low) for share in STARTS]
-    begun = next((x for x in starts if gain.proved(x, x)), None)
+    # With some room about it: from where a proof only just holds, it goes nowhere.
+    begun = next((x for x in starts if gain.proved(x - ROOM * abs(x), x + ROOM * abs(x))), None)
     if begun is None:
         return None
     reached = gain.reached(begun, high)

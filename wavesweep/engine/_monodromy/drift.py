@@ -128,9 +128,10 @@ class MarginalModes:
         found = MarginalModes(tuple(names), tuple(constant), tuple(varying), unobserved)
         return found, alive, pairs
 
-    def relative_ticks(self, ticks: Ticks) -> tuple[Ticks, tuple]:
+    def relative_ticks(self, ticks: Ticks, copied: bool = True) -> tuple[Ticks, tuple]:
         """Return the ticks with states relative to others: those that a drift moves to its lead,
-        and copies to their source; and which are relative to which, as `MarginalModes.constant`.
+        and copies to their source if asked for; and which are relative to which, as
+        `MarginalModes.constant`.
 
         A copy is a state that takes over another one's value at times, as that of a difference or
         of a sampled position does. If both were kept, what they have in common would be cancelled
@@ -141,7 +142,7 @@ class MarginalModes:
             drifting.add(lead)
             drifting.update(index for index, _ in followers)
         copies = {}
-        for source, states in _copies(ticks).items():
+        for source, states in _copies(ticks).items() if copied else ():
             followers = tuple((state, 1.0) for state in states if state not in drifting)
             if followers:
                 copies[source] = followers
