@@ -11,11 +11,11 @@ MOST_LINES = 50  # of the differences of results
 @click.command("verify")
 @click.argument("directory", metavar="DIR", type=PATH)
 def command(directory: str) -> int:
-    """Hold results against their data packages, have the checker read their proof files, and compute a sample of the rows again.
+    """Hold results against their data packages, and compute a sample of the rows again.
 
     DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared,
-    and some of its rows with what the spec gives now. The exit code is 1 if anything differs, or if the
-    checker refuses a claim of a proof file, which `--proof` of `zwidth` and `stability-region` writes.
+    and some of its rows with what the spec gives now; the checker reads the proof file that `--proof` of `zwidth` and
+    `stability-region` wrote. The exit code is 1 if anything differs or a claim is refused.
 
     \b
     Example:
