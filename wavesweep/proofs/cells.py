@@ -17,6 +17,7 @@ NARROWEST = 1e-12  # relative: a cell below which nothing is proved
 AROUND = 0.02  # of half of a cell: half of the next cell about a crossing within it
 LOOKED_AT = np.linspace(-1, 1, 33)  # places of a cell at which eigenvalues are counted
 MOST_CELLS = 1000  # that are tried along a stretch
+WIDER = 4.1  # times as wide as the last cell with a form: beyond it one is divided without a trial
 ON_CIRCLE = 1e-10  # from it: a mode that stays there
 ORDER = 3  # of the matrices in doubles
 
@@ -108,19 +109,24 @@ def _cells(family, name, stretch, rims, anchors):
     at_rim = WINDOW * (high - low)
     waiting = [stretch]
     done = []
+    widest = np.inf
     for _ in range(MOST_CELLS):
         if not waiting:
             break
         start, stop = waiting.pop()
+        middle = _middle(start, stop, anchors)
+        if stop - start > widest and start not in rims and stop not in rims:
+            waiting += [(middle, stop), (start, middle)]
+            continue
         found = cell_of(family, {name: (start, stop)})
         if isinstance(found, Cell):
             done.append(found)
+            widest = WIDER * (stop - start)
             continue
         if stop <= low + at_rim or start >= high - at_rim:
             continue
         crossing = _crossing(found, start, stop)
         if crossing is None:
-            middle = _middle(start, stop, anchors)
             if start == low or stop == high:
                 middle = low + at_rim if start == low else high - at_rim
                 anchors.append(low if start == low else high)
