@@ -266,8 +266,7 @@ def library() -> str:
     """Every public name of the package with its signature and docstring."""
     parts = []
     for name, each in public():
-        heading = f"### {name}" if re.match("(Drawn)?Loop[.]", name) else f"## wavesweep.{name}"
-        parts.append(heading.replace("wavesweep.DrawnLoop", "wavesweep.compile of a MultirateLoop"))
+        parts.append(f"### {name}" if name.startswith("Loop.") else f"## wavesweep.{name}")
         if not inspect.isclass(each):
             signature = inspect.signature(each)
             given = [each.replace(annotation=inspect.Parameter.empty) for each in parameters(each)]
@@ -280,15 +279,13 @@ def library() -> str:
 
 def public():
     """Yield the public names of the package, those of methods of a compiled loop too, and what they name."""
-    from wavesweep.program.drawn_loop import DrawnLoop
-
     found = {name: getattr(wavesweep, name) for name in wavesweep.__all__}
-    for name, each in ({"Loop": found.pop("Loop"), "DrawnLoop": DrawnLoop} | found).items():
+    for name, each in ({"Loop": found.pop("Loop")} | found).items():
         if inspect.ismodule(each):
             yield from ((f"{name}.{inner}", getattr(each, inner)) for inner in OF_FILES)
         elif callable(each):
             yield name, each
-        if name in ("Loop", "DrawnLoop"):  # a spec is made by `load`, and its methods are for the program
+        if name == "Loop":  # a spec is made by `load`, and its methods are for the program
             own = {method: call for method, call in vars(each).items() if inspect.isfunction(call) and method[0] != "_"}
             own |= {method: of_library(f"{name}.{method}") for method in library_names(name)}
             yield from ((f"{name}.{method}", call) for method, call in own.items())

@@ -1,9 +1,6 @@
-from typing import overload
-
 from wavesweep import results as results
 from wavesweep.check.library import verdict as verdict
 from wavesweep.designs.library import design as design
-from wavesweep.engine.blocks import MultirateLoop
 from wavesweep.engine.errors import IllPosedLoopError as IllPosedLoopError
 from wavesweep.engine.errors import SpecError as SpecError
 from wavesweep.engine.errors import UsageError as UsageError
@@ -24,15 +21,11 @@ from wavesweep.program.store.checkpoint import CheckpointError as CheckpointErro
 from wavesweep.reports.library import report as report
 from wavesweep.sensitivity.library import LoopSensitivity
 from wavesweep.sensitivity.library import why as why
-from wavesweep.simulation.library import DrawnLoopSimulation, LoopSimulation
+from wavesweep.simulation.library import LoopSimulation
 from wavesweep.simulation.library import simulate as simulate
 
 __version__: str
 
 class Loop(LoopMargins, LoopPassive, LoopPicture, LoopPoles, LoopSensitivity, LoopSimulation): ...
-class DrawnLoop(DrawnLoopSimulation): ...
 
-@overload
 def compile(source: api.Source) -> Loop: ...
-@overload
-def compile(source: MultirateLoop) -> DrawnLoop: ...

@@ -65,7 +65,7 @@ CAPABILITIES = (
         },
         tables=("simulate",),
         kinds=("simulate", "simulate-response"),
-        library=("simulate", "Loop.simulate", "Loop.plot_simulate", "DrawnLoop.simulate"),
+        library=("simulate", "Loop.simulate", "Loop.plot_simulate"),
         offers=("controller_group", "keys", "on_check", "section"),
     ),
     Capability(

@@ -1,4 +1,4 @@
-"""Loops of several rates drawn in Python: a paper's controller as blocks, and random ones."""
+"""Loops of several rates drawn in Python: random ones."""
 
 import numpy as np
 
@@ -6,25 +6,6 @@ from wavesweep.engine._loops import blocks
 from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 
 T = 1e-3
-
-
-def pmw(b=25.0, Kp=0.0, delay=0, integration="explicit", order=1, wall=None):
-    """Passive multirate wave control written as blocks; the wall's force is the input "w" unless `wall` = (K, B) makes it."""
-    placed = [
-        ScheduledBlock(blocks.mass("m", T, 0.1, 1.5)),
-        ScheduledBlock(blocks.defined("wave", "end", T, b=b, gives="force")),
-        ScheduledBlock(blocks.butterworth("lp", T, order, 10.0)),
-        ScheduledBlock(blocks.defined("avatar", "av", 20 * T, b=b, integration=integration), 20),
-    ]
-    sums = {"end.v": {"m.v": 1.0}, "lp.u": {"end.out": 1.0}, "av.in": {"lp.y": 1.0}, "m.f": {"hand": 1.0, "f_m": -1.0}}
-    sums |= {"f_m": {"end.force": 1.0}, "av.f": {"w": 1.0} if wall is None else {"av.x_spring": wall[0], "av.v": wall[1]}}
-    back = "av.out", "av.x"
-    if delay:
-        placed += [ScheduledBlock(blocks.defined("hold", name, 20 * T), 20, delay) for name in ("late", "late_x")]
-        sums |= {"late.u": {"av.out": 1.0}, "late_x.u": {"av.x": 1.0}}
-        back = "late.y", "late_x.y"
-    sums["end.in"] = {back[0]: 1.0} | ({back[1]: Kp, "m.x": -Kp} if Kp else {})
-    return MultirateLoop(T, tuple(placed), sums, ("hand", "w"))
 
 
 def random_block(r, name, period):

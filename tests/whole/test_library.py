@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
 from wavesweep.capabilities import CAPABILITIES
-from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.platform_compat import one_thread
 
@@ -106,7 +105,6 @@ REFUSED = [
     (lambda _: wavesweep.program.results.publish(None, ".", overwrite="no"), "overwrite: expected True or False, found 'no'"),
     (lambda _: wavesweep.program.results.read(None), "expected the path of a CSV or Parquet file, found None"),
     (lambda _: wavesweep.compile(3), "expected a path, or nested tables as a dict, found 3"),
-    (lambda _: wavesweep.compile(MultirateLoop(1e-3, (), {})), "a drawn loop: expected at least one block, found none"),
     (lambda _: _direct().stable_intervals(["K_VE"]), "K_VE"),
     (lambda _: _direct().stable_intervals(span=(0, 10**400)), "span"),
     (lambda _: _direct().stable_intervals(span=(False, True)), "span"),

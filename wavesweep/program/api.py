@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, Unpack
 
 import numpy as np
 
 from wavesweep.capabilities import library_names, of_library
-from wavesweep.engine.blocks import OUTPUT, MultirateLoop
+from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.frames import MarginalModes
 from wavesweep.program.analyses.asked import (
     Numbers,
     axes_asked,
@@ -26,7 +25,6 @@ from wavesweep.program.analyses.claim_words import fact_of
 from wavesweep.program.analyses.claims import Claim, own_figures
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.drawn_loop import DrawnLoop, first_of, refuse_infinite
 from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.spec import Axis, Spec, load
 from wavesweep.program.spec.loading import naming
@@ -54,29 +52,23 @@ _ANSWERS: dict[
 ] = {}
 
 
-@overload
-def compile(source: Source) -> Loop: ...
-@overload
-def compile(source: MultirateLoop) -> DrawnLoop: ...
-def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
+def compile(source: Source) -> Loop:
     """Compile a loop once, for any number of calls.
 
     Parameters
     ----------
-    source : Spec, str, Path, dict or MultirateLoop
-        A spec, its path, its nested tables, or a loop drawn in Python. In nested tables a block may
-        also be a system of python-control or scipy.signal, or a `StateSpaceBlock` of
-        `wavesweep.engine`.
+    source : Spec, str, Path or dict
+        A spec, its path, or its nested tables, in which a block may also be a system of
+        python-control or scipy.signal, or a `StateSpaceBlock` of `wavesweep.engine`.
 
     Returns
     -------
-    Loop or DrawnLoop
-        A `DrawnLoop` of a `MultirateLoop`, else a `Loop`.
+    Loop
 
     Raises
     ------
     UsageError
-        If a file cannot be read, or the blocks of a `MultirateLoop` make no loop.
+        If a file cannot be read.
     SpecError
         With all mistakes of the spec, or if its loops of direct terms have no solution.
 
@@ -86,10 +78,6 @@ def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
     >>> wavesweep.compile({"controller": {"kind": "dc-slow"}})
     <Loop spec: dc-slow, 3 states, frame of 20 ticks, 20 ms; K_VE = 500, B_VE = 1>
     """
-    if isinstance(source, MultirateLoop):
-        source.refuse_wrong_names()
-        refuse_infinite(source)
-        return DrawnLoop(source, MarginalModes.of(first_of(source), first_of(source, -1)))
     spec = spec_of(source)
     refuse_singular(spec, own_loop(spec).drawing)
     return Loop(spec, keys_of(spec))

@@ -10,7 +10,7 @@ import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -556,26 +556,6 @@ def local_model_away(period: float, b: float, K: float, B: float, integration: s
     else:
         moving = {}
     return Law({"out": ((1.0, "in"),)}, {"before": (), **moving})
-
-
-def in_delta_form(block: Any) -> Law:
-    """A block that is given by matrices: `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D
-    u[k]`."""
-    names = [*(f"state {state}" for state in block.states), *block.inputs]
-    keeps = {}
-    rows = zip(names, block.E.tolist(), block.B.tolist(), strict=False)
-    for i, (name, by_states, by_inputs) in enumerate(rows):
-        last = 1.0
-        if by_states[i] == -1.0:  # a state that does not depend on itself gets a new value
-            by_states[i] = 0.0
-            last = 0.0
-        keeps[name] = (*_sum([*by_states, *by_inputs], names), (last, name))
-    gives = {}
-    for name, by_states, by_inputs in zip(
-        block.outputs, block.C.tolist(), block.D.tolist(), strict=True
-    ):
-        gives[name] = _sum([*by_states, *by_inputs], names)
-    return Law(gives, keeps)
 
 
 def _sum(factors, names) -> Sum:

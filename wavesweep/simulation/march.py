@@ -33,7 +33,6 @@ from wavesweep.simulation.running_blocks import (
     MarchedLoop,
     Rhythm,
     loop_of,
-    loop_of_blocks,
 )
 from wavesweep.simulation.tick_sums import TickSums, actual, arrived, besides, keep, run
 
@@ -591,29 +590,3 @@ def refuse(loop: MarchedLoop, effects: Effects) -> None:
     ):
         if names and not met:
             raise UsageError(f"option {', '.join(names)}: expected {expected}, found {problem}")
-
-
-def run_drawn(
-    drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[str]
-) -> dict[str, np.ndarray]:
-    """Run the blocks of a drawing made in Python (a `MultirateLoop`) from rest and record signals,
-    `(ticks,)` each.
-
-    inputs: the value of each input from outside in every tick. The rows end before a signal is not
-    finite.
-    """
-    ticks = TickSums(loop := loop_of_blocks(drawn, signals))
-    running = Running(loop, ticks, (), None, late=False)
-    rows = []
-    input_places = [running.place(name) for name in inputs]
-    places = [running.place(name) for name in signals]
-    for k, row in enumerate(zip(*(column.tolist() for column in inputs.values()), strict=True)):
-        for place, number in zip(input_places, row, strict=True):
-            running.z[place] = number
-        running.tick(k)
-        rows.append([running.z[place] for place in places])
-    array = np.array(rows).reshape(-1, len(places))
-    finite = np.isfinite(array).all(axis=1)
-    return dict(
-        zip(signals, array[: len(array) if finite.all() else int(finite.argmin())].T, strict=True)
-    )

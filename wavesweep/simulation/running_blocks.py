@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
@@ -21,7 +21,6 @@ from wavesweep.simulation.laws import (
     Sum,
     continuous,
     dead_time,
-    in_delta_form,
     local_model_away,
 )
 
@@ -732,35 +731,3 @@ def _wall_factors(names, terms, known):
             if slope:
                 factors[number, signal] = factors.get((number, signal), 0.0) + slope
     return dict(sorted(factors.items(), key=lambda item: item[0][0]))
-
-
-def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:
-    """Return the loop of blocks that are given by matrices, a `MultirateLoop`; junctions:
-    signals that are looked at too."""
-    made = {*drawn.inputs}
-    for placed_block in drawn.placed:
-        made.update(f"{placed_block.block.name}.{port}" for port in placed_block.block.outputs)
-
-    def terms(signal: str, factor: float = 1.0) -> Sum:
-        if signal in made:
-            return ((factor, signal),)
-        found = []
-        for source, gain in drawn.sums.get(signal, {}).items():
-            found += terms(source, factor * float(gain))
-        return tuple(found)
-
-    blocks = []
-    for placed_block in drawn.placed:
-        block = placed_block.block
-        if isinstance(placed_block.phase, tuple):
-            phases = placed_block.phase
-        else:
-            phases = (placed_block.phase,)
-        law = in_delta_form(block)
-        rhythm = Rhythm(placed_block.every, phases)
-        blocks.append(RunningBlock(block.name, "", block.inputs, block.outputs, rhythm, law, law))
-    ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-    seen = [name for name in junctions if name not in made]
-    wires = {port: terms(port) for port in (*ports, *seen)}
-    tick = float(drawn.period)
-    return MarchedLoop(tick, 1.0 / tick, tuple(blocks), wires, wires, tuple(drawn.inputs))

@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 from support.drawings import random_drawing
 
-import wavesweep
-from wavesweep.engine._loops import blocks
-from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, products_of_rows, then
 from wavesweep.engine._monodromy.product import product_with_errors, product_with_tight_errors
 from wavesweep.engine._monodromy.rounding import both
 from wavesweep.engine.doubles import ENTRY_ROUNDING
-from wavesweep.engine.errors import UsageError
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -67,22 +63,3 @@ def test_a_state_that_a_tick_forgets_is_forgotten_exactly():
     np.testing.assert_allclose(found, (np.eye(4) + second) @ (np.eye(4) + first), atol=1e-14)
     second[3, 2, 0] = 0.1  # which one of the matrices does not forget
     assert (np.eye(4) + then(first, second))[3, 2].any()
-
-
-@pytest.mark.parametrize(
-    ("sums", "found"),
-    [
-        ({"h.uu": {"arm.x": 1.0}}, "h.uu"),
-        ({"h.u": {"leg.x": 1.0}}, "leg.x"),
-        ({"h.u": {"arm.x": 1.0}, "arm.f": {"arm.f": 1.0}}, "arm.f"),
-        ({"h.u": {"a": 1.0}, "a": {"c": 1.0}, "c": {"a": 1.0}}, "a, c"),
-    ],
-)
-def test_junctions_of_unknown_names_and_rings_of_them_are_refused(sums, found):
-    arm, hold = ScheduledBlock(blocks.mass("arm", 1e-3, 0.1)), ScheduledBlock(blocks.defined("hold", "h", 5e-3), 5)
-    with pytest.raises(UsageError, match=rf"a drawn loop: expected .*, found .*{found}"):
-        wavesweep.compile(MultirateLoop(1e-3, (arm, hold), sums))
-    with pytest.raises(UsageError, match="different names, found arm"):
-        wavesweep.compile(MultirateLoop(1e-3, (arm, arm), {}))
-    with pytest.raises(UsageError, match="period > 0"):
-        wavesweep.compile(MultirateLoop(None, (arm, hold), {}))

@@ -12,8 +12,6 @@ from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep.check.planning import plan
-from wavesweep.engine._loops import blocks
-from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.analyses.interval_jobs import Way, job_of
 from wavesweep.program.spec import load
@@ -133,29 +131,6 @@ def test_drift_is_named_and_set_aside():
     lines = "\n".join(plan(load(as_blocks(load({"controller": {"kind": "pmw"}}).values))))
     assert "drift set aside: m position" in lines
     assert "zwidth: stable intervals along K_VE in (0, 20000)" in lines
-
-
-def test_a_drawing_made_in_python_is_compiled_as_it_is():
-    kp = np.array([5900.0, 6100.0])
-    drawn = MultirateLoop(
-        T, (ScheduledBlock(blocks.mass("m", T, 0.2)),), {"m.f": {"m.x": -kp, "m.v": -3.0, "hand": 1.0}}, ("hand",)
-    )
-    loop = wavesweep.compile(drawn)
-    assert (loop.spectral_radius() < 1).tolist() == [True, False]
-    single = MultirateLoop(T, drawn.placed, {"m.f": {"m.x": -100.0, "m.v": -3.0, "hand": 1.0}}, ("hand",))
-    assert wavesweep.compile(single).response([1e-3], "hand", "m.x").admittance[0].real == pytest.approx(0.01, rel=1e-6)
-    with pytest.raises(UsageError, match="input 'push'"):
-        wavesweep.compile(single).response([1.0], "push", "m.x")
-    run = wavesweep.compile(single).simulate({"hand": np.ones(3000)}, ["m.x", "m.f"])
-    assert run["m.x"].iloc[-1] == pytest.approx(0.01, rel=1e-6)
-    assert (run["m.f"].iloc[0], run.time_s.iloc[-1]) == (1.0, pytest.approx(2.999))
-    for inputs, fault in (({"push": [1.0]}, "found push"), ({"hand": [[1.0]]}, "as many numbers")):
-        with pytest.raises(UsageError, match=fault):
-            wavesweep.compile(single).simulate(inputs, ["m.x"])
-    with pytest.raises(UsageError, match="expected a single loop"):
-        loop.simulate({"hand": [1.0]}, ["m.x"])
-    with pytest.raises(UsageError, match=r"found m\.y"):
-        wavesweep.compile(single).simulate({"hand": [1.0]}, ["m.y"])
 
 
 @pytest.mark.sample(2)

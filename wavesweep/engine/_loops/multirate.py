@@ -102,34 +102,6 @@ class MultirateLoop:
                 readable_labels[f"{block.name}.{port} held"] = f"{output} held"
         return readable_labels
 
-    def refuse_wrong_names(self) -> None:
-        """Raise UsageError for names or junctions that make no loop, or another one than was
-        meant."""
-        for faulty, expected in self._wrong_names():
-            if faulty:
-                raise UsageError(
-                    f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(faulty))}"
-                )
-        period = np.asarray(self.period)
-        if period.dtype.kind not in "iufc" or not np.all(period.real > 0):
-            raise UsageError(f"a drawn loop: expected a period > 0 in s, found {self.period!r}")
-
-    def _wrong_names(self) -> Iterator[tuple[list[str], str]]:
-        """Yield the names that are wrong for a reason, perhaps none, and what is expected of
-        them."""
-        blocks = [scheduled.block for scheduled in self.placed]
-        names = [block.name for block in blocks]
-        yield [] if blocks else ["none"], "at least one block"
-        yield [name for name in names if names.count(name) > 1], "blocks of different names"
-        made = _port_names(blocks, "outputs") | {*self.inputs, *self.sums}
-        unknown = sorted(set().union(*self.sums.values()) - made)
-        yield unknown, "sources that are outputs of blocks, junctions or inputs"
-        others = self.sums.keys() - _port_names(blocks, "inputs")
-        wrong = [name for name in self.sums if name in others and name.rpartition(".")[0] in names]
-        yield wrong, "the block's own inputs as ports"
-        circular = [name for name in self.sums if _comes_back(name, self.sums)]
-        yield circular, "junctions that are not made of themselves"
-
     def sources(self, signal: str) -> set[str]:
         """The block outputs and inputs from outside that a signal is made of."""
         ends = set()
@@ -260,17 +232,3 @@ def _schedule(
 def _port_names(blocks: list[Block], side: str) -> set[str]:
     """The ports of blocks on one side, their inputs or outputs."""
     return {f"{block.name}.{port}" for block in blocks for port in getattr(block, side)}
-
-
-def _comes_back(name: str, sums: Mapping[str, Mapping[str, object]]) -> bool:
-    """Whether a junction is a part of itself, through junctions alone."""
-    visited = set()
-    open_ = list(sums[name])
-    while open_:
-        source = open_.pop()
-        if source == name:
-            return True
-        if source in sums and source not in visited:
-            visited.add(source)
-            open_ += sums[source]
-    return False
