@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wavesweep.engine._monodromy.resolvent import DelayLines
 from wavesweep.engine._monodromy.rounding import uneven_units
 from wavesweep.engine._stability.covering import tiles_of
 from wavesweep.engine._stability.entries import DEGREES, panels_of
 from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of
+from wavesweep.engine._stability.reduced_equation import LONG_LINES, tiles_by_lines
 from wavesweep.engine._stability.regions import SHARE_OF_SPAN, Regions
 from wavesweep.engine._stability.sampled_frames import Frames, ParametricFrames
 from wavesweep.engine._stability.tiles import Tiles, proved_by_balls, regions_of
@@ -201,6 +203,7 @@ class _Search:
     def regions(self, names: np.ndarray, bounds: np.ndarray) -> Regions:
         """The regions of some columns."""
         of_columns = _InEvenUnits.of(self, names)
+        points = of_columns.points
         columns = names.size
         resolved = None
         if self.family.resolved is not None:
@@ -213,10 +216,13 @@ class _Search:
         for reduced, states in [] if panels is None else panels.without_forgotten():
             errors = partial(_of_states, of_columns.errors, states)
             tight = partial(_of_states, of_columns.tight, states)
-            functions = errors, tight
-            parts.append(
-                tiles_of(reduced, functions, self.span, columns, self.slack, from_one=self.from_one)
-            )
+            tiles = tiles_by_lines(reduced, errors, points, self.span, self.slack)
+            if tiles is None:
+                functions = errors, tight
+                tiles = tiles_of(
+                    reduced, functions, self.span, columns, self.slack, from_one=self.from_one
+                )
+            parts.append(tiles)
         tiles = Tiles.join(parts)
         attached = self.slack(self.span[0]), self.slack(self.span[1])
         if self.balls is not None:
@@ -244,11 +250,13 @@ class _InEvenUnits:
     """The frames of some columns of a search in units of the states in which no entry is large, see
     `uneven_units`.
 
-    ratio: what an entry (i, j) is multiplied by, `(columns, n, n)`; plain: whether it is 1.
+    points: of the span, at which the units were found. ratio: what an entry (i, j) is multiplied
+    by, `(columns, n, n)`; plain: whether it is 1.
     """
 
     search: _Search
     names: np.ndarray
+    points: np.ndarray
     ratio: np.ndarray
     plain: bool
 
@@ -266,8 +274,11 @@ class _InEvenUnits:
         # Frames that grow are large in any units.
         calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)
         units = uneven_units(sizes[range(columns), calmest])
+        if E.shape[-1] >= LONG_LINES:
+            for line in DelayLines.of(E).lines:  # which then take over values as they are
+                units[:, line] = units[:, line[:1]]
         ratio = units[:, None, :] / units[:, :, None]
-        return cls(search, names, ratio, not (units != 1).any())
+        return cls(search, names, points, ratio, not (units != 1).any())
 
     def _scaled(self, E: np.ndarray, column: np.ndarray, t: np.ndarray) -> np.ndarray:
         if self.plain:
