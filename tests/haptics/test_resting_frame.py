@@ -47,15 +47,6 @@ def wave_line(rng):
     return blocks, wires | {"avatar.in": out, "end.in": wave}, f"end.force{more}"
 
 
-def coupling(rng):
-    """A tool on a virtual coupling, whose wall is read by a slower rate."""
-    ticks = int(rng.choice([2, 5, 20]))
-    blocks = {"tool": {"type": "mass", "mass": 0.05, "damping": 0.3}}
-    blocks["h"] = {"type": "hold", "every": ticks, "phase": int(rng.integers(ticks))}
-    force = "10*b*(device.x - tool.x) + 0.1*b*(device.v - tool.v)"
-    return blocks, {"h.u": "tool.x", "tool.f": f"{force} - K*h.y - B*tool.v"}, force
-
-
 def sampled_wall(rng):
     """A wall that is read by a slower rate from the device."""
     blocks = {"h": {"type": "hold", "every": int(rng.choice([2, 5, 20]))}, "wall": {"type": "gain", "k": "K"}}

@@ -1,9 +1,8 @@
-"""Virtual coupling against its equations in ball arithmetic, closed forms at one rate, and what it tends to."""
+"""Virtual coupling against closed forms at one rate, and what it tends to."""
 
 import numpy as np
 import pytest
-from support import exact
-from support.specs import nested, random_values, values_of
+from support.specs import nested, values_of
 
 import wavesweep
 
@@ -15,25 +14,7 @@ def radius(kind, **changes):
     return float(wavesweep.compile(nested(values_of(kind, **changes))).spectral_radius())
 
 
-@pytest.mark.parametrize("seed", [0, 23])
-def test_radii_and_ends_are_those_of_the_equations_at_50_digits(seed):
-    values = random_values(seed, VC[seed % 2])
-    loop = wavesweep.compile(nested(values))
-    found, wanted = float(loop.spectral_radius()), float(exact.spectral_radius(values))
-    assert found == pytest.approx(wanted, rel=1e-9)
-    for along, path in (("K_VE", "environment.K_VE"), ("K_VC", "controller.K_VC")):
-        span = (0.0, 20000.0) if along == "K_VE" else (1.0, 20000.0)
-        for row in loop.stable_intervals(along, span).itertuples():
-            assert row.certified or row.doubt
-            for end, omega, inside in ((row.low, row.low_omega, 1), (row.high, row.high_omega, -1)):
-                if end > 0 and np.isfinite(omega):
-                    beside = [exact.spectral_radius(values | {path: end * (1 + side * 1e-7)}) for side in (inside, -inside)]
-                    assert beside[0] < 1 < beside[1]
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("velocity", ["exact", "difference"])
-@pytest.mark.parametrize(("B_VC", "damping"), [(0.3, 1.5), (5.0, 0.2), (20.0, 3.0)])
+@pytest.mark.parametrize(("velocity", "B_VC", "damping"), [("exact", 0.3, 1.5), ("exact", 5.0, 0.2), ("difference", 20.0, 3.0)])
 def test_a_rigid_slow_wall_leaves_the_coupling_as_a_wall_at_the_fast_rate(velocity, B_VC, damping):
     """Of a mass held over a tick, z^2 - (1 + e - K c - B g) z + e - B g + K (a g - c e): Jury's conditions in closed form."""
     shared = {"damping": damping, "velocity": velocity}

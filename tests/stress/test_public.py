@@ -28,12 +28,11 @@ def test_the_radius_of_an_unstable_tick_overflows_to_infinity():
     assert np.isfinite(radius[0])
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", ["wild", "any_number"])
 def test_questions_are_answered_whatever_the_numbers(family):
     for seed in range(100, 104):
         asked = loop(family, seed)
         assert np.isfinite(asked.stable_intervals(B_VE=[0.0, 1e4])["residual"]).all()
-        assert family == "nearly_ill_posed" or not np.isnan(asked.spectral_radius(K_VE=[0.0, 1e9])).any()
+        assert not np.isnan(asked.spectral_radius(K_VE=[0.0, 1e9])).any()
         response = asked.response(np.array([1e-5, 1e-2]) * asked.spec.tick_hz)
         assert np.isfinite(response.loc[response["stable"] == 1, "admittance_re"]).all()

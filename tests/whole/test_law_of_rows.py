@@ -13,12 +13,10 @@ from wavesweep.program.spec import load
 from wavesweep.program.tables import kinds
 from wavesweep.program.tables.table import Table
 
-HARD = [  # drifts, walls of zero, ranges in which nothing is stable, a requirement, frames and messages at random
+HARD = [  # drifts, ranges in which nothing is stable, a requirement, frames and messages at random
     {"rates": {"ratio": 5}, "device": {"velocity": "difference"}, "controller": {"kind": "pmw", "b": 3.0}},
-    {"rates": {"ratio": 2}, "controller": {"kind": "dc-slow"}, "device": {"damping": 0.0}},
     {"controller": {"kind": "pmw-lm"}, "operator": {"stiffness": 30.0}, "environment": {"integration": "explicit"}},
     {"rates": {"ratio": 1}, "controller": {"kind": "dc-slow"}, "sweep": {"require": {"radius": 0.99}}},
-    {"rates": {"ratio": 4}, "controller": {"kind": "pmw-mean"}, "environment": {"K_VE": 0.0}},
     {
         "device": {"mass": 0.19, "damping": 0.4, "velocity": "difference"},
         "environment": {"integration": "explicit", "delay": 1},
@@ -64,10 +62,8 @@ def test_a_row_that_is_certified_without_its_value_is_in_doubt():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(4)
-@pytest.mark.parametrize("number", range(len(HARD)))
-def test_tables_of_hard_loops_keep_the_law(number):
-    spec = HARD[number]
+@pytest.mark.parametrize("spec", HARD)
+def test_tables_of_hard_loops_keep_the_law(spec):
     along = {"K_VE": {"start": 0, "stop": 3000}, "B_VE": [0.0, 1.0]}
     kept("zwidth", wavesweep.zwidth(spec | {"sweep": spec.get("sweep", {}) | along}))
     kept("bode", wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0, 1.0, 50.0, 100.0]}}))

@@ -54,19 +54,14 @@ def test_responses_are_within_their_bounds(damping):
 NAMES = "admittance", "impedance"
 
 
-ALONG = {"K": {"start": 0, "stop": 2e5}, "m": {"start": 1e-4, "stop": 1.0}, "B": {"start": 0, "stop": 1e4}}
-
-
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("along", ALONG)
-@pytest.mark.parametrize("integration", ["implicit", "explicit"])
-@pytest.mark.parametrize("damping", [1.5, 1e-6])
-def test_what_is_certified_does_not_depend_on_the_impedance(along, integration, damping):
+@pytest.mark.parametrize(
+    ("along", "span", "integration", "damping"),
+    [("K", {"start": 0, "stop": 2e5}, "implicit", 1.5), ("B", {"start": 0, "stop": 1e4}, "explicit", 1e-6)],
+)
+def test_what_is_certified_does_not_depend_on_the_impedance(along, span, integration, damping):
     def table(b):
-        return wavesweep.stability_region(
-            line(1.0, damping, integration=integration, sweep={along: ALONG[along], "b": b}), along
-        )
+        return wavesweep.stability_region(line(1.0, damping, integration=integration, sweep={along: span, "b": b}), along)
 
     truth = table([1.0])
     ends = [f"{along}_low", f"{along}_high"] if along in truth else ["low", "high"]

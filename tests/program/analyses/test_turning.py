@@ -41,10 +41,9 @@ def exact_radius(omega, zeta, period, K):
     return max(abs(trace / 2 + root), abs(trace / 2 - root))
 
 
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("zeta", [1e-12, 1e-8, 1e-4, 1e-2])
-@pytest.mark.parametrize("detuned", [0.0, 1e-6, -1e-4, 0.02])
-@pytest.mark.parametrize(("every", "turns"), [(10, 1), (10, 3), (1, 1), (1, 200)])
+@pytest.mark.parametrize(
+    ("zeta", "detuned", "every", "turns"), [(1e-12, 0.0, 10, 1), (1e-8, -1e-4, 10, 3), (1e-4, 1e-6, 1, 1), (1e-2, 0.02, 1, 200)]
+)
 def test_ends_are_right_or_in_doubt(zeta, detuned, every, turns):
     omega, period = 2 * np.pi * 1000 / every * turns * (1 + detuned), every * 1e-3
     span = (-1.5, 1.5)

@@ -46,14 +46,11 @@ def content(folder):
     return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
         pytest.param(["export", "arm.toml", "--to", "c", "--out", "out"], marks=pytest.mark.asks("simulation")),
-        ["init", "pmw", "--out", "out/pmw.toml"],
-        ["plot", "t.csv", "--out", "out", "--format", "png", "--format", "svg"],
         ["stability-region", "drawn.toml", "--out", "out/t.csv"],
     ],
     ids=lambda words: words[0],
@@ -62,9 +59,6 @@ def test_the_same_command_once_more_gives_the_same_files_and_no_others(words, tm
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drawn.toml").write_text(SOURCE)
     (tmp_path / "arm.toml").write_text('[controller]\nkind = "pmw"\n[simulate]\nduration_s = 0.05\nsettle_s = 0\n')
-    if words[0] == "plot":
-        assert main(["stability-region", "drawn.toml", "--no-plot", "--out", "."]) == 0
-        words = [words[0], "stability-region.csv", *words[2:]]
     out = tmp_path / "out"
     out.mkdir()
     assert main(words) == 0

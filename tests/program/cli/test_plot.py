@@ -14,22 +14,7 @@ kind = "pmw"
 K_VE = { start = 0, stop = 4000 }
 B_VE = [0.5, 1.0, 2.0]
 b = [20, 40]
-[bode]
-frequency_hz = [0, 1, 5, 20]
-b = [20, 40]
-[simulate]
-frequency_hz = 2
-duration_s = 0.5
 """
-COMMANDS = {
-    "zwidth": ("zwidth",),
-    "stability-region": ("stability-region",),
-    "bode": ("bode",),
-    "passivity": ("passivity",),
-    "simulate": ("simulate",),
-    "why": ("why",),
-    "margins": ("margins", "--cut", "avatar.out"),
-}
 FORMATS = ("--format", "png", "--format", "svg", "--format", "pdf")
 
 
@@ -48,21 +33,18 @@ def spec(tmp_path):
 
 
 @pytest.mark.whole
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("kind", COMMANDS)
-def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, tmp_path, kind):
+def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, tmp_path):
     made = tmp_path / "made"
-    command, *options = COMMANDS[kind]
-    assert wavesweep(command, spec, *options, "--out", made)[0] == 0
-    package = json.loads((made / f"{kind}.datapackage.json").read_text())
-    for table in (made / f"{kind}.csv", made / f"{kind}.parquet"):
+    assert wavesweep("zwidth", spec, "--out", made)[0] == 0
+    package = json.loads((made / "zwidth.datapackage.json").read_text())
+    for table in (made / "zwidth.csv", made / "zwidth.parquet"):
         out = tmp_path / table.suffix[1:]
         formats = FORMATS if table.suffix == ".csv" else ()
         assert wavesweep("plot", table, *formats, "--out", out)[0] == 0
-        assert (out / f"{kind}.png").read_bytes() == (made / f"{kind}.png").read_bytes()
+        assert (out / "zwidth.png").read_bytes() == (made / "zwidth.png").read_bytes()
         assert {path.suffix for path in out.iterdir()} == {".png", *([".svg", ".pdf"] if formats else [])}
     names = [resource["name"] for resource in package["resources"]]
-    assert names == [f"{kind}-{form}" for form in ("csv", "parquet", "png")]
+    assert names == [f"zwidth-{form}" for form in ("csv", "parquet", "png")]
 
 
 @pytest.mark.whole

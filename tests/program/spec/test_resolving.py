@@ -62,24 +62,6 @@ def test_order_and_cutoff_are_those_of_buttord_and_meet_the_edges():
         assert loss(stopband_hz) >= stopband_db * (1 - 1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "edges", "key"),
-    [
-        ("lp1", {"stopband_hz": 9}, "stopband_hz"),
-        ("hp", {}, "stopband_hz"),
-        ("lp1", {"stopband_db": 1}, "stopband_db"),
-        ("lp1", {"passband_hz": 600, "stopband_hz": 700}, "passband_hz"),
-        ("lp1", {"stopband_hz": 500}, "stopband_hz"),
-        ("lp1", {"stopband_hz": 10.1}, ""),  # order 87 or so
-        ("lp1", {"order": 2}, ""),
-    ],
-)
-def test_edges_of_no_filter_are_refused_at_their_place(name, edges, key):
-    with pytest.raises(SpecError) as caught:
-        load(tables(name, **EDGES | edges))
-    assert caught.value.mistakes[0].key == f"filters.{name}.{key}".rstrip(".")
-
-
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_the_rate_limits_no_filter_that_a_controller_does_not_read_and_none_of_order_0(kind):
     read = {

@@ -59,23 +59,9 @@ def test_a_slow_rate_follows_the_fast_one():
         spec.with_values({"rates.fast_hz": 1010.123456})
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"rates.ratio": 10.5}, ["rates.ratio: expected a whole number >= 1, found 10.5"]),
-        (
-            {"rates.ratio": 10, "rates.slow_hz": 100, "b": -1},
-            ["controller.b: expected a number > 0, found -1", "rates.slow_hz: expected either ratio or slow_hz, found both"],
-        ),
-        ({"bb": 1, "device.mas": 1}, ["bb: expected a key of the spec", "device.mas: expected a key of the spec"]),
-        ({"filters.lp2.order": 3}, ["filters.lp2: expected either order and cutoff_hz or the four band edges"]),
-        ({"filters.lp2.stopband_hz": 9}, ["filters.lp2.stopband_hz: expected an edge above the passband (10.0)"]),
-        ({"environment.delay": 21}, ["environment.delay: expected a whole number <= 20 (rates.ratio), found 21"]),
-    ],
-)
-def test_mistakes_come_all_at_once(changes, words):
+def test_mistakes_come_all_at_once():
+    changes = {"rates.ratio": 10, "rates.slow_hz": 100, "b": -1, "device.mas": 1, "filters.lp2.order": 3}
     with pytest.raises(SpecError) as error:
         load(BASE).with_values(changes)
-    lines = str(error.value).splitlines()
-    assert len(lines) == len(words)
-    assert all(line.startswith(start) for line, start in zip(lines, words, strict=True))
+    wrong = {"device.mas", "controller.b", "rates.slow_hz", "filters.lp2"}
+    assert {mistake.key for mistake in error.value.mistakes} == wrong

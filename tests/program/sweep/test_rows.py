@@ -12,7 +12,6 @@ from wavesweep.program.sweep.running import compute
 from wavesweep.program.sweep.workers import Workers
 
 HERE = Workers(1, None, None, "a test")
-SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
 
 
 def table_of(job):
@@ -27,11 +26,9 @@ def whole(mixed):
     return table_of(job_of(mixed))
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize(("deep", "wide"), SIZES)
-def test_borders_of_chunks_leave_no_trace(mixed, whole, same, deep, wide):
-    same(table_of(cut_otherwise(job_of(mixed), deep=deep, wide=wide)), whole)
+def test_borders_of_chunks_leave_no_trace(mixed, whole, same):
+    same(table_of(cut_otherwise(job_of(mixed), deep=1, wide=7)), whole)
 
 
 def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):

@@ -1,6 +1,10 @@
-"""Signals to a run, to its workers and to all of them: an exit code, at most one line, and nobody left behind."""
+"""Signals to a run, to its workers and to all of them: an exit code, at most one line, nobody left behind, the same bytes.
+
+WAVESWEEP_KILLS=20 in the environment asks for more kills than those of an ordinary test run, late ones and early ones.
+"""
 
 import contextlib
+import json
 import os
 import random
 import select
@@ -11,6 +15,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.chunks import finished
 from support.program import started
@@ -32,8 +37,9 @@ b = { start = 5, stop = 100, num = 500 }
 B_VE = { start = 0, stop = 15, num = 241 }
 """
 KILLS = int(os.environ.get("WAVESWEEP_KILLS", "2"))
+WORK = 0.3  # s from the first chunk on, about as long as the others take
 SECONDS = 60  # in which everything has to end, also on a machine that does much else
-STOPPED = {signal.SIGINT: "Interrupted.", signal.SIGTERM: "Terminated.", signal.SIGHUP: "Hung up."}
+STOPPED = {signal.SIGINT: "Interrupted.", signal.SIGTERM: "Terminated."}
 
 
 @dataclass
@@ -100,6 +106,60 @@ def wait_for(condition):
 
 WORKERS = ("--jobs", "2", "--backend", "loky")
 
+FILES = ("zwidth.csv", "zwidth.parquet")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(start, tmp_path_factory):
+    """The files of a run that nobody stopped."""
+    whole = tmp_path_factory.mktemp("whole")
+    assert start(whole, "--jobs", "1").finish()[0] == 0
+    return contents(whole)
+
+
+def contents(folder):
+    return [(folder / name).read_bytes() for name in FILES]
+
+
+def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, undisturbed):
+    """Late ones and early ones, by turns."""
+    share = (np.arange(KILLS) + np.random.default_rng(7).random(KILLS)) / KILLS
+    for killed, moment in enumerate(share):
+        out = tmp_path / f"out{killed}"
+        run = start(out, "--jobs", "1")
+        if killed % 2 == 0:  # among the chunks, and not before them
+            wait_for(lambda out=out: finished(out))
+        time.sleep(WORK * moment if killed % 2 == 0 else 0.2 + moment)
+        os.killpg(run.process.pid, signal.SIGKILL)
+        run.finish()
+        done = (out / "zwidth.datapackage.json").exists()  # put in place last; then the checkpoint goes
+        kept = len(finished(out)) if out.exists() and not done else 0
+        if (out / "zwidth.csv").exists():
+            # Put in place one by one: whichever is there is whole.
+            assert (out / "zwidth.csv").read_bytes() == undisturbed[0]
+        code, said = start(out, "--jobs", "1").finish()
+        assert (code, said.count("Error")) == (0, 0)
+        assert contents(out) == undisturbed
+        timings = json.loads((out / "zwidth.datapackage.json").read_text())["wavesweep"]["timings"]
+        assert timings["slices_from_checkpoint"] >= 4000 * kept
+        assert sorted(file.name for file in out.iterdir()) == sorted([*FILES, "zwidth.datapackage.json"])
+
+
+@pytest.mark.parametrize(("number", "options"), [(signal.SIGINT, WORKERS), (signal.SIGTERM, ("--jobs", "1"))])
+def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, undisturbed, number, options):
+    out = tmp_path / "out"
+    run = start(out, *options)
+    wait_for(lambda: finished(out))
+    os.killpg(run.process.pid, number) if number == signal.SIGINT else run.process.send_signal(number)
+    found, said = run.finish()
+    # click leaves the line that the terminal has written ^C on.
+    assert (found, said.strip().count("\n")) == (128 + number, 0), said
+    assert said.strip().startswith(STOPPED[number])
+    (kept,) = out.glob(".zwidth-*.sqlite")
+    assert f"slices are kept in {kept}; the same command goes on from there." in said
+    assert start(out, "--jobs", "1").finish()[0] == 0
+    assert contents(out) == undisturbed
+
 
 def test_nobody_outlives_a_run_that_is_killed_and_nothing_is_left_in_the_temporary_folder(start, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
@@ -122,8 +182,7 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     assert said.count("\n") == 1
 
 
-def test_a_run_whose_workers_are_killed_at_random_moments_ends_and_gives_the_same_bytes(start, tmp_path):
-    whole = start(tmp_path / "whole", "--jobs", "1")
+def test_a_run_whose_workers_are_killed_at_random_moments_ends_and_gives_the_same_bytes(start, tmp_path, undisturbed):
     rng = random.Random(3)  # noqa: S311 - moments, no secret
     for number in range(KILLS):
         out = tmp_path / f"out{number}"
@@ -137,10 +196,7 @@ def test_a_run_whose_workers_are_killed_at_random_moments_ends_and_gives_the_sam
         code, said = run.finish()
         assert code == (not (out / "zwidth.datapackage.json").exists()), said
         assert start(out, *WORKERS).finish()[0] == 0
-        if number == 0:
-            assert whole.finish()[0] == 0
-        for name in ("zwidth.csv", "zwidth.parquet"):
-            assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        assert contents(out) == undisturbed
 
 
 def program(tmp_path, code):
@@ -179,18 +235,16 @@ print(len(wavesweep.zwidth("wall.toml", jobs=2, backend="loky")))
     assert int(program(tmp_path, code)) >= 20 * 241
 
 
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=lambda n: n.name)
-def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
+def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path):
     run = start(tmp_path / "out", *WORKERS)
     wait_for(lambda: finished(tmp_path / "out"))
     for _ in range(3):
-        os.killpg(run.process.pid, number)
+        os.killpg(run.process.pid, signal.SIGINT)
         time.sleep(0.01)
     code, said = run.finish()
-    assert code == 128 + number
+    assert code == 128 + signal.SIGINT
     assert "Traceback" not in said
-    assert all(line.startswith(STOPPED[number]) for line in said.split("\n") if line)
+    assert all(line.startswith(STOPPED[signal.SIGINT]) for line in said.split("\n") if line)
 
 
 @pytest.mark.parametrize("after", ["pass", "raise ImportError('initialization failed')"])

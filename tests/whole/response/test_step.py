@@ -14,9 +14,8 @@ MOTOR = wavesweep.load(Path(__file__).parents[3] / "sweeps" / "templates" / "dri
 
 
 @pytest.mark.slow
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("route", routes_of(MOTOR), ids="-".join)
-def test_samples_and_what_follows_are_those_of_a_march(route):
+def test_samples_and_what_follows_are_those_of_a_march():
+    route = routes_of(MOTOR)[0]
     step = step_between(MOTOR, route)
     ticks = 2 * step.value.size
     spec = wavesweep.load(MOTOR.tables() | {"simulate": {"from": route[0]}})
