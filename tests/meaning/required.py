@@ -90,7 +90,8 @@ def at_cut(tables: dict, cut: str):
 def lifted_of(machine, table: dict):
     """A, B, C, D from an input of the package to an output of it."""
     source = {"f_h": "hand", "command": "ref"}.get(table["from"], table["from"])
-    return machine.lifted(source, ["output seen" if table["to"] == "seen" else table["to"]])
+    output = f"output {table['to']}"
+    return machine.lifted(source, [output if output in machine.schedule.shown else table["to"]])
 
 
 def value_of(machine, kind: str, table: dict) -> float | None:
@@ -174,6 +175,15 @@ def judge_required(text: str, loop) -> list[Found]:
     return judge_case(case, loop)
 
 
+def misjudged(tables: dict, along: str, span: tuple[float, float], wanted: dict) -> list[Found]:
+    """Where rows with a requirement are not what a march says, or in doubt, and ends at which it cannot tell."""
+    import wavesweep
+
+    drift = drift_of(with_value(tables, along, span[0] + 0.37 * (span[1] - span[0])))
+    found = judge_case(Case(tables, along, span, drift, wanted), wavesweep.compile(tables))
+    return [one for one in found if not one.same or one.what.endswith(("end untold", "in doubt"))]
+
+
 def judge_case(case: Case, loop) -> list[Found]:
     """The package's rows with what is required, against the march at ends and in between."""
     low, high = case.span
@@ -185,7 +195,7 @@ def judge_case(case: Case, loop) -> list[Found]:
     ends = [(float(row.low), float(row.high)) for row in kept.itertuples()]
     found = []
     for first, last in ends:
-        step = min(NEAR * last, (last - first) / 3)
+        step = min(NEAR * max(abs(first), abs(last)), (last - first) / 3)
         places = [(last - step, last + step)] if last < high else [(last - step, None)]
         places.append((first + step, first - step if first > low + AT_LOW_END * (high - low) else None))
         for inside, outside in places:

@@ -4,6 +4,8 @@ import pathlib
 
 import numpy as np
 import pytest
+from meaning.reading import machine_of, with_value
+from meaning.required import misjudged, value_of
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 
@@ -151,25 +153,8 @@ def test_an_end_that_a_phase_inside_the_range_sets_is_that_of_a_march():
     }
     (row,) = wavesweep.compile(tables).stable_intervals(require={"margins": {"cut": "c.y", "phase_deg": 47.27}}).itertuples()
 
-    def radius(K, deg):
-        """Of two ticks of plant, controller and what the controller holds, its signal turned by a phase."""
-        turned = np.exp(1j * np.radians(deg))
-        plant = np.zeros((5, 5), complex)
-        plant[:3, :3] = A
-        plant[0, 4] = -turned
-        plant[3:, 3:] = np.eye(2)
-        runs = np.zeros((5, 5), complex)
-        runs[:3, :3] = np.eye(3)
-        runs[3, :4] = [*C[0], -0.0109]
-        runs[4, :4] = [*(-2.5431 * K * np.array(C[0])), 0.8701 * K]
-        return np.abs(np.linalg.eigvals(plant @ plant @ runs)).max()
-
-    phases = np.linspace(0, 47.27, 300)
-    inside = max(radius(row.high * (1 - 1e-4), deg) for deg in phases)
-    beyond = [radius(row.high * (1 + 1e-4), deg) for deg in phases]
     assert row.certified
-    assert inside < 1 < max(beyond)
-    assert beyond[-1] < 1
+    assert misjudged(tables, "K", (0.0, 2.0), {"margins": {"cut": "c.y", "phase_deg": 47.27}}) == []
 
 
 @pytest.mark.slow
@@ -331,80 +316,25 @@ def test_a_band_has_its_gain_alone_and_ends_where_it_ends():
     assert (row.low_omega, row.high, row.high_set_by) == (pytest.approx(2 * np.pi * 2.0), pytest.approx(2 / T), "mode")
 
 
-WALL = {"K": 100.0, "B": 1.0, "m": 0.1, "d": 1.5}
-
-
-def slow_wall(c, ticks, late, shown):
-    """Direct coupling to a slow wall over a frame, from a run of its ticks at 1 kHz."""
-    step = expm(1e-3 * np.array([[0, 1, 0], [0, -c["d"] / c["m"], 1 / c["m"]], [0, 0, 0]]))
-
-    def run(state, inputs):
-        (x, v, F, held), out = state, []
-        for tick, hand in enumerate(inputs):
-            held = F if tick == 0 and late == ticks else held
-            F = c["K"] * x + c["B"] * v if tick == 0 else F
-            held = F if tick == late else held
-            out.append({"x": x, "f_m": held, "F_s": F}[shown])
-            x, v, _ = step @ [x, v, hand - held]
-        return [x, v, F, held, *out]
-
-    whole = np.array([run(part[:4], part[4:]) for part in np.eye(4 + ticks)]).T
-    return whole[:4, :4], whole[:4, 4:], whole[4:, :4], whole[4:, 4:]
-
-
-def largest(parts, angles, *, finer=True):
-    """The spectral radius, and the largest gain at angles per tick, and between those beside it."""
-    A, B, C, D = parts
-    z = np.exp(1j * angles * len(D))[:, None, None]
-    H = C @ np.linalg.solve(z * np.eye(4) - A, B + 0 * z) + D
-    gain = np.linalg.norm(H, 2, (-2, -1))
-    at = gain.argmax()
-    if finer:
-        return largest(parts, np.linspace(*angles[[max(at - 1, 0), min(at + 1, angles.size - 1)]], 400), finer=False)
-    return np.abs(np.linalg.eigvals(A)).max(), gain.max()
-
-
-def hold_against(seen, values, share, wall, frame, along, extra):
-    """Ask where a gain of a controller is below a share of the median gain at some values, and look beside all ends and there.
-
-    seen: radius and gain at a value. wall: numbers; frame: ticks, delay and what is read; along: name and span; extra: keys of
-    the gain.
-    """
-    (ticks, late, shown), (name, span) = frame, along
-    level = float(np.median([gain for radius, gain in map(seen, values) if radius < 1] or [1.0]) * share)
-    gain = {"from": "f_h", "to": shown, "at_most": level} | extra
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("ratio", "delay", "along", "span", "shown", "band"),
+    [
+        (3, 2, "K_VE", (5.0, 1500.0), "f_m", (9.0, 140.0)),
+        (2, 0, "B_VE", (0.1, 20.0), "x", (20.0, 240.0)),
+        (45, 3, "K_VE", (5.0, 300.0), "F_s", (0.0, 11.0)),
+    ],
+)
+def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(ratio, delay, along, span, shown, band):
+    """In short frames and in long ones; the level is that of a value within the span."""
     tables = {
         "controller": {"kind": "dc-slow"},
-        "rates": {"fast_hz": 1000, "ratio": ticks},
-        "environment": {"K_VE": wall["K"], "B_VE": wall["B"], "delay": late},
-        "device": {"mass": wall["m"], "damping": wall["d"], "velocity": "exact"},
-        "sweep": {"along": name, name: dict(zip(("start", "stop"), span, strict=True)), "require": {"gain": gain}},
+        "rates": {"ratio": ratio},
+        "environment": {"K_VE": 60.0, "B_VE": 1.0, "delay": delay},
     }
-    table = wavesweep.stability_region(wavesweep.load(tables))
-    rows = list(table.itertuples())
-    assert table.certified.all()
-    ends = [end for row in rows for end in (row.low, row.high) if span[0] < end < span[1]]
-    for value in [*values, *(end * (1 + side * 1e-6) for end in ends for side in (-1, 1))]:
-        radius, gain = seen(value)
-        if abs(gain / level - 1) > 1e-7:  # of the grid of angles
-            assert any(row.low < value < row.high for row in rows) == (radius < 1 and gain < level)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 39])
-def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(seed):
-    r = np.random.default_rng(seed)
-    ticks, along = int(r.choice([2, 3])), str(r.choice(["K", "B"]))
-    late, shown = int(r.integers(0, ticks + 1)), str(r.choice(["x", "f_m", "F_s"]))
-    band = np.sort(r.uniform(0, 500 / ticks, 2)) * r.choice([0.1, 1.0])
-    span, name = {"K": ((5.0, 1500.0), "K_VE"), "B": ((0.1, 20.0), "B_VE")}[along]
-    angles = 2e-3 * np.pi * np.linspace(*band, 1000)
-
-    def seen(value):
-        return largest(slow_wall(WALL | {along: float(value)}, ticks, late, shown), angles)
-
-    extra = {"band_hz": band.tolist()}
-    hold_against(seen, r.uniform(*span, 6), r.uniform(0.9, 1.1), WALL, (ticks, late, shown), (name, span), extra)
+    gain = {"from": "f_h", "to": shown, "band_hz": [*band]}
+    level = value_of(machine_of(with_value(tables, along, span[0] + 0.1 * (span[1] - span[0]))), "gain", gain)
+    assert misjudged(tables, along, span, {"gain": gain | {"at_most": level}}) == []
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -430,26 +360,6 @@ def test_directions_in_which_the_form_is_negative_are_counted_without_its_inputs
         assert (np.linalg.eigvalsh(form) < 0).sum() - n + frame.below[0] == truth
         counts.add(int(truth))
     assert len(counts) > 2
-
-
-LONG = WALL | {"K": 60.0}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [19])
-def test_the_gain_over_long_frames_is_below_the_level_inside_and_not_outside(seed):
-    r = np.random.default_rng(seed)
-    ticks, along, late = int(r.choice([30, 45, 60])), str(r.choice(["K", "B"])), int(r.integers(0, 5))
-    shown, band = str(r.choice(["x", "f_m", "F_s"])), np.sort(r.uniform(0, 500 / ticks, 2))
-    banded = bool(r.integers(0, 2))
-    span, name = {"K": ((5.0, 300.0), "K_VE"), "B": ((0.1, 10.0), "B_VE")}[along]
-    angles = 2e-3 * np.pi * np.linspace(*(band if banded else (1e-6, 500 / ticks)), 300)
-
-    def seen(value):
-        return largest(slow_wall(LONG | {along: float(value)}, ticks, late, shown), angles)
-
-    extra = {"band_hz": band.tolist()} if banded else {}
-    hold_against(seen, r.uniform(*span, 6), r.uniform(0.9, 1.1), LONG, (ticks, late, shown), (name, span), extra)
 
 
 GAIN = "sweep.require.gain"

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from meaning.reading import machine_of, with_value
+from meaning.required import value_of
 
 import wavesweep
 from wavesweep.engine.frames import Bounded
@@ -25,36 +27,9 @@ SLOW = {  # an integrator under a gain that reads once in 4 ticks, and holds; `q
 }
 
 
-APART = {"ref": 4, "jerk": 2, "dist": 1}  # ticks from read to read
-
-
-def of_sines(K, source, theta):
-    """What comes out at the same frequency of exp(j theta k) in tick k, of marches from one read to the next; theta: `(n,)`."""
-    sine = np.exp(1j * theta * np.arange(4)[:, None])
-    given = {"ref": 0 * sine, "jerk": 3 * np.repeat(sine[::2], 2, axis=0), "dist": sine}[source]
-
-    def over(x):
-        held, seen = K * ((source == "ref") - x), []
-        for tick in range(4):
-            seen.append(x)
-            x = x + T * (held + given[tick])
-        return x, np.array(seen)
-
-    alone = over(0 * theta)[0]
-    slope = over(1 + 0 * theta)[0] - alone
-    x = alone / (np.exp(4j * theta) - slope)
-    return abs(np.mean(over(x)[1] / sine, axis=0))
-
-
 def peak_of(K, source):
-    """The largest gain on a fine grid, narrowed twice."""
-    low, high = 1e-6, np.pi / APART[source]
-    for _ in range(3):
-        grid = np.linspace(low, high, 801)
-        gains = of_sines(K, source, grid)
-        at = int(gains.argmax())
-        low, high = grid[max(at - 1, 0)], grid[min(at + 1, 800)]
-    return gains.max()
+    """The largest gain of sines of an input, by a march of the documents' own reading."""
+    return value_of(machine_of(with_value(SLOW, "K", K)), "peak", {"from": source, "to": "place"})
 
 
 @pytest.mark.slow
