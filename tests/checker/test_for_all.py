@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from support.forms import form_of, matrix_of
 from support.proofs import checked
 
 from wavesweep.checker import balls, file
@@ -100,22 +101,10 @@ def test_what_it_has_no_proof_of_is_said(key, tmp_path):
 
 def refuted(spec, K, word, tmp_path):
     """The checker's answer on a word, with the form that Stein's equation gives of its product."""
-    from scipy.linalg import solve_discrete_lyapunov
-
     claim = file.Claim("refuted", {"K_VE": Fraction(K)}, outside=1, word=word)
     family = file.family_of(file.spec_of(spec.encode()), claim)
-    (A,) = spectra(family, [""])
-    P = solve_discrete_lyapunov(A.T, np.eye(len(A)))
-    values, vectors = np.linalg.eigh(P)
-    L = np.sqrt(abs(values))[:, None] * vectors.T
-    cell = {"L": [[f"{x:.15g}" for x in row] for row in L], "signs": "".join("+" if x > 0 else "-" for x in values)}
-    line = {
-        "claim": "refuted",
-        "numbers": {"K_VE": K},
-        "outside": int((values < 0).sum()),
-        "word": word,
-        "states": family.states,
-    }
+    cell, outside = form_of(matrix_of(family))
+    line = {"claim": "refuted", "numbers": {"K_VE": K}, "outside": outside, "word": word, "states": family.states}
     return checked(tmp_path, spec, [line, cell])
 
 

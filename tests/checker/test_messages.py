@@ -164,13 +164,3 @@ def test_a_dead_time_behind_losses_acts_as_late_as_it_says(s, code, tmp_path):
     cell, outside = form_of(matrix_of(family))
     line = {"claim": "refuted", "numbers": {"s": s}, "outside": max(outside, 1), "word": WORD, "states": family.states}
     assert checked(tmp_path, BEHIND, [line, cell])[0] == code
-
-
-def test_a_dead_time_behind_losses_is_not_left_out(tmp_path):
-    """A proof of the loop without the dead time, or with half of it, is none of the loop with it."""
-    for seconds in ("0.02", "0"):
-        spec = BEHIND.replace("0.05", seconds)
-        lines = proof_of(spec, "14.4", "s")
-        assert checked(tmp_path, spec, lines)[0] == 0
-        states = {"states": family_of(BEHIND, "14.4", "s").states}
-        assert checked(tmp_path, BEHIND, [lines[0] | states, lines[1]])[0] != 0

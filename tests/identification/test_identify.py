@@ -36,15 +36,6 @@ def test_the_model_is_that_of_the_simulation(friction, spring):
         assert linear == pytest.approx(expected, abs=1e-11 * np.ptp(expected))
 
 
-def test_a_force_may_be_late_by_a_part_of_a_tick():
-    """The same as a force at ten times the rate that is seven of its ticks late."""
-    force = np.random.default_rng(0).standard_normal(60)
-    fine = Model(delay=7.0)
-    expected = readings(fine, np.array([0.0, 2.0, 0, 0, 0]), np.repeat(force, 10), 1e-3)[::10]
-    found = readings(Model(delay=0.7), np.array([0.0, 2.0, 0, 0, 0]), force, 1e-2)
-    assert found[1:] == pytest.approx(expected[1:], rel=1e-9)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_velocities_are_those_of_a_march_and_accelerations_their_means(friction):
     """Of a march by the closed solution, which shares no code with the fit, with a part of a tick of delay."""

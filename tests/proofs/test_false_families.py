@@ -2,13 +2,11 @@
 
 from fractions import Fraction
 
-import numpy as np
 import pytest
-from checker.test_messages import BEHIND, WORD, proof_of
-from scipy.linalg import solve_discrete_lyapunov
+from checker.test_messages import BEHIND, proof_of
 from support.proofs import checked
 
-from wavesweep.checker import balls, file
+from wavesweep.checker import file
 from wavesweep.proofs.cells import cells_along, tree
 
 # Masses that are constant are stable from 0.0327 to 0.2168 kg; a, a, b, b in turn grow by 1.2077 a frame.
@@ -55,18 +53,3 @@ def test_a_dead_time_behind_losses_is_taken_whole(written, tmp_path):
     code, words = checked(tmp_path, spec, false)
     assert code == 1
     assert "REFUSED: all that [for_all] and its channels allow, s = 15.4692" in words
-
-
-def test_the_frames_that_refute_it_are_multiplied_out(tmp_path):
-    for value, code in (("15.4692", 0), ("14.2", 1)):
-        claim = file.Claim("refuted", {"s": Fraction(value)}, outside=2, word=WORD)
-        family = file.family_of(file.spec_of(BEHIND.encode()), claim)
-        (part,) = family.matrix("", balls.Cell({})).parts.values()
-        A = np.array([[x / balls.ONE for x in row] for row in part])
-        P = solve_discrete_lyapunov(A.T, np.eye(len(A)))
-        sizes, vectors = np.linalg.eigh(P)
-        L = np.sqrt(abs(sizes))[:, None] * vectors.T
-        rows = [[f"{x:.15g}" for x in row] for row in L / abs(L).max()]
-        line = {"claim": "refuted", "numbers": {"s": value}, "outside": 2, "word": WORD, "states": family.states}
-        cell = {"L": rows, "signs": "".join("+" if x > 0 else "-" for x in sizes)}
-        assert checked(tmp_path, BEHIND, [line, cell])[0] == code, value

@@ -102,23 +102,6 @@ def test_the_host_closes_the_loop_as_the_simulation_does(kind, changes, tmp_path
         assert name not in rows[0] or np.array_equal([float(row[name]) for row in rows], column)
 
 
-@pytest.mark.parametrize("device", [{"delay": 2}, {"delay": 1, "dead_time": 0.0003}])
-def test_the_host_has_the_delay_of_its_amplifier(device, tmp_path):
-    need("gcc")
-    tables = {
-        "controller": {"kind": "dc-slow"},
-        "environment": {"K_VE": 50.0},
-        "device": device,
-        "simulate": {"duration_s": 0.1},
-    }
-    written(tables, tmp_path)
-    code, said = made(tmp_path, "example", "gcc", "-O2")
-    found = [float(row["ws_device_v"]) for row in csv.DictReader(said.splitlines())]
-    seen = simulate(wavesweep.load(tables).values, np.ones(2000), Effects()).signals["v"]
-    assert (code, len(found)) == (0, 2000)
-    np.testing.assert_allclose(found, seen, rtol=0, atol=1e-13 * np.abs(seen).max())
-
-
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", CHANGES)

@@ -71,16 +71,6 @@ def run(text, force, **effects):
     return simulated(wavesweep.load(tomllib.loads(text)), force, **effects)
 
 
-def test_a_drawn_wall_is_felt_inside_only():
-    force = np.sin(np.arange(3000) / 100)
-    both, one = (run(TWO_RATES, force, **effects) for effects in ({}, {"wall": 0.0005}))
-    assert both.signals["touching"].all()
-    inside = one.signals["x"][::5] > 0.0005
-    assert 0.1 < inside.mean() < 0.9
-    assert np.array_equal(one.signals["F_s"][::5] != 0.0, inside)
-    assert np.array_equal(one.signals["touching"][::5], inside)
-
-
 def test_slow_results_of_each_rate_are_late_by_themselves():
     """The sensor's result of every 5 ticks, and the filter's of every 10 from tick 3 on."""
     seen = run(TWO_RATES, np.ones(400), late=8, seed=2)
@@ -108,12 +98,3 @@ def test_a_wall_that_is_read_in_every_tick_reads_slow_results_as_they_have_arriv
         for more in ({}, wall)
     ]
     np.testing.assert_allclose(seen[1], seen[0], rtol=0, atol=1e-12)
-
-
-def test_friction_encoder_and_motors_act_on_the_device_that_the_hand_moves():
-    force = 2 * np.sin(np.arange(2000) / 100)
-    seen = run(TWO_RATES, force, friction=0.6, resolution=1e-4, max_force=0.5).signals
-    assert 0.01 < (seen["v"] == 0.0).mean() < 0.9
-    assert np.abs(seen["x_hat"] / 1e-4 - np.round(seen["x_hat"] / 1e-4)).max() < 1e-9
-    assert np.abs(seen["f_device"]).max() == 0.5 < np.abs(seen["f_m"]).max()
-    assert np.array_equal(seen["F_s"][::5], 300.0 * seen["x_hat"][::5] + 2.0 * seen["v_hat"][::5])

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 from support.exact import SLOW, march
-from support.specs import KINDS, random_values, values_of
+from support.specs import KINDS, values_of
 
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.simulation.hardware import Effects
@@ -35,16 +35,6 @@ def test_with_everything_off_a_page_is_the_law_of_its_controller(values, push, k
     agree(march(loop, push), experiment, 1 if kind == "dc" else 20)
     assert experiment.stopped == ""
     assert len(experiment.signals["x"]) == len(push)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 10, 20, 30, 39, 49, 59])
-def test_random_pages_are_the_laws_of_their_controllers(push, seed):
-    """Every kind, integration and delay, filters of any order or none, spring in the hand or none."""
-    loop = random_values(seed)
-    experiment = simulate(loop, push[:600])
-    rows = len(experiment.signals["x"])
-    agree(march(loop, push[:rows]), experiment, 1 if loop["controller.kind"] == "dc" else loop["rates.ratio"])
 
 
 @pytest.mark.parametrize(("K_VE", "answer"), [(5e4, "no single value"), (1.0, "")])
