@@ -1,10 +1,13 @@
 """Loops drawn in specs: those with limits known in closed form, and the paper's five controllers written as blocks."""
 
 import re
+import tomllib
 from math import lcm
 
 import numpy as np
+from meaning.reading import machine_of
 
+from wavesweep.checker.reader import with_numbers
 from wavesweep.program.reading.keys import FILTERS
 
 # Two springs and masses that do not act on each other, m x'' + d x' + k x = 0, and a filter that only watches.
@@ -376,16 +379,8 @@ kp = { start = 0.01, stop = 50 }
 
 
 def drive(inputs, kp=0.5, ki=8.0):
-    """Speed, angle, torque and the sum `twice` of DRIVE in every tick, `(4, ticks)`, marched; inputs: ref and load."""
-    T, J, d = 0.001, 0.02, 0.05
-    a = np.exp(-d * T / J)
-    b, c, e = (1 - a) / d, (1 - a) * J / d, (T - (1 - a) * J / d) / d
-    v = x = s = y = 0.0
-    rows = []
-    for k, (ref, load) in enumerate(zip(*inputs, strict=True)):
-        if k % 5 == 2:
-            y, s = kp * (ref - v) + ki * 0.005 * s, s + ref - v
-        rows.append((v, x, y, 2 * v + ref - v))
-        u = y - load
-        x, v = x + c * v + e * u, a * v + b * u
-    return np.array(rows).T
+    """Speed, angle, torque and the sum `twice` of DRIVE in every tick, `(4, ticks)`, by the documents; inputs: ref and load."""
+    machine = machine_of(with_numbers(tomllib.loads(DRIVE), {"kp": kp, "ki": ki}))
+    names = [f"output {name}" for name in ("speed", "angle", "torque", "twice")]
+    runs = [machine.run(np.asarray(push), which, names) for which, push in zip(("ref", "load"), inputs, strict=True)]
+    return np.array([sum(run[name] for run in runs) for name in names])

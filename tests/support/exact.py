@@ -11,6 +11,7 @@ import numpy as np
 from flint import acb, arb, ctx
 
 from support import balls
+from wavesweep.checker.reader.filters import butterworth
 
 mp = mpmath.mp.clone()
 mp.dps = 50
@@ -50,13 +51,15 @@ def zero_order_hold(values, T):
 
 def filter_response(order, cutoff_hz, T, highpass, z):
     """The filter's transfer function at z."""
-    out = mp.mpf(1)
+    out, arithmetic = mp.mpf(1), balls.Arithmetic()
     with _bits():
-        sections = [
-            [_middle(arb(entry or 0)) for entry in row] for row in balls.butterworth(order, cutoff_hz, arb(T), highpass)
-        ]
-    for b0, b1, b2, a1, a2 in sections:
-        out *= (b0 + b1 / z + b2 / z**2) / (1 + a1 / z + a2 / z**2)
+        warped = (arb.pi() * arb(cutoff_hz) * arb(T)).tan()
+        sections = butterworth(order, warped, "high" if highpass else "low", arithmetic)
+        models = [[[_middle(arb(entry)) for entry in row] for row in (*A, B, C, [D])] for A, B, C, D in sections]
+    for *A, B, C, (D,) in models:
+        n = len(B)
+        state = mp.lu_solve(z * mp.eye(n) - mp.matrix(A), mp.matrix(B))
+        out *= D + sum(c * x for c, x in zip(C, state, strict=True))
     return out
 
 
@@ -128,24 +131,22 @@ SLOW = ("u_s", "v_s", "x_s", "x_dot_s", "F_s")  # signals with a number per fram
 
 def march(values, force):
     """The signals from rest under the hand's force (N, a number per tick): name -> array, with a number per tick or frame."""
-    ratio, delay, _ = balls.clock(values)
-    phases = [0] + [phase for phase, times in balls.runs(ratio, delay) for _ in range(times)]
     with _bits():
-        ticks = {phase: balls.tick(values, phase) for phase in set(phases)}
-        steps = {phase: _doubles(tick.step) for phase, tick in ticks.items()}
-        rows = {phase: np.concatenate([*map(_doubles, tick.seen.values())]) for phase, tick in ticks.items()}
-        wall = _doubles(ticks[0].x_tilde * arb(values["environment.K_VE"]) + ticks[0].x_dot * arb(values["environment.B_VE"]))[
-            0
-        ]
-    found, known = defaultdict(list), np.zeros(len(wall))  # the state, the force of the wall, and that of the hand
+        parts = balls.ticks_of(values)
+        ticks = [(_doubles(tick.step), {name: _doubles(row)[0] for name, row in tick.seen.items()}) for tick, _ in parts]
+        first = parts[0][0]
+        wall = first.x_tilde * arb(values["environment.K_VE"]) + first.x_dot * arb(values["environment.B_VE"])
+    order = [tick for tick, (_, times) in zip(ticks, parts, strict=True) for _ in range(times)]
+    (wall,), found = _doubles(wall), defaultdict(list)
+    known = np.zeros(len(wall))  # the state, the force of the wall, and that of the hand
     for k, f_h in enumerate(force):
-        phase, known[-1] = phases[k % ratio], f_h
-        if k % ratio == 0:
+        (step, rows), known[-1] = order[k % len(order)], f_h
+        if k % len(order) == 0:
             known[-2] = 0.0
             known[-2] = wall @ known / (1 - wall[-2])
-        for name, signal in zip(ticks[phase].seen, (rows[phase] @ known).tolist(), strict=True):
-            found[name].append(signal)
-        known[:-2] = steps[phase] @ known
+        for name, row in rows.items():
+            found[name].append(row @ known)
+        known[:-2] = step @ known
     return {name: np.array(signals) for name, signals in found.items()}
 
 
