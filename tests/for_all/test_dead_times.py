@@ -86,13 +86,3 @@ def test_listed_dead_times_have_the_whole_ticks_of_their_own():
         exact = load(behind_a_channel({"seconds": "tau"}, numbers={"s": 15.0, "tau": case.fixed["numbers.tau"]}))
         radii = radii_of_orders((case.loop.drawing, case.values), "numbers.s")
         assert radii == pytest.approx(radii_of_orders(own_loop(exact, "numbers.s"), "numbers.s"), rel=1e-12)
-
-
-@pytest.mark.slow
-def test_rows_behind_losses_are_those_of_the_same_dead_time_in_ticks():
-    rows = [
-        wavesweep.stability_region(behind_a_channel(line, numbers={"s": 15.0})) for line in ({"seconds": 0.05}, {"steps": 5})
-    ]
-    ends = [found[found.guarantee == "for_all"][["high", "fails_from"]].to_numpy() for found in rows]
-    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
-    assert 14.2 < ends[0][0, 0] < 14.25 < ends[0][0, 1] < 14.2969

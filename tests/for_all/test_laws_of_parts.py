@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine._switched.average import forms_on_average
 from wavesweep.engine._switched.folded import counted_from_rest, shift_of
-from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import Polynomials, Side
+from wavesweep.engine.sets import Side
 from wavesweep.for_all.boxes import proved_stable
 from wavesweep.for_all.hand_box import box_in_words
 from wavesweep.program.spec import load
@@ -37,25 +35,6 @@ def test_states_counted_from_a_rest_follow_maps_of_their_own_and_bounds_hold_for
     for one, two, bound in ((found, V_moved, dV), (counted, counted_moved, error)):
         assert (np.abs(one - two) <= bound).all()
         assert bound.max() < 1e-6
-
-
-def test_forms_on_average_leave_the_same_diagonal_after_each_step_for_all_numbers():
-    """`P_i - sum w A' P_j A = D`, whose derivatives along a number are 0."""
-    r = np.random.default_rng(1)
-    graph = Graph(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), np.array([0, 1, 1, 0]))
-    weight = np.array([0.7, 0.3, 0.4, 0.6])
-    A = 0.4 * r.normal(size=(2, 2, 3, 3))  # in the middle and its slope, by symbols
-    (centre, (slope,)), _ = forms_on_average(Polynomials(A, np.zeros((2, 3, 3)), 1, 1), graph, weight)
-    P, dP = (centre.inverse.T @ each @ centre.inverse for each in (centre.P, slope))
-    here, along = A[:, graph.symbol]
-    left, moved = P.copy(), dP.copy()
-    for edge, (i, j) in enumerate(zip(graph.source, graph.target, strict=True)):
-        left[i] -= weight[edge] * here[edge].T @ P[j] @ here[edge]
-        half = along[edge].T @ P[j] @ here[edge]
-        moved[i] -= weight[edge] * (half + half.T + here[edge].T @ dP[j] @ here[edge])
-    np.testing.assert_allclose(left, np.array([np.diag(np.diag(left[0]))] * 2), atol=1e-12)
-    assert np.diag(left[0]).min() > 0
-    np.testing.assert_allclose(moved, 0, atol=1e-11)
 
 
 INTEGRATOR = {

@@ -138,25 +138,6 @@ def test_numbers_in_sentences_are_those_that_count():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("every", "more", "longest"),
-    [("2*n", {}, 6)],
-)
-def test_every_may_be_any_expression_of_the_number_that_varies(every, more, longest):
-    """An integrator `x + T u` with `u = -K x` held over M ticks is stable up to `2/(M T)`, for the longest frame."""
-    numbers = {"K": 45.0, "n": 1, **more}
-    integrator = {"type": "integrator", "method": "explicit"}
-    blocks = {"p": integrator, "h": {"type": "hold", "every": every}, "fast": {"type": "hold", "every": numbers.get("one", 1)}}
-    wires = {"h.u": "p.y", "p.u": "-10*K*h.y", "fast.u": "p.y"}
-    loop = {"rates": {"tick_hz": 1000}, "numbers": numbers, "block": blocks, "wire": wires}
-    loop["sweep"] = {"along": "K", "K": {"start": 0, "stop": 300}}
-    _, (row,) = for_all(loop, n={"values": [1, 2, 3], "varying": True})
-    assert row["high"] < 200 / longest < row["fails_from"] < 200 / longest * 1.01
-    assert row["high"] > 200 / longest * 0.99
-    assert row["counterexample"] == f"frames {longest}"
-
-
-@pytest.mark.slow
 def test_a_row_that_goes_beyond_one_of_its_members_is_in_doubt_and_asks_to_be_reported(monkeypatch):
     """Frames that are planned half as long as they are, are told from the loops at constant frames."""
     own = SlowFrames.of
