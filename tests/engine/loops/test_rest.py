@@ -159,24 +159,3 @@ def test_a_sprung_master_and_a_slave_on_a_spring_share_a_force_that_nothing_chan
         assert row.certified
         below, above = loop.spectral_radius(**{name: [row.high * (1 - 1e-6), row.high * (1 + 1e-6)]})
         assert below < 1 < above
-
-
-def test_a_state_that_decays_is_no_sum_that_counts_for_ever():
-    """A lag beside a long delay, which reads nothing of the delay's line: it was set aside as a drift once."""
-    tables = {
-        "rates": {"tick_hz": 100},
-        "numbers": {"g": 1.0},
-        "block": {
-            "plant": {"type": "tf", "num": [1], "den": [0.05, 1]},
-            "past": {"type": "delay", "steps": 101},
-            "law": {"type": "hold"},
-        },
-        "wire": {"past.u": "law.y", "law.u": "0.95*past.y - g*plant.y", "plant.u": "law.y"},
-        "sweep": {"along": "g", "g": {"start": 0, "stop": 50}},
-    }
-    loop = wavesweep.compile(tables)
-    table = loop.stable_intervals()
-    assert table["certified"].tolist() == [True]
-    (end,) = table["high"]
-    below, above = loop.spectral_radius(g=[0.999 * end, 1.001 * end])
-    assert below < 1 < above

@@ -1,6 +1,8 @@
 """Intervals whose ends are known: in closed form, or to 40 digits."""
 
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -130,6 +132,27 @@ def test_an_end_of_the_range_has_no_frequency():
     found = intervals_of(values_of("dc-slow"), span=(50, 200), fixed=1.0)
     assert pairs(found) == [(50, 200)]
     assert np.isnan([found.low_omega[0], found.high_omega[0]]).all()
+
+
+COLUMNS = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_column_has_its_ends_where_the_radius_passes_1(name):
+    tables = dict(COLUMNS[name])
+    asked = tables.pop("asked")
+    along, (low, high) = asked["along"], asked["span"]
+    loop = wavesweep.compile(tables)
+    rows = loop.stable_intervals(along, (low, high))
+    ends = rows[rows.intervals > 0][["low", "high"]].to_numpy()
+    assert len(ends) == asked["intervals"]
+    assert rows.certified.all() or not asked.get("certified", True)
+    values = np.concatenate([np.linspace(low, high, 50), *(end * (1 + 1e-6 * np.array([-1, 1])) for end in ends.ravel())])
+    values = values[(low < values) & (values < high)]
+    inside = ((ends[:, :1] < values) & (values < ends[:, 1:])).any(0)
+    assert ((loop.spectral_radius(**{along: values}) < 1) == inside).all()
+    if "low" in asked:
+        assert ends[0, 0] == pytest.approx(asked["low"], rel=1e-9)
 
 
 PI = {
@@ -277,70 +300,6 @@ def test_a_slow_pair_that_meets_at_one_crosses_where_it_meets():
     assert row.high == pytest.approx(1.5 / np.tanh(1.5 * 0.001 / (2 * 0.455)), rel=1e-11)
 
 
-def test_digits_of_an_end_that_are_lost_next_to_it_are_told_from_farther_away():
-    """At some `b T/2` with the hand's mass. What rounding does there is bounded by twice what an end may be off at first."""
-    loop = wavesweep.compile({
-        "controller": {"kind": "pmw", "b": 98.3, "Kp": 50.0}, "rates": {"ratio": 2}, "device": {"mass": 0.03, "damping": 0.1},
-        "environment": {"integration": "trapezoidal", "delay": 1, "K_VE": 300.0, "B_VE": 0.5},
-        "filters": {"lp1": {"order": 2, "cutoff_hz": 413.18}},
-    })  # fmt: skip
-    (row,) = loop.stable_intervals("operator.mass", (0.0, 2.0)).itertuples()
-    assert (row.certified, row.intervals) == (True, 1)
-    below, above = loop.spectral_radius(**{"operator.mass": row.low * (1 + 1e-8 * np.array([-1, 1]))})
-    assert above < 1 < below
-
-
-def test_a_complex_pair_beside_a_crossing_of_one_is_not_taken_for_it():
-    """Along the mass four eigenvalues are unstable, then five, three and, at the tick's turn, three others."""
-    loop = wavesweep.compile({
-        "controller": {"kind": "pmw-lm", "b": 64.2, "Kp": 0.0}, "device": {"damping": 0.1}, "rates": {"ratio": 20},
-        "environment": {"integration": "explicit", "delay": 20, "K_VE": 1000.0, "B_VE": 0.0},
-        "filters": {"lp1": {"order": 0}, "hp": {"order": 0}, "lp2": {"order": 2, "cutoff_hz": 109.3}},
-        "local_model": {"K_LM": 300.0, "B_LM": 0.5},
-    })  # fmt: skip
-    (row,) = loop.stable_intervals("device.mass", (0.02, 0.05)).itertuples()
-    assert row.certified
-    assert row.intervals == 0
-    assert (loop.spectral_radius(**{"device.mass": np.linspace(0.02, 0.05, 300)}) > 1).all()
-
-
-def test_an_eigenvalue_so_large_that_it_hides_the_others_is_unstable():
-    """1e25 to 1e76 per frame of 100 ticks."""
-    loop = wavesweep.compile({
-        "controller": {"kind": "pmw", "b": 91.8, "Kp": 0.0}, "rates": {"fast_hz": 500.0, "ratio": 100},
-        "environment": {"integration": "explicit", "delay": 1, "K_VE": 1000.0, "B_VE": 2.0},
-        "device": {"mass": 0.027}, "filters": {"lp1": {"order": 0}},
-    })  # fmt: skip
-    (row,) = loop.stable_intervals("device.damping", (0.0, 50.0)).itertuples()
-    assert (row.certified, row.intervals) == (True, 0)
-
-
-def test_a_crossing_whose_digits_are_told_from_farther_away_leaves_the_end_before_it_certain():
-    """At b = 79.1 the mode of the tick turns over; in its disc is the end of the stable range, 58.9."""
-    loop = wavesweep.compile({
-        "controller": {"kind": "pmw", "b": 82.1, "Kp": 0.0}, "rates": {"fast_hz": 500.0, "ratio": 2},
-        "environment": {"integration": "trapezoidal", "delay": 1, "K_VE": 0.0, "B_VE": 5.0},
-        "device": {"mass": 0.079, "damping": 5.0}, "filters": {"lp1": {"order": 0}},
-    })  # fmt: skip
-    (row,) = loop.stable_intervals("b", (2.0, 400.0)).itertuples()
-    assert (row.certified, row.intervals, row.low) == (True, 1, 2.0)
-    below, above = loop.spectral_radius(b=[row.high * (1 - 1e-8), row.high * (1 + 1e-8)])
-    assert below < 1 < above
-
-
-def test_a_crossing_beside_a_very_large_eigenvalue_is_no_end():
-    """A pair enters at b = 1210, in which 5e7 is outside: their own place is rounding."""
-    loop = wavesweep.compile({
-        "controller": {"kind": "pmw", "b": 52.3, "Kp": 10.0}, "rates": {"ratio": 20},
-        "environment": {"integration": "trapezoidal", "delay": 20, "K_VE": 1000.0, "B_VE": 0.0},
-        "device": {"mass": 0.353, "damping": 0.1}, "filters": {"lp1": {"order": 0}},
-    })  # fmt: skip
-    (row,) = loop.stable_intervals("b", (2.0, 1765.0)).itertuples()
-    assert row.intervals == 1
-    grid = np.concatenate([np.linspace(2, 1765, 300), np.linspace(row.low, row.high, 12)[1:-1]])
-    assert ((loop.spectral_radius(b=grid) < 1) == ((row.low < grid) & (grid < row.high))).all()
-
-
 @pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize("along", ["b", "operator.mass"])
@@ -372,20 +331,6 @@ def test_a_combination_that_the_wall_does_not_change_makes_no_loop_stable():
     for along in ("b", "Kp"):
         assert (loop.stable_intervals(along, (2.0, 40.0)).intervals == 0).all()
     assert loop.spectral_radius(b=[5.0, 10.0, 20.0]) == pytest.approx(1.0, abs=1e-9)
-
-
-def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is_lost_in_rounding():
-    """Its frame has entries of 1e5, beside which no other eigenvalue is known."""
-    loop = wavesweep.compile({
-        "controller": {"kind": "pmw", "b": 36.1, "Kp": 0.0}, "rates": {"ratio": 100}, "device": {"mass": 0.1, "damping": 0.1,
-        "velocity": "difference"}, "environment": {"integration": "explicit", "delay": 1, "K_VE": 0.0, "B_VE": 5.0},
-        "filters": {"lp1": {"order": 1, "cutoff_hz": 2.85}},
-    })  # fmt: skip
-    (row,) = loop.stable_intervals("device.mass", (0.01, 1.0)).itertuples()
-    assert row.certified
-    assert (row.low, row.high) == (pytest.approx(0.01798480866274, rel=1e-9), 1.0)
-    below, above = loop.spectral_radius(**{"device.mass": [row.low * (1 - 1e-6), row.low * (1 + 1e-6)]})
-    assert below > 1 > above
 
 
 @pytest.mark.slow
