@@ -68,15 +68,8 @@ def test_a_discrete_one_is_its_difference_equation(num, den, states):
     np.testing.assert_allclose(np.ravel(y), expected, rtol=0, atol=1e-14 * max(1, np.abs(expected).max()))
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("order", "cutoff", "every"),
-    [
-        *((order, cutoff, every) for order, cutoff in ((2, 0.01), (3, 0.004)) for every in (20, 160, 500)),
-        *((5, 0.01, 20), (5, 0.01, 160), (5, 0.01, 500), (5, 0.05, 20), (5, 0.05, 160), (5, 0.05, 500)),
-    ],
-)
+@pytest.mark.parametrize(("order", "cutoff", "every"), [(2, 0.01, 20), (5, 0.05, 500)])
 def test_ends_of_a_slow_filter_in_a_long_frame_are_right(order, cutoff, every):
     num, den = (each.tolist() for each in butter(order, cutoff))
     table = loop({"type": "tf", "num": num, "den": den}, every).stable_intervals("K")

@@ -52,14 +52,9 @@ def test_multiples_of_the_slow_rate_hold_at_50_digits(kind, seed):
 
 
 # A spring in the hand and no position feedback: what stays for ever is a combination of states.
-CONSERVED = [
-    ("pmw", {}), ("pmw-lm", {}), ("pmw", {"delay": 7, "velocity": "difference", "integration": "explicit"}),
-    ("pmw-lm", {"delay": 20, "integration": "trapezoidal", "lp1_order": 3, "hp_order": 2}),
-    ("pmw-lm", {"K_LM": 0.0, "delay": 1}), ("pmw", {"ratio": 2, "delay": 1}), ("pmw-lm", {"ratio": 3, "hp_order": 4}),
-]  # fmt: skip
+CONSERVED = [("pmw", {}), ("pmw-lm", {"ratio": 3, "hp_order": 4})]
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes"), CONSERVED)
 def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):

@@ -72,7 +72,6 @@ def check(coefficients, noise):
     return True
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("hard", HARD)
 def test_what_is_proved_is_so(hard):

@@ -58,24 +58,17 @@ def test_dominance_finds_what_the_polynomial_finds(along, monkeypatch):
     assert compared > 13
 
 
-# Loops that are hard in double precision: long filters with slow poles, many ticks in a frame, all three at once.
-HARD = [
-    ("pmw", {"lp1_order": 12, "lp1_cutoff_hz": 10.0, "integration": "explicit"}, (0, 20000)),
-    ("pmw", {"lp1_order": 10, "lp1_cutoff_hz": 1.0, "integration": "explicit", "delay": 20}, (0, 20000)),
-    ("pmw", {"ratio": 200, "integration": "explicit", "delay": 100, "lp1_cutoff_hz": 2.0}, (0, 20000)),
-    ("pmw-lm", {"lp1_order": 6, "hp_order": 4, "lp2_order": 4, "integration": "explicit", "Kp": 20.0}, (0, 20000)),
-    ("pmw-lm", {"lp1_order": 3, "hp_order": 3, "stiffness": 200.0, "delay": 7, "integration": "explicit"}, (0, 20000)),
-    ("dc-lm", {"K_LM": 400.0, "B_LM": 0.5, "delay": 3, "velocity": "difference", "stiffness": 50.0}, (0, 20000)),
-    ("dc", {"velocity": "difference"}, (0, 20000)),
+HARD = [  # in double precision: a long filter with slow poles, and next to no damping
+    ("pmw", {"lp1_order": 12, "lp1_cutoff_hz": 10.0, "integration": "explicit"}),
+    ("dc", {"velocity": "difference"}),
 ]
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("kind", "changes", "span"), HARD)
-def test_ends_of_hard_loops_hold_at_50_digits(kind, changes, span):
+@pytest.mark.parametrize(("kind", "changes"), HARD)
+def test_ends_of_hard_loops_hold_at_50_digits(kind, changes):
     """Each end, polished on the model's equations in 50 digits: angle and wall parameter good to 1e-9."""
     values = values_of(kind, **changes)
-    found, loop = intervals_of(values, span=span), exact.frame(values)
+    found, loop = intervals_of(values, span=K_SPAN), exact.frame(values)
     assert found.certified.all()
     ends = [(e, w) for e, w in zip((*found.low, *found.high), (*found.low_omega, *found.high_omega), strict=True)]
     real = [(end, omega * float(loop.period)) for end, omega in ends if np.isfinite(omega) and omega > 0]
