@@ -3,10 +3,12 @@
 import http.client
 import json
 import threading
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from support import drawn
 
 from wavesweep.explore.explorer_page import Page
 from wavesweep.explore.server import Server
@@ -18,17 +20,7 @@ HOLE = {
     "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
     "sweep": {"K_VE": {"start": 0, "stop": 6000}, "B_VE": {"start": 0, "stop": 5, "num": 11}, "b": [20, 25]},
 }
-ARM = {
-    "rates": {"tick_hz": 10000},
-    "numbers": {"kp": 240.0, "kd": 3.0, "c": {"value": 0.0, "unit": "N*s/m"}},
-    "block": {
-        "arm": {"type": "mass", "mass": 0.2, "damping": 0.063},
-        "net": {"type": "delay", "every": 20, "phase": 10},
-    },
-    "wire": {"net.u": "arm.x", "arm.f": "-kp*net.y - kd*arm.v + c*arm.v + hand"},
-    "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
-    "sweep": {"along": "c", "c": {"start": -1, "stop": 20}, "kp": [60, 120, 240]},
-}
+ARM = tomllib.loads(drawn.ARM)
 DRIVE = Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml"
 UNEVEN = HOLE | {"rates": {"slow_hz": 60.0}}
 

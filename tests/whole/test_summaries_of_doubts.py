@@ -22,7 +22,6 @@ from wavesweep.simulation.table import simulate
 WALL = {"controller": {"kind": "dc-slow"}, "rates": {"ratio": 4}, "device": {"velocity": "difference"}}
 SWEPT = WALL | {"sweep": {"K_VE": {"start": 0, "stop": 3000}, "B_VE": [1.0, 2.0, 3.0]}}
 SINE = {"simulate": {"input": "stepped-sine", "amplitude": 1.0, "frequency_hz": [2.0, 3.0, 5.0]}}
-PMW = WALL | {"controller": {"kind": "pmw"}}
 TABLES = {
     "zwidth": lambda: intervals(load(SWEPT), "K_VE", jobs=1),
     "zwidth-hands": lambda: intervals(load(SWEPT), "K_VE", jobs=1, hands=hands_of(["passive"])),

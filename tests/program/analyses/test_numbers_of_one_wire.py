@@ -18,11 +18,6 @@ def wave_line():
     return load(RECIPES / "controllers" / "pmw-lm.toml")
 
 
-def alone(spec, along, span, other, value):
-    """The intervals of a loop that has that value as its own, which no axis varies."""
-    return wavesweep.compile(load(spec.tables(), [f"{other}={value!r}"])).stable_intervals(along, span)
-
-
 @pytest.fixture
 def opened(monkeypatch):
     """Of each frame of loops that are open at the axis, whether they are open at a number beside it as well."""
