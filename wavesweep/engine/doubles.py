@@ -14,3 +14,7 @@ LEAST_NORMAL = np.finfo(float).tiny  # below which doubles have fewer digits
 SMALLEST_DOUBLE = np.finfo(float).smallest_subnormal  # twice what a product loses that underflows
 # in place of a zero, or added where something underflows: nothing else is as small
 NEXT_TO_ZERO = 1e-300
+# of the terms of a sum: one below it may be what rounding has left of them, even of a long calculation
+GONE_SUM = 1e-9
+# halvings of an interval, or squarings of what decays, after which no double changes
+BY_TWO = 60

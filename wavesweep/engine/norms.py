@@ -7,6 +7,7 @@ from wavesweep.engine import on_demand
 if TYPE_CHECKING:
     from wavesweep.engine._energy.hinf import (
         NEAR_CIRCLE,
+        NORM_TOLERANCE,
         SOFT,
         START,
         Element,
@@ -22,13 +23,14 @@ if TYPE_CHECKING:
         damping_peak,
         read,
     )
-    from wavesweep.engine._energy.norms import NORM_TOLERANCE, squared_norm
+    from wavesweep.engine._energy.norms import squared_norm
 else:
     __getattr__ = on_demand(
         {
             "_energy.hinf": (
                 "Element",
                 "NEAR_CIRCLE",
+                "NORM_TOLERANCE",
                 "Peak",
                 "SOFT",
                 "START",
@@ -43,6 +45,6 @@ else:
                 "connected",
                 "read",
             ),
-            "_energy.norms": ("NORM_TOLERANCE", "squared_norm"),
+            "_energy.norms": ("squared_norm",),
         }
     )

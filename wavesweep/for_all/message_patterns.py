@@ -23,9 +23,9 @@ from wavesweep.engine.switched import (
 from wavesweep.for_all.channel_families import LOST
 from wavesweep.for_all.message_rings import RingFrames
 
-SHORT = (1, 2)  # periods of the patterns that are tried before norms are searched
-SOON = (1, 2, 3, 4)  # those of the patterns that are tried at each number
 PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 13)  # in a pattern
+SHORT = PERIODS[:2]  # periods of the patterns that are tried before norms are searched
+SOON = PERIODS[:4]  # those of the patterns that are tried at each number
 STEPS = 4  # from a number at which all periods are tried to the next one
 MOST_PLACES = 400  # of a pattern
 # Of the largest gain at a place: what a change of a path costs, in turn until the pattern grows.

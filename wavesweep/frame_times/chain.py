@@ -3,7 +3,7 @@
 import numpy as np
 
 SHUFFLES = 199  # with the run itself 200: SIGNIFICANCE is two of them
-SIGNIFICANCE = 0.01  # share of shuffled runs, below which frames are not independent
+SIGNIFICANCE = 2 / (1 + SHUFFLES)  # share of shuffled runs, below which frames are not independent
 
 
 def pairs_of(lengths: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.engine.norms import NORM_TOLERANCE
 from wavesweep.program.columns import Columns, axes_of
 from wavesweep.program.plots.figure_layout import rows_with
 from wavesweep.program.plots.labels import assumption, at_hand, label, symbol, valued
@@ -25,7 +26,6 @@ from wavesweep.program.plots.style import (
     wide,
 )
 
-_PASSIVE_NORM = 1e-10  # of the norm: up to this above 1 counts as passive
 _PASSIVE = {"color": "#CCECE3", "linewidth": 0}  # of the shade
 _COLOUR = distinct_colour(0)  # of the dots
 _UNSTABLE = {
@@ -169,14 +169,14 @@ def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) 
 
 def _excess(norm: np.ndarray) -> np.ndarray:
     """Norm less 1, or 0 below the tolerance."""
-    return np.maximum(norm - 1, _PASSIVE_NORM)
+    return np.maximum(norm - 1, NORM_TOLERANCE)
 
 
 def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
     """Scale, shade and label the axes of values of both panels, in either direction."""
     if channel is not None:
         most = max(3 * _excess(np.nanmax(columns["channel_norm"])), 1e-2)
-        _set(channel, "log", (_PASSIVE_NORM / 10, most), (_PASSIVE_NORM / 10, _PASSIVE_NORM))
+        _set(channel, "log", (NORM_TOLERANCE / 10, most), (NORM_TOLERANCE / 10, NORM_TOLERANCE))
         channel.set_label_text("channel norm - 1")
     margin = columns["port_margin"][~np.isnan(columns["port_margin"])]
     largest = float(np.abs(margin).max(initial=0.0)) or 1.0

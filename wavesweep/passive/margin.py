@@ -8,12 +8,11 @@ import numpy as np
 from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import solve
-from wavesweep.engine.norms import SOFT, TickMaps, hinf_norm
+from wavesweep.engine.norms import NORM_TOLERANCE, SOFT, TickMaps, hinf_norm
 from wavesweep.engine.poles import count_outside, eigenvalues, is_stable
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
 
-MARGIN_SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
 # of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding
 ZERO_MARGIN = 1e-9
 # of the mean eigenvalue: smaller margins are 0 up to rounding
@@ -37,7 +36,7 @@ class PortMargin:
     frequency, rad/s, in [0, pi/T_s]. mean: of all eigenvalues over all frequencies (T^2/2m and a
     little less), which is the natural scale, m/N. stable: every eigenvalue but drift inside the
     unit circle. certified: no frequency has an eigenvalue below the margin by more than
-    MARGIN_SLACK of it and of the mean. negative: the margin is below zero, and not for rounding's
+    NORM_TOLERANCE of it and of the mean. negative: the margin is below zero, and not for rounding's
     sake.
     """
 
@@ -129,7 +128,7 @@ def _margins(port, batch, decide) -> PortMargin:
     theta = peak.theta
     # Beside a peak at rest the response is the same but for rounding, and less well known.
     at_rest = few.smallest(np.arange(rows.size), np.zeros(rows.size))
-    theta = np.where(at_rest <= margin + MARGIN_SLACK * (np.abs(margin) + scale), 0.0, theta)
+    theta = np.where(at_rest <= margin + NORM_TOLERANCE * (np.abs(margin) + scale), 0.0, theta)
     if port.drifts < port.axes:
         # Something holds the scene, so a constant force, of some direction, moves nothing.
         theta = np.where(margin > 0, 0.0, theta)
@@ -174,7 +173,7 @@ def _least_eigenvalues(ticks, lifted, scale, decide):
         return ticks.pencil(owner, -level).angles()
 
     def slack(owner, level):
-        return MARGIN_SLACK * (np.abs(level) + scale[owner])
+        return NORM_TOLERANCE * (np.abs(level) + scale[owner])
 
     enough = ZERO_MARGIN * scale if decide else np.inf
     return hinf_norm(negative, crossed, scale.size, slack, _slow_angles(lifted.E), enough)

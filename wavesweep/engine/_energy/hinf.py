@@ -18,6 +18,7 @@ SOFT = np.pi * 10.0 ** np.arange(-9, -3, 0.5)
 # factors of an angle about a low peak, each time ten times as near
 CLIMB = 10.0 ** (np.array([0.5, 0.05, 0.005, 5e-4])[:, None] * np.linspace(-1, 1, 21))
 START = np.pi * np.array([0.0, 1e-3, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
+NORM_TOLERANCE = 1e-10  # relative, of a norm, a margin or a damping
 RAISES = 30  # of the level; it converges after a few
 
 

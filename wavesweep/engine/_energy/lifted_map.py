@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine._energy.hinf import SOFT, Element, Peak, hinf_norm
+from wavesweep.engine._energy.hinf import NORM_TOLERANCE, SOFT, Element, Peak, hinf_norm
 from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE, nonzero
 from wavesweep.engine._monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.engine._monodromy.rounding import balance, measured_frame
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
 from wavesweep.engine._state_space import StateSpace
-
-DAMPING_SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,6 +246,6 @@ def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: 
         return ticks.pencil(owner, -level / period[owner]).angles()
 
     def slack(_: np.ndarray, level: np.ndarray) -> np.ndarray:
-        return DAMPING_SLACK * (1 + np.abs(level))
+        return NORM_TOLERANCE * (1 + np.abs(level))
 
     return hinf_norm(needed, angles_at, ticks.loops, slack, SOFT)

@@ -23,9 +23,8 @@ from wavesweep.engine._energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
 from wavesweep.engine._response.gain import by_lanczos
-from wavesweep.engine.doubles import EPS, LEAST_NORMAL
+from wavesweep.engine.doubles import BY_TWO, EPS, LEAST_NORMAL
 
-DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
 LOOSER = 100.0  # times the tolerance: a level above that is proved where a near one is not
 LEAST_ENERGY = 1e-12  # of the largest: that of a state in which nothing is stored, for its unit
 
@@ -172,7 +171,7 @@ def _energies(
         balances.append((E, B, *costs))
         elements.append(Element.of(np.eye(len(E)) + E, B, *costs))
     frame = in_a_row(kinds, elements, Element.then)
-    for _ in range(DOUBLINGS):
+    for _ in range(BY_TWO):
         Q = frame.Q
         frame = frame.then(frame)
         if not np.isfinite(frame.Q).all() or (np.abs(frame.Q - Q) <= EPS * np.abs(Q).max()).all():
@@ -230,7 +229,7 @@ def _over_frame(
 def _of_all_frames(once: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """Return `sum over k of (frame')^k once frame^k`, twice as many terms in each step."""
     total = once
-    for _ in range(DOUBLINGS):
+    for _ in range(BY_TWO):
         added = frame.T @ total @ frame
         total = total + added
         frame = frame @ frame

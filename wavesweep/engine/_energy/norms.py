@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from wavesweep.engine._energy.hinf import Peak, hinf_norm
+from wavesweep.engine._energy.hinf import NORM_TOLERANCE, Peak, hinf_norm
 from wavesweep.engine._energy.lifted_map import TickMaps
 from wavesweep.engine._energy.long_frames import squared_norm_of_one
 
 # inputs and outputs of a frame, beyond which no matrix of all of them is decomposed
 MOST_DENSE_SIGNALS = 64
-NORM_TOLERANCE = 1e-10  # relative, of a norm
 
 
 def squared_norm(ticks: TickMaps) -> Peak:

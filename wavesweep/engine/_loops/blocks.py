@@ -19,14 +19,13 @@ from wavesweep.engine._drawing.mass_matrix import MATRICES, adjugate, at_axes, d
 from wavesweep.engine._loops import definitions
 from wavesweep.engine._loops.block import SPARSE_ROWS, SPARSE_SHARE, Block, matrix, numbers
 from wavesweep.engine._loops.definitions import Equations, controllable, tf_at_rest, with_delays
-from wavesweep.engine._loops.device import LOST_PHASE, impulse_and_step, motion
+from wavesweep.engine._loops.device import LOST_PHASE, SERIES_REACH, impulse_and_step, motion
 from wavesweep.engine._loops.filters import butterworth as sections
 from wavesweep.engine.doubles import EPS, LARGEST_DOUBLE
 
 if TYPE_CHECKING:
     from wavesweep.engine._state_space import StateSpace
 
-SERIES_SIZE = 0.5  # row sum up to which the series is taken, without unit
 WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
     "difference": "input of the last run",
@@ -366,7 +365,7 @@ def held(
     size = np.abs(A) if sizes is None else sizes[0] * np.abs(T)
     size = size.sum(-1).max(-1, initial=0.0)
     with np.errstate(divide="ignore"):
-        doublings = np.ceil(np.log2(np.minimum(size, LARGEST_DOUBLE) / SERIES_SIZE))
+        doublings = np.ceil(np.log2(np.minimum(size, LARGEST_DOUBLE) / SERIES_REACH))
         doublings = np.maximum(0, doublings).astype(int)
     step = 0.5 ** doublings[..., None, None]
     E, G = _series(A * step, B * step)
@@ -422,7 +421,7 @@ def _series(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     force = B
     right_A = _by_entries(A)
     right_B = _by_entries(B)
-    # Taylor series of exp; for a matrix of SERIES_SIZE what follows is below rounding.
+    # Taylor series of exp; for a matrix of SERIES_REACH what follows is below rounding.
     for term in range(1, 20):
         E = E + power
         G = G + force

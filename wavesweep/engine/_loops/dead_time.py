@@ -27,6 +27,7 @@ from wavesweep.engine._drawing.drawn_block import Plant
 from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._loops.block import Block, concatenated
 from wavesweep.engine._loops.blocks import Rates
+from wavesweep.engine.doubles import BY_TWO
 
 # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
 SENSED = "sensed"
@@ -250,7 +251,7 @@ def _whole_at(beyond: Callable[..., Any], low: np.ndarray, high: np.ndarray) -> 
     at_high = beyond(high)
     at_an_end = _nearer(low, high, at_low, at_high)
     passed = at_low * at_high < 0
-    for _ in range(CELL_HALVINGS):
+    for _ in range(BY_TWO):
         middle = (low + high) / 2
         before = (beyond(middle) < 0) == (at_low < 0)
         low = np.where(before, middle, low)
@@ -266,7 +267,6 @@ def _nearer(
     return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
 
 
-CELL_HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
 MOST_SPREAD = 0.25  # ticks by which a dead time may change between neighbours
 
 

@@ -85,7 +85,8 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     return ImpulseAndStep(np.where(certain, s, np.nan), np.where(certain, g, np.nan), of_s, of_g)
 
 
-# of |damping| T and 2 sqrt(stiffness) T, without unit: up to it the Taylor series is taken at once
+# of |damping| T and 2 sqrt(stiffness) T, or of a row sum, without unit: up to it the Taylor series is
+# taken at once
 SERIES_REACH = 0.5
 # relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest
 # by rounding

@@ -16,10 +16,8 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._response.encoder import with_displacements
 from wavesweep.engine._state_space import StateSpace
-from wavesweep.engine.doubles import ENTRY_ROUNDING
+from wavesweep.engine.doubles import ENTRY_ROUNDING, GONE_SUM
 from wavesweep.engine.errors import UsageError
-
-NO_SHIFT = 1e-9  # of the terms of a shift: a movement below it is rounding
 
 
 class NoPositionError(UsageError):
@@ -90,7 +88,7 @@ class Port:
         moving = shifts.move(reads)
         position = None if moving and not ports.others else reads[..., shifts.remaining]
         moves = shifts.share_of(reads)
-        drifts = int(np.linalg.matrix_rank(moves, rtol=NO_SHIFT).max()) if moving else 0
+        drifts = int(np.linalg.matrix_rank(moves, rtol=GONE_SUM).max()) if moving else 0
         timing = _timing(drawn)
         return Port(
             maps,
@@ -142,7 +140,7 @@ class Port:
         if not self.drifts:
             return np.eye(self.axes)
         first = self.moves.reshape(-1, *self.moves.shape[-2:])[0]
-        if np.abs(self.moves - first).max() > NO_SHIFT * np.abs(first).max():
+        if np.abs(self.moves - first).max() > GONE_SUM * np.abs(first).max():
             raise UsageError(
                 "expected a hand that is held in the same directions for all values of the number"
             )
@@ -284,7 +282,7 @@ class _Shifts:
     def move(self, reads: np.ndarray) -> bool:
         """Return whether a shift moves a signal at all."""
         size = np.abs(reads[..., self.leads]) + np.abs(reads) @ np.abs(self.N)
-        rounding = NO_SHIFT * size + np.abs(reads) @ self.dN
+        rounding = GONE_SUM * size + np.abs(reads) @ self.dN
         return bool((np.abs(self.share_of(reads)) > rounding).any())
 
     def relative(

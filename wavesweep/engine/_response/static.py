@@ -10,10 +10,9 @@ import numpy as np
 from wavesweep.engine._monodromy.bounded import Bounded, sum_rounding
 from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.ordered_product import ordered_product
-from wavesweep.engine.doubles import FEW_ROUNDINGS
+from wavesweep.engine.doubles import FEW_ROUNDINGS, GONE_SUM
 
 SLOPE_STEP = 1e-30  # of z, for slopes
-NO_DISPLACEMENT = 1e-9  # of the terms of a displacement: below it the displacement is rounding
 # of the hand's force, or of the terms of a position: a value that may be rounding below it counts
 # as zero
 ZERO_OF_TERMS = 1e-11
@@ -139,7 +138,7 @@ def dcgain(loop: Lifted, rests: bool | None = None) -> tuple[np.ndarray, np.ndar
         position = np.where(_is_nothing(moving), position, np.nan)  # it may be going
     else:
         stays = _is_nothing(moving)
-        going = np.abs(changes.value) > changes.error + NO_DISPLACEMENT * changes.size
+        going = np.abs(changes.value) > changes.error + GONE_SUM * changes.size
         if rests is not None:
             alone = loop.port.drifts == 1 == loop.port.moves.shape[-1]
             stays = np.full(stays.shape, rests or not loop.port.drifts)
@@ -185,7 +184,7 @@ def dcgain_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
         limit = limit + slope.value
         error = error + slope.error
         terms = terms + slope.size
-        going = np.abs(change.value) > change.error + NO_DISPLACEMENT * change.size
+        going = np.abs(change.value) > change.error + GONE_SUM * change.size
         error = np.where(going | _is_nothing(change), error, np.nan)
     nothing = _is_nothing((limit, error)) & (error <= ZERO_OF_TERMS * terms)
     relative = error / np.abs(limit) + FEW_ROUNDINGS

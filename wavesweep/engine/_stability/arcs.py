@@ -27,8 +27,7 @@ END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from o
 MOST_OPEN_ARCS = 256  # so many open arcs of one column, and the column is given up
 RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
 MANY_STATES = 100  # beyond, columns are followed one by one, without inverses of their frames
-REST_OF_PI = 1.2246467991473532e-16  # by which pi is larger than its double
-MOST_ERROR = 1e300  # of a value, in roundings of itself
+REST_OF_PI = np.sin(np.pi)  # by which pi is larger than its double
 CAUTION = 20  # roundings of what is added up that two solves may cost
 
 
@@ -85,7 +84,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         far_back = np.maximum(np.abs(distance_back), NEXT_TO_ZERO)
         phase *= (distance / far * (distance_back / far_back)).prod(-1)
         log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
-        return phase, log, np.minimum([value_off, beyond_off] / magnitude, MOST_ERROR)
+        return phase, log, np.minimum([value_off, beyond_off] / magnitude, 1 / NEXT_TO_ZERO)
 
     def sample(column: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * solved.B.shape[-2]))

@@ -43,12 +43,11 @@ OUTSIDE_BY = 1e-6
 DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond the rounding of its own terms
 # size of an entry, below which it is 0 for the choice of vectors: eigenvalues are computed in units
 # in which rows and columns are alike, and those that it asks for leave no digits to the vectors
-FLUSHED = 1e-150
+FLUSHED = 1e-150  # also added to norms, whose squares may underflow
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
 SMALLEST_EIGENVALUE = 0.2  # sizes of eigenvalues below it are alike for a block
 LARGEST_OF_BLOCK = 0.98  # and those beyond it are in none
 SLACK = 0.5  # share of what is left to 1 that a block leaves
-ADDED_TO_NORMS = 1e-150  # added to norms, whose squares may underflow
 
 
 class Eigenbasis(NamedTuple):
@@ -288,7 +287,7 @@ class _Sizes(Rows):
         back = to.swapaxes(1, 2)
         norms = {}
         for part in fields(self):
-            norms[part.name] = np.sqrt(to @ getattr(self, part.name) ** 2 @ back) + ADDED_TO_NORMS
+            norms[part.name] = np.sqrt(to @ getattr(self, part.name) ** 2 @ back) + FLUSHED
         return _Sizes(**norms)
 
 

@@ -16,9 +16,9 @@ from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.mean_square import SIZING, operator_of
 from wavesweep.engine._switched.norm_check import cholesky_of_each
 from wavesweep.engine._switched.norms import CALLS, Centre, packed, unpacked
+from wavesweep.engine.doubles import BY_TWO
 
 ALONE = Graph.least(np.ones((1, 1), bool))  # the graph of a single matrix
-DOUBLINGS = 60  # of a sum of powers
 CONVERGED = 1e-10  # entry of a power, below which it counts for nothing: it is squared in a sum
 
 
@@ -44,7 +44,7 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
     """
     cells, n = A.rest.shape[:2]
     degree = A.exponents.sum(1)
-    work = DOUBLINGS * (2 + SIZING + len(degree)) * n**3 + CALLS
+    work = BY_TWO * (2 + SIZING + len(degree)) * n**3 + CALLS
     forms_of_cells: list[tuple[Centre, np.ndarray] | None] = [None] * cells
     decaying, powers = _powers(A.terms[0])
     if not decaying.size:
@@ -85,7 +85,7 @@ def _powers(M: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     is left."""
     powers = []
     with np.errstate(all="ignore"):
-        for _ in range(DOUBLINGS):
+        for _ in range(BY_TWO):
             powers.append(M)
             size = np.abs(M).max((-1, -2), initial=0.0)
             if not ((size >= CONVERGED) & np.isfinite(size)).any():

@@ -30,9 +30,8 @@ from wavesweep.engine._switched.loop_frames import LoopFrames
 from wavesweep.engine._switched.norm_check import Norms, shrink_on_average, shrink_over
 from wavesweep.engine._switched.norms import acting, packed, unpacked
 from wavesweep.engine._switched.stretches import ProvedStretch
-from wavesweep.engine.doubles import EPS, FEW_ROUNDINGS
+from wavesweep.engine.doubles import BY_TWO, EPS, FEW_ROUNDINGS
 
-MOMENT_BISECTIONS = 60  # more halve no interval of doubles
 # Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its
 # largest last coefficient, and the least size at all of its points but two, relative to the
 # largest.
@@ -394,7 +393,7 @@ def nearest_growing(
         inside = outside
     else:
         return Refuted()
-    for _ in range(MOMENT_BISECTIONS if inside != outside else 0):
+    for _ in range(BY_TWO if inside != outside else 0):
         middle = (inside + outside) / 2
         if loop.decays(middle):
             inside = middle
@@ -422,7 +421,7 @@ def _polished(
         key=lambda x: abs(x - end),
         default=end,
     )
-    for _ in range(MOMENT_BISECTIONS):
+    for _ in range(BY_TWO):
         middle = (inside + beyond) / 2
         if loop.decays(middle):
             inside = middle

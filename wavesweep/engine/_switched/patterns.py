@@ -11,6 +11,7 @@ from wavesweep.engine._monodromy.rounding import both
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine._switched.graph import Family, Graph
 from wavesweep.engine._switched.norm_check import Norms
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 
 WORDS_KEPT = 60  # words of each length that are extended
 RUN_OF_WORD = 12  # matrices of each of the two runs of a word
@@ -21,7 +22,6 @@ LEADING = 8  # words of each length, and of each pair of runs, whose growth coun
 WALKS = 8  # of a state
 WALKED = 240  # matrices of a walk
 LONGEST_RETURN = 160  # matrices of a word that is the end of a walk
-GONE_STATE = 1e-290  # a state that is gone
 ALL_WORDS_LENGTH = 4  # matrices of the words that are all tried
 NEAR_ZERO = 1e-3  # of a range with 0 in it, from which on numbers of it are tried
 MOST_RANKING_WORDS = 400  # how many these are at most
@@ -169,7 +169,7 @@ def _of_walks(A: np.ndarray, follows: np.ndarray, norms: Norms) -> dict[Word, fl
         walks[:, step] = symbol
         state = moved[walker, symbol]
         node = target[walker, symbol]
-        state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), GONE_STATE)
+        state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), NEXT_TO_ZERO)
     ends = np.unique(walks[:, -LONGEST_RETURN:], axis=0)
     products = np.broadcast_to(np.eye(n), (len(ends), n, n))
     closed = []
@@ -214,7 +214,7 @@ def _bounds(products: np.ndarray, lengths: np.ndarray | int) -> np.ndarray:
     log = np.zeros(products.shape[:-2])
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no bound
         for squaring in range(1 + SQUARINGS):
-            size = np.maximum(np.linalg.norm(power, axis=(-2, -1)), GONE_STATE)
+            size = np.maximum(np.linalg.norm(power, axis=(-2, -1)), NEXT_TO_ZERO)
             log += np.log(size) / 2**squaring
             if squaring < SQUARINGS:
                 power = power / size[..., None, None]
