@@ -69,22 +69,6 @@ def test_a_deadbeat_loop_may_lose_one_message_in_a_squared(a):
     assert (1 / a**2 <= refuted.x <= (1 + 2e-10) / a**2, refuted.word) == (True, (0,))
 
 
-def test_a_loop_with_bursts_has_the_radius_of_two_moments():
-    """With a deadbeat x+ is 0 or a x, so the moments are those of a chain of two states: burst 0.05, end q, loss p and 1."""
-    spec = recursion(1.3, burst=0.05, burst_end="k - 1.3 + q")
-    spec["numbers"]["q"] = 0.3
-    del spec["numbers"]["k"]
-    spec["block"]["net"]["burst_end"], spec["wire"]["net.u"] = "q", "-1.3*plant.y"
-    (found,) = brackets_on_average(chain(spec, "q"), (0.0, 1.0))
-
-    def radius(q):
-        lost = np.diag([0.1, 1.0]) @ np.array([[0.95, q], [0.05, 1 - q]])
-        return np.abs(np.linalg.eigvals(1.69 * lost)).max()
-
-    assert radius(found.low) < 1 < radius(found.below.x)
-    assert found.low == pytest.approx(found.below.x, rel=1e-4)
-
-
 def test_held_inputs_have_the_radius_of_their_second_moments():
     (found,) = brackets_on_average(chain(recursion(1.2, "held"), "k"), (0.0, 3.0))
 

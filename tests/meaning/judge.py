@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from meaning.machine import radius
-from meaning.reading import drift_of, machine_of, radius_of, with_value
+from meaning.reading import drift_of, machine_of, radius_of, with_numbers
 from meaning.required import Found, judge_required
 
 SMALL = 0.02  # of a radius: eigenvalues next to 0 are the roots of rounding
@@ -40,7 +40,7 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True, required: boo
     if whole:
         along = tables["sweep"]["along"]
         inside = 0.37 * tables["sweep"][along]["stop"]
-        drift_inside = drift_of(with_value(tables, along, inside))  # there may be more of it at 0
+        drift_inside = drift_of(with_numbers(tables, {along: inside}))  # there may be more of it at 0
         found += judge_intervals(tables, drift_inside, loop)
         if required:
             found += judge_required(text, loop)
@@ -90,7 +90,7 @@ def judge_intervals(tables, drift, loop) -> list[Found]:
 
 
 def _radius_at(tables, drift, along, value):
-    return radius_of(with_value(tables, along, float(value)), drift)
+    return radius_of(with_numbers(tables, {along: float(value)}), drift)
 
 
 def _end(at, side, end, outwards, width):

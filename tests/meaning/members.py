@@ -7,7 +7,6 @@ has been there for ever.
 
 import math
 import re
-from copy import deepcopy
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
@@ -15,6 +14,7 @@ from itertools import product
 import numpy as np
 from meaning import doubles
 from meaning.machine import Machine
+from meaning.reading import with_numbers
 from meaning.specs import PATHS
 from scipy.linalg import expm
 
@@ -66,19 +66,6 @@ def asked_of(tables: dict) -> Asked:
         else:
             found.ranges[path] = (given["start"], given["stop"])
     return found
-
-
-def with_numbers(tables: dict, numbers: dict) -> dict:
-    """The spec with other numbers, by their paths or the names that a drawing gives them."""
-    changed = deepcopy(tables)
-    for name, value in numbers.items():
-        path = PATHS.get(name, name) if "controller" in tables else f"numbers.{name.removeprefix('numbers.')}"
-        table, _, key = path.rpartition(".")
-        inner = changed
-        for each in table.split("."):
-            inner = inner.setdefault(each, {})
-        inner[key] = value
-    return changed
 
 
 @dataclass(frozen=True)

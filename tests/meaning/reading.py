@@ -15,14 +15,16 @@ def machine_of(tables: dict, cut: str = "") -> Machine:
     return Machine(loop_of(tables, doubles, cut).schedule())
 
 
-def with_value(tables: dict, axis: str, value: float) -> dict:
-    """The same spec with another number."""
+def with_numbers(tables: dict, numbers: dict) -> dict:
+    """The spec with other numbers, by their paths or the names that a drawing gives them."""
     changed = deepcopy(tables)
-    if "controller" in tables:
-        path = PATHS.get(axis, axis).split(".")
-        changed.setdefault(path[0], {})[path[1]] = value
-    else:
-        changed["numbers"][axis] = value
+    for name, value in numbers.items():
+        path = PATHS.get(name, name) if "controller" in tables else f"numbers.{name.removeprefix('numbers.')}"
+        table, _, key = path.rpartition(".")
+        inner = changed
+        for each in table.split("."):
+            inner = inner.setdefault(each, {})
+        inner[key] = value
     return changed
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from meaning import responses
 from meaning.machine import radius
 from meaning.modes import beyond, of_modes, period_of
-from meaning.reading import drift_of, machine_of, radius_of, with_value
+from meaning.reading import drift_of, machine_of, radius_of, with_numbers
 from meaning.specs import toml
 
 from wavesweep.checker.reader.drawings import PLANTS
@@ -54,7 +54,7 @@ class Case:
 
     def misses(self, value: float) -> float | None:
         """By how much the worst misses what is wanted, below 0 if none does; None if it cannot be told."""
-        changed = with_value(self.tables, self.along, float(value))
+        changed = with_numbers(self.tables, {self.along: float(value)})
         machine = machine_of(changed)
         over = radius(machine.monodromy(), self.drift) - 1
         if over >= 0:
@@ -130,17 +130,17 @@ def case_of(text: str) -> Case | None:
     tables = tomllib.loads(text)
     along = tables["sweep"]["along"]
     span = (tables["sweep"][along]["start"], tables["sweep"][along]["stop"])
-    drift = drift_of(with_value(tables, along, 0.37 * span[1]))
+    drift = drift_of(with_numbers(tables, {along: 0.37 * span[1]}))
     case = Case(tables, along, span, drift, {})
     values = random.uniform(0, 1, 4) ** 2 * (span[1] - span[0]) + span[0]
-    stable = [value for value in values if radius_of(with_value(tables, along, float(value)), drift) < 1 - 1e-4]
+    stable = [value for value in values if radius_of(with_numbers(tables, {along: float(value)}), drift) < 1 - 1e-4]
     if not stable:
         return None
-    machine = machine_of(with_value(tables, along, float(stable[0])))
+    machine = machine_of(with_numbers(tables, {along: float(stable[0])}))
     ticks = len(machine.schedule.ticks)
     kind = random.uniform()
     if kind < 0.25 or ticks > FRAME:
-        slowest = min(radius_of(with_value(tables, along, float(value)), drift) for value in stable)
+        slowest = min(radius_of(with_numbers(tables, {along: float(value)}), drift) for value in stable)
         case.wanted = of_modes(random, slowest, float(machine.schedule.period), period_of(tables, machine)) or {}
     elif kind < 0.5 and "controller" not in tables:
         case.wanted = of_cut(random, case, stable, ticks)
@@ -179,7 +179,7 @@ def misjudged(tables: dict, along: str, span: tuple[float, float], wanted: dict)
     """Where rows with a requirement are not what a march says, or in doubt, and ends at which it cannot tell."""
     import wavesweep
 
-    drift = drift_of(with_value(tables, along, span[0] + 0.37 * (span[1] - span[0])))
+    drift = drift_of(with_numbers(tables, {along: span[0] + 0.37 * (span[1] - span[0])}))
     found = judge_case(Case(tables, along, span, drift, wanted), wavesweep.compile(tables))
     return [one for one in found if not one.same or one.what.endswith(("end untold", "in doubt"))]
 
@@ -230,7 +230,7 @@ def judge_bounded(tables: dict, loop) -> list[Found]:
     span = (tables["sweep"][along]["start"], tables["sweep"][along]["stop"])
 
     def grows(value):
-        return radius_of(with_value(tables, along, float(value)), 0) > 1 + GROWS
+        return radius_of(with_numbers(tables, {along: float(value)}), 0) > 1 + GROWS
 
     rows = loop.stable_intervals(along=along, span=span, require={"bounded": True})
     if (rows["doubt"] != "").any():
@@ -252,7 +252,7 @@ def of_response(random, case: Case, stable, ticks: int) -> dict:
     last = "peak" if ticks <= SHORT_FRAME else "rms"
     kinds = ["gain", "overshoot", "step_settling", "rms", last]  # a list of another length draws all specs anew
     kind = kinds[int(random.integers(len(kinds)))]
-    machines = [machine_of(with_value(case.tables, case.along, float(value))) for value in stable[:2]]
+    machines = [machine_of(with_numbers(case.tables, {case.along: float(value)})) for value in stable[:2]]
     ports = case.tables.get("ports", {})
     blocks = case.tables.get("block", {})
     names = list(machines[0].schedule.shown)
@@ -309,7 +309,7 @@ def of_cut(random, case: Case, stable, ticks: int) -> dict:
     size = 0.5 if kind == "disk" else 0.0
     peaks = []
     for value in stable[:2]:
-        lifted = at_cut(with_value(case.tables, case.along, float(value)), cut)
+        lifted = at_cut(with_numbers(case.tables, {case.along: float(value)}), cut)
         found = responses.sensitivity(lifted, size)
         if found is None or (case.drift and responses.drifts(lifted)):
             return {}

@@ -10,7 +10,7 @@ from copy import deepcopy
 import numpy as np
 from meaning.judge import compiled
 from meaning.required import Found
-from meaning.sets_rewritten import holds_as_channels, mass_as_inertia, ratio_as_rate, steps_as_seconds
+from meaning.sets_rewritten import holds_as_channels, mass_as_inertia, ratio_as_rate, steps_as_seconds, ticks_as_seconds
 from meaning.specs import Draw, controller, drawing, toml
 
 from wavesweep.checker.reader.classes import written_out
@@ -156,21 +156,11 @@ def defaults_written(tables: dict, draw: Draw) -> dict:
     return tables
 
 
-def delays_as_dead_times(tables: dict, draw: Draw) -> dict:
-    """Whole ticks of the amplifier's delay in seconds."""
-    del draw
-    device = tables.get("device", {})
-    ticks = device.pop("delay", 0)
-    if ticks:
-        device["dead_time"] = device.get("dead_time", 0.0) + ticks / tables["rates"]["fast_hz"]
-    return tables
-
-
 OF_DRAWINGS: tuple[Callable[[dict, Draw], dict], ...] = (
     names_inlined, classes_as_copies, names_given, minus_through_a_block, numbers_as_expressions, blocks_as_classes,
     outputs_seen, order_shuffled, one_value_listed, steps_as_seconds, mass_as_inertia, holds_as_channels,
 )  # fmt: skip
-OF_CONTROLLERS = (one_value_listed, defaults_written, delays_as_dead_times, ratio_as_rate)
+OF_CONTROLLERS = (one_value_listed, defaults_written, ticks_as_seconds, ratio_as_rate)
 
 
 def _whole(name: str) -> str:

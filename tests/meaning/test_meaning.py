@@ -9,7 +9,7 @@ from meaning import exported
 from meaning.attacked import judge_attacked
 from meaning.coverage import drawn, uncovered
 from meaning.judge import compiled, judge
-from meaning.reading import machine_of, radius_of, with_value
+from meaning.reading import machine_of, radius_of, with_numbers
 from meaning.required import Case, judge_bounded, judge_case, judge_required
 from meaning.rewritten import judge_rewritten
 from meaning.sets import KINDS as KINDS_OF_SETS
@@ -49,8 +49,8 @@ REWRITTEN = (2, 7, 29, 70, 498)  # numbers of specs that take little time
 )
 def test_the_interpreter_finds_published_limits(tables, limit):
     tables = {"controller": {"kind": "dc-slow"}, **tables}
-    assert radius_of(with_value(tables, "K_VE", limit * (1 - 1e-8)), 0) < 1
-    assert radius_of(with_value(tables, "K_VE", limit * (1 + 1e-8)), 0) > 1
+    assert radius_of(with_numbers(tables, {"K_VE": limit * (1 - 1e-8)}), 0) < 1
+    assert radius_of(with_numbers(tables, {"K_VE": limit * (1 + 1e-8)}), 0) > 1
 
 
 @pytest.mark.slow

@@ -64,33 +64,6 @@ def test_the_mean_of_a_frame_makes_the_channel_passive(values, ratio):
     assert found.norm == pytest.approx(1, abs=1e-12)
 
 
-def lossless_row(seed, ratio):
-    """A random way out of gain 1 at rest, as taps on ticks before the sample: the mean of a frame after Potapov's factors.
-
-    Each factor `I - w w' + w w'/z` over a frame keeps the energy of all waves.
-    """
-    r = np.random.default_rng(seed)
-    taps = [np.full(ratio, 1 / ratio)]  # of this frame, of the one before, ...: ticks in their order
-    for _ in range(int(r.integers(1, 4))):
-        w = r.standard_normal(ratio)
-        w /= np.linalg.norm(w)
-        late = [np.outer(tap, w) @ w for tap in taps]
-        taps = [a - b + c for a, b, c in zip([*taps, 0 * w], [*late, 0 * w], [0 * w, *late], strict=True)]
-    return np.concatenate([tap[::-1] for tap in taps])
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_no_lossless_way_out_is_later_than_the_mean_is_early(seed):
-    """Its first moment is what a wave is late at low frequencies: at least half a frame less half a tick."""
-    ratio = 2 + seed % 5
-    taps = lossless_row(seed, ratio)
-    z = np.exp(2j * np.pi * np.arange(64)[:, None] / 64 / ratio + 2j * np.pi * np.arange(ratio) / ratio)
-    power = np.abs(np.polyval(taps[::-1], 1 / z)) ** 2
-    assert power.sum(-1) == pytest.approx(1, abs=1e-12)
-    assert taps.sum() == pytest.approx(1, abs=1e-12)
-    assert taps @ np.arange(taps.size) >= (ratio - 1) / 2 - 1e-12
-
-
 def test_without_waves_there_is_no_norm(values):
     assert [channel_norm(values(kind)) for kind in ("dc", "dc-slow", "dc-lm")] == [None, None, None]
 

@@ -4,7 +4,7 @@ import pathlib
 
 import numpy as np
 import pytest
-from meaning.reading import machine_of, with_value
+from meaning.reading import machine_of, with_numbers
 from meaning.required import misjudged, value_of
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
@@ -333,7 +333,7 @@ def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(rati
         "environment": {"K_VE": 60.0, "B_VE": 1.0, "delay": delay},
     }
     gain = {"from": "f_h", "to": shown, "band_hz": [*band]}
-    level = value_of(machine_of(with_value(tables, along, span[0] + 0.1 * (span[1] - span[0]))), "gain", gain)
+    level = value_of(machine_of(with_numbers(tables, {along: span[0] + 0.1 * (span[1] - span[0])})), "gain", gain)
     assert misjudged(tables, along, span, {"gain": gain | {"at_most": level}}) == []
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from meaning.reading import machine_of, with_value
+from meaning.reading import machine_of, with_numbers
 from meaning.required import misjudged, value_of
 from scipy.linalg import expm
 
@@ -160,7 +160,7 @@ def test_wishes_of_responses_in_time_are_those_of_marches(every, phase):
     found = wished(tables, [20.0, 45.0, 60.0, 300.0], **{name: {"at_most": 1.0, **ENDS} for name in MEASURES})
     for name in MEASURES:
         for at, K in enumerate((20.0, 45.0, 60.0)):
-            expected = value_of(machine_of(with_value(tables, "K", K)), name, ENDS) * (T if name == "step_settling" else 1)
+            expected = value_of(machine_of(with_numbers(tables, {"K": K})), name, ENDS) * (T if name == "step_settling" else 1)
             assert found[name].value[at] == pytest.approx(expected, rel=1e-8, abs=1e-9)
             assert found[name].certified[at]
         assert np.isnan(found[name].value[3])  # unstable
@@ -231,7 +231,7 @@ def test_no_overshoot_is_certified_down_to_the_slowest_mode():
     (row,) = wavesweep.compile(tables).stable_intervals("K", (0, 150), require=require).itertuples()
     assert (row.certified, row.low) == (True, 0)
     overshoots = [
-        value_of(machine_of(with_value(tables, "K", row.high * side)), "overshoot", ENDS) for side in (1 - 1e-6, 1 + 1e-6)
+        value_of(machine_of(with_numbers(tables, {"K": row.high * side})), "overshoot", ENDS) for side in (1 - 1e-6, 1 + 1e-6)
     ]
     assert overshoots[0] <= 0.05 < overshoots[1]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from meaning.reading import machine_of, with_value
+from meaning.reading import machine_of, with_numbers
 from meaning.required import value_of
 
 import wavesweep
@@ -29,7 +29,7 @@ SLOW = {  # an integrator under a gain that reads once in 4 ticks, and holds; `q
 
 def peak_of(K, source):
     """The largest gain of sines of an input, by a march of the documents' own reading."""
-    return value_of(machine_of(with_value(SLOW, "K", K)), "peak", {"from": source, "to": "place"})
+    return value_of(machine_of(with_numbers(SLOW, {"K": K})), "peak", {"from": source, "to": "place"})
 
 
 @pytest.mark.slow

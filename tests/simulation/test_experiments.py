@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from support.exports import check, made, need, put, written
+from support.exports import check, host_of, made, need, put, written
 from support.messages import marched_blocks, random_blocks, spec_of_blocks
 from support.specs import nested, values_of
 
@@ -23,14 +23,6 @@ def engine(kind="pmw", frames=(), delay=1, step="elapsed", **simulate):
     return tables | {"simulate": NOISE | ({"frames": list(frames)} if frames else {}) | simulate}
 
 
-def host(folder):
-    """The columns that the host in example.c prints."""
-    code, said = made(folder, "example", "gcc", "-O1")
-    assert code == 0, said
-    rows = list(csv.DictReader(said.splitlines()))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-
-
 @pytest.mark.parametrize(
     ("kind", "late"), [("dc", (2, 0.0)), ("pmw-lm", (2, 0.0)), ("dc", (0, 0.0004)), ("pmw-lm", (2, 0.0017))]
 )
@@ -47,7 +39,7 @@ def test_the_delay_of_an_amplifier_is_the_devices(kind, late, tmp_path):
     assert f"The amplifier's delay of {late[0] + late[1] * rate:g} ticks is the device's" in files["controller.h"]
     check(tmp_path)
     seen = simulated(wavesweep.load(tables), np.ones(2000)).signals["x"]
-    np.testing.assert_allclose(host(tmp_path)["ws_device_x"], seen, rtol=1e-9 * bool(late[1]), atol=1e-12 * bool(late[1]))
+    np.testing.assert_allclose(host_of(tmp_path)["ws_device_x"], seen, rtol=1e-9 * bool(late[1]), atol=1e-12 * bool(late[1]))
 
 
 def test_what_acts_on_a_device_from_outside_is_none_of_the_controllers(tmp_path):
@@ -75,7 +67,7 @@ def test_what_acts_on_a_device_from_outside_is_none_of_the_controllers(tmp_path)
     assert "load.f: from outside alone, so the host's" in files["controller.h"]
     check(tmp_path)
     seen = simulated(wavesweep.load(tables), np.ones(2000)).signals["place"]
-    np.testing.assert_allclose(host(tmp_path)["ws_load_x"], seen, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(host_of(tmp_path)["ws_load_x"], seen, rtol=1e-9, atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", [0])
@@ -117,7 +109,7 @@ def test_a_late_engine_closes_the_loop_as_the_simulation_does(step, delay, tmp_p
     tables = engine("pmw-lm", FRAMES[0], delay, step)
     written(tables, tmp_path)
     seen = simulated(wavesweep.load(tables), np.ones(2000)).signals["x"]
-    np.testing.assert_array_equal(host(tmp_path)["ws_device_x"], seen)
+    np.testing.assert_array_equal(host_of(tmp_path)["ws_device_x"], seen)
 
 
 VARIED = {"for_all": {"rates.ratio": {"values": [17, 34, 50], "varying": True}}}

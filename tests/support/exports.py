@@ -1,5 +1,6 @@
 """Exported controllers: random specs, and their C compiled and run."""
 
+import csv
 import re
 import shutil
 import subprocess
@@ -76,3 +77,11 @@ def check(folder, compiler="gcc", *flags):
     code, said = made(folder, "check", compiler, *(flags or ("-O2",)))
     assert (code, said[-16:]) == (0, " no bit differs\n"), said
     return int(re.search(r"^(\d+) ticks, ", said, re.MULTILINE)[1])
+
+
+def host_of(folder, *flags):
+    """The columns that the host in example.c prints."""
+    code, said = made(folder, "example", "gcc", *(flags or ("-O2",)))
+    assert code == 0, said
+    rows = list(csv.DictReader(said.splitlines()))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
