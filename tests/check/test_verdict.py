@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meaning.reading import radius_of, with_value
+from meaning.reading import radius_of, with_numbers
 from support.specs import nested, values_of
 
 import wavesweep
@@ -149,7 +149,7 @@ def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(monke
     found = limit_of(wavesweep.verdict(late(0.9, 8)), "tau")
     assert found["certified"]
     assert (found["low"], found["stopped"]) == (None, True)  # the dead time of the own values to the first end, and no further
-    inside, outside = (radius_of(with_value(late(0.9, 8), "tau", found["high"] * share), 0) for share in (0.9999, 1.0001))
+    inside, outside = (radius_of(with_numbers(late(0.9, 8), {"tau": found["high"] * share}), 0) for share in (0.9999, 1.0001))
     assert inside < 1 < outside
     assert found["to"] == pytest.approx(np.ceil(found["high"] / 0.1) * 0.1, rel=1e-12)
 

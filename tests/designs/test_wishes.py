@@ -4,7 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from meaning.reading import machine_of, with_value
+from meaning.reading import machine_of, with_numbers
 from support.drawn import ARM, NETWORK, as_blocks
 
 import wavesweep
@@ -305,7 +305,7 @@ TWO_MODES = {
 
 
 def least_ratio(d):
-    z = np.linalg.eigvals(machine_of(with_value(TWO_MODES, "d", float(d))).monodromy()).astype(complex)
+    z = np.linalg.eigvals(machine_of(with_numbers(TWO_MODES, {"d": float(d)})).monodromy()).astype(complex)
     s = np.log(z[np.abs(z) > 1e-9])  # 0 are those of what is held
     return (-s.real / np.abs(s)).min()
 

@@ -5,7 +5,7 @@ from math import ceil, floor
 
 import pytest
 from meaning.judge import judge_intervals
-from meaning.reading import drift_of, with_value
+from meaning.reading import drift_of, with_numbers
 
 import wavesweep as package
 from wavesweep.haptics.controller_page import Slow
@@ -96,7 +96,7 @@ def test_ends_of_results_that_are_late_are_those_of_the_documents(kind, slow_hz,
     loop = package.compile(tables)
     assert loop.stable_intervals().certified.all()
     tables["sweep"]["along"] = "K_VE"
-    drift = drift_of(with_value(tables, "K_VE", 300.0))
+    drift = drift_of(with_numbers(tables, {"K_VE": 300.0}))
     found = judge_intervals(tables, drift, loop)
     assert [one for one in found if not one.same] == []
     assert kind == "pmw" or "high end" in {one.what for one in found}

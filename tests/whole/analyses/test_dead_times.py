@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from meaning.judge import compiled, judge
-from meaning.reading import radius_of, with_value
+from meaning.reading import radius_of, with_numbers
 from meaning.specs import toml
 
 import wavesweep
@@ -74,7 +74,7 @@ def test_a_dead_time_and_the_tick_are_numbers_to_look_along(along, seed):
     rows = found[found.intervals > 0]
 
     def at(p):
-        return radius_of(with_value(spec, along, float(p)), 0)
+        return radius_of(with_numbers(spec, {along: float(p)}), 0)
 
     for end in {*rows.low, *rows.high} - {*span}:
         below, above = (at(end * (1 + step)) for step in (-1e-7, 1e-7))
