@@ -17,7 +17,7 @@ NARROWEST = 1e-12  # relative: a cell below which nothing is proved
 AROUND = 0.02  # of half of a cell: half of the next cell about a crossing within it
 LOOKED_AT = np.linspace(-1, 1, 33)  # places of a cell at which eigenvalues are counted
 MOST_CELLS = 1000  # that are tried along a stretch
-WIDER = 4.1  # times as wide as the last cell with a form: beyond it one is divided without a trial
+WIDER = 20.0  # times as wide as the last cell with a form: beyond it one is divided without a trial
 ON_CIRCLE = 1e-10  # from it: a mode that stays there
 ORDER = 3  # of the matrices in doubles
 

@@ -37,7 +37,7 @@ def form_of(A: Sequence[np.ndarray]) -> Form | None:
     A: the terms of the matrix by powers of s.
     """
     with np.errstate(all="ignore"):
-        for find in (_modal, _split):
+        for find in (_split, _modal, _stein):
             candidates: list[Candidate] = []
             with suppress(np.linalg.LinAlgError, ValueError):
                 candidates += [each for each in find(A[0]) if _is_usable(each)]
@@ -59,14 +59,16 @@ def _is_usable(candidate: Candidate) -> bool:
 
 def _split(A) -> Iterator[Candidate]:
     """Modes near the circle each by its distance, and by Stein's equation what lies beside them, in several
-    proportions: so neither dead times nor a mode next to the circle spoil the other. At last all by that equation."""
+    proportions: so neither dead times nor a mode next to the circle spoil the other."""
     values, right = np.linalg.eig(A)
     others, left = np.linalg.eig(A.T)
     if np.linalg.cond(right) < WELL_APART:
         return
     solved = _solver(A)
-    for least in (*SLOWEST, np.inf):
+    for least in SLOWEST:
         near = np.abs(values) > least
+        if not near.any() or near.all():
+            continue
         V = right[:, near]
         W = left.T[np.abs(others) > least]
         W = np.linalg.solve(W @ V, W)
@@ -75,8 +77,8 @@ def _split(A) -> Iterator[Candidate]:
         P = ((W.conj().T / (1 - np.abs(values[near]) ** 2)) @ W).real
         units = np.diag(np.abs(np.diag(solved(beside.T @ beside))))
         rest = solved(beside.T @ (units + A.T @ units @ A) @ beside)
-        size = ((np.abs(W) ** 2).sum(0) / np.diag(rest)).max() or 1.0
-        for share in SHARES if near.any() else (1.0,):
+        size = ((np.abs(W) ** 2).sum(0) / np.diag(rest)).max()
+        for share in SHARES:
             yield _factors(P + share * size * rest, solved)
 
 
@@ -125,6 +127,13 @@ def _modal(A) -> Iterator[Candidate]:
         return (inverse.conj().T @ X @ inverse).real
 
     yield np.array(rows), np.array(signs), solved
+
+
+def _stein(A) -> Iterator[Candidate]:
+    """Of Stein's equation, solved twice, the second time in units of the first."""
+    solved = _solver(A)
+    units = np.diag(np.abs(np.diag(solved(np.eye(len(A))))))
+    yield _factors(solved(units + A.T @ units @ A), solved)
 
 
 def _with_slopes(found, A) -> Form | None:
