@@ -5,10 +5,8 @@ from math import comb
 import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
-
-pytest.importorskip("wavesweep.simulation", reason="support.monodromy runs loops by it")
+from meaning.reading import machine_of
 from support.drawn import random_network, random_tables
-from support.monodromy import monodromy
 
 import wavesweep
 from wavesweep.prove.ball_crossings import count_outside, crossings
@@ -21,11 +19,11 @@ def floats(matrix):
 
 
 @pytest.mark.parametrize("tables", [*map(random_tables, range(20, 26)), random_network(3, 8)])
-def test_a_frame_has_the_eigenvalues_of_the_loop_run_block_by_block(tables):
+def test_a_frame_has_the_eigenvalues_of_the_loop_of_the_documents(tables):
     spec = wavesweep.compile(tables).spec
     with ctx.workprec(128):
         found = np.linalg.eigvals(floats(BallLoop(spec.drawing, spec.values, "k").frame(arb(spec.values["numbers.k"]))[0]))
-    expected = np.linalg.eigvals(monodromy(spec.drawing, dict(spec.values)))
+    expected = np.linalg.eigvals(machine_of(tables).monodromy())
     for one, other in ((found, expected), (expected, found)):
         assert all(np.abs(other - z).min() < 1e-9 for z in one[np.abs(one) > 1e-2])
 

@@ -5,17 +5,15 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-
-pytest.importorskip("wavesweep.simulation", reason="support.monodromy runs loops by it")
 from support.certified import Witness
 from support.drawn import ARM, CORNER, JOINT, NETWORK, NEXT_TO_ONE, PD, WALL, as_blocks, random_feedback, random_tables
-from support.monodromy import SPANS
 from support.plants import bodies
 from support.specs import random_values
 
 import wavesweep
 
 NAN = float("nan")
+SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3), "rates.tick_hz": (700.0, 5000.0)}
 
 
 def close(one, other):

@@ -10,10 +10,9 @@ from wavesweep.engine._response.gain import gain_of
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize(("family", "seed"), [("wild", 7)])
-def test_modes_that_overflow_or_are_too_few_are_no_warning(family, seed):
+def test_modes_that_overflow_or_are_too_few_are_no_warning():
     """Defective frames that grow by tens of decades: NaN among the modes leads to a solve, not to a crash."""
-    assert all(judged.excess <= 1 for judged in responses.judge(seed, family))
+    assert all(judged.excess <= 1 for judged in responses.judge(7, "wild"))
 
 
 @pytest.mark.parametrize("seed", [0, 4, 7, 11])

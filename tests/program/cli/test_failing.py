@@ -111,8 +111,7 @@ def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command
 
 @pytest.mark.slow
 @pytest.mark.whole
-@pytest.mark.parametrize("words", [("export", "--to", "c")])
-def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_path, monkeypatch):
+def test_a_full_disk_leaves_no_part_of_the_files(wavesweep, spec, tmp_path, monkeypatch):
     make, made = os.open, []
 
     def full(path, *rest, **more):
@@ -129,7 +128,7 @@ def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_pat
 
     monkeypatch.setattr(os, "open", full)
     monkeypatch.setattr(Path, "write_bytes", full_bytes)
-    code, _, err = wavesweep(words[0], spec, *words[1:], "--out", "there")
+    code, _, err = wavesweep("export", spec, "--to", "c", "--out", "there")
     assert code == 1
     assert err.startswith("Error: there/")
     assert "No space left on device" in err
