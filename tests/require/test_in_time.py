@@ -1,13 +1,15 @@
 """[sweep] require and wishes of responses in time: overshoot and settling of a step, and white noise."""
 
+import tomllib
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from meaning.reading import machine_of, with_numbers
 from meaning.required import misjudged, value_of
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_lyapunov
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
@@ -28,6 +30,18 @@ INTEGRATOR = {
     "wire": {"p.u": "c.y", "c.u": "K*(ref - p.y)"},
     "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "p.y"}},
     "sweep": {"along": "K", "K": {"start": 1, "stop": 250}},
+}
+
+
+STIFF = {
+    "rates": {"tick_hz": 10},
+    "numbers": {"K": 0.3},
+    "block": {
+        "x": {"type": "mass", "mass": 1.0, "damping": 13.0, "stiffness": 22.0},
+        "h": {"type": "delay", "steps": 3},
+    },
+    "wire": {"h.u": "x.x", "x.f": "ref - 100*K*h.y"},
+    "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "x.x"}},
 }
 
 
@@ -83,17 +97,10 @@ def test_nothing_is_open_where_modes_are_slow_or_where_another_requirement_refut
 @pytest.mark.slow
 def test_noise_in_a_stiff_mass_is_refuted_up_to_the_end_of_stability():
     """`x'' + 13 x' + (22 + 100 K z^-3) x = w`, with no spring at K = -0.22."""
-    mass = {"type": "mass", "mass": 1.0, "damping": 13.0, "stiffness": 22.0}
-    tables = {
-        "rates": {"tick_hz": 10},
-        "numbers": {"K": 0.3},
-        "block": {"x": mass, "h": {"type": "delay", "steps": 3}},
-        "wire": {"h.u": "x.x", "x.f": "ref - 100*K*h.y"},
-        "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "x.x"}},
-    }
-    (row,) = wavesweep.compile(tables).stable_intervals("K", (-1, 0), require={"rms": {**ENDS, "at_most": 0.0138}}).itertuples()
+    require = {"rms": {**ENDS, "at_most": 0.0138}}
+    (row,) = wavesweep.compile(STIFF).stable_intervals("K", (-1, 0), require=require).itertuples()
     assert row.certified
-    assert misjudged(tables, "K", (-1.0, 0.0), {"rms": {**ENDS, "at_most": 0.0138}}) == []
+    assert misjudged(STIFF, "K", (-1.0, 0.0), require) == []
 
 
 @pytest.mark.slow
@@ -101,6 +108,41 @@ def test_noise_in_a_stiff_mass_is_refuted_up_to_the_end_of_stability():
 def test_ends_of_several_rates_are_those_of_marches(measure, level):
     require = {measure: {**ENDS, "at_most": level}}
     assert misjudged(several_rates(3, 1), "K", (1.0, 250.0), require) == []
+
+
+@pytest.mark.slow
+def test_a_settling_that_jumps_where_a_sample_enters_its_band_is_certified():
+    """Of a motor with a load on a spring; against marches on both sides of its ends."""
+    tables = tomllib.loads((Path(__file__).parents[2] / "sweeps/templates/two-mass.toml").read_text("utf-8"))
+    del tables["sweep"]
+    asked = {"step_settling": {"from": "ref", "to": "motor_speed", "at_most": 0.2}}
+    (row,) = wavesweep.compile(tables).stable_intervals("kp", (0, 2), require=asked).itertuples()
+    assert row.certified
+
+    def settled(kp):
+        step = {"from": "ref", "input": "step", "at_s": 0.0, "duration_s": 0.4}
+        changed = tables | {"numbers": tables["numbers"] | {"kp": kp}, "simulate": step}
+        off = np.abs(wavesweep.compile(changed).simulate()["motor_speed"] - 1) > 0.02  # it integrates
+        return (np.flatnonzero(off)[-1] + 1) / tables["rates"]["tick_hz"]
+
+    for end, outwards in ((row.low, -1), (row.high, 1)):
+        assert settled(end * (1 - 1e-5 * outwards)) <= 0.2
+        assert settled(end * (1 + 1e-5 * outwards)) > 0.2
+
+
+@pytest.mark.slow
+def test_noise_is_bounded_next_to_both_ends_of_stability():
+    """The stiff mass with a slow mode; against a Lyapunov equation of its states with the three delayed places."""
+    (row,) = wavesweep.compile(STIFF).stable_intervals("K", (-1, 2), require={"rms": {**ENDS, "at_most": 20.0}}).itertuples()
+    assert row.certified
+    over = expm(0.1 * np.array([[0, 1, 0], [-22, -13, 1], [0, 0, 0]]))
+    for end in (row.low, row.high):
+        A = np.zeros((5, 5))
+        A[:2, :2] = over[:2, :2]
+        A[:2, 4] = -100 * end * over[:2, 2]
+        A[2, 0] = A[3, 2] = A[4, 3] = 1.0
+        B = np.append(over[:2, 2], np.zeros(3))
+        assert np.sqrt(solve_discrete_lyapunov(A, np.outer(B, B))[0, 0]) == pytest.approx(20.0, rel=0.02)
 
 
 def of_ratio(ratio, rate):

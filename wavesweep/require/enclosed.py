@@ -47,7 +47,7 @@ MOST_DOUBLINGS = 48  # of frames in which noise has acted
 KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
 BAND = 0.02  # of the end of a step, in which it has settled
 # of the end of a step, which samples may be off; the first of these that their bound is below
-UNSURE = 10.0 ** np.arange(-13, -1, 0.75)
+UNSURE = 10.0 ** np.arange(-13, -1.5, 0.25)
 
 
 class Enclosed(NamedTuple):
@@ -97,9 +97,9 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
     maps: E, G, O and T at the middle of each panel and on its rim, `(panels, points, ...)`, each
     with a bound on its error.
 
-    `X_2N = X_N + A^N X_N (A^N)'`. What misses in the equation in the middle, at most r u u', is
-    below n r times a diagonal with u^2, of n states, and so is what it does to X. What N frames of noise leave is
-    less than what all do.
+    `X_2N = X_N + A^N X_N (A^N)'`. What misses in the equation in the middle, R, is seen in the mean
+    square as `sum_ij R_ij P_ij`, `P = A' P A + O' O`. What N frames of noise leave is less than what all
+    do.
     """
     E, G, O, T = (matrix for matrix, _ in maps)
     e, g, o, t = (each.part(slice(None), 0).real for each in maps)
@@ -134,8 +134,7 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
         middle = Bounded.exact(middle)
         changed = e @ middle
         missed = (g @ g.mT + changed + changed.mT + changed @ e.mT).size
-        r = (missed / uu).max((-1, -2))
-        more = n * r * np.trace(o.value @ _summed(e.value, u) @ o.value.mT, axis1=-2, axis2=-1)
+        more = (missed * np.abs(_summed(e.value.mT, o.value.mT @ o.value))).sum((-1, -2))
         found = ((o @ middle) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
 
         total = ((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2))
@@ -145,9 +144,8 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
     return Enclosed(low, np.where(np.isfinite(high), high, np.inf))
 
 
-def _summed(E: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """`sum_k A^k diag(u^2) (A^k)'`, by doubling."""
-    Y = u[:, :, None] ** 2 * np.eye(u.shape[-1])
+def _summed(E: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """`sum_k A^k Y (A^k)'`, by doubling."""
     power = E
     for _ in range(MOST_DOUBLINGS):
         more = Y + Y @ power.mT + power @ Y + power @ Y @ power.mT

@@ -75,7 +75,7 @@ def along_time(
     level = wanted.at_most * (1 + WHOLE_TICKS * wanted.is_time)
     columns = np.arange(size)
     about = loops, along, route, level, drift, needed(port.maps), np.arange(ticks)
-    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, np.full(size, END_EXACTNESS), slow=True)
+    ends = Accuracy(END_EXACTNESS, 8.0, END_EXACTNESS, np.full(size, END_EXACTNESS), slow=True)
 
     # Next to an end of stability discs have loops that grow: there nothing is looked for.
     low = stable.low + BESIDE_END * ends.of(stable.low, domain.width) * (stable.low > span[0])
