@@ -5,14 +5,14 @@ ones (Ostrowski and Schneider, "Some theorems on the inertia of general matrices
 wherever the inequality holds, so its inertia does not change within the cell.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from fractions import Fraction
 from itertools import product as all_of
 from operator import mul
 from typing import NamedTuple
 
 from wavesweep.checker.balls import BITS, ONE, Cell, Refused
-from wavesweep.checker.reader.loops import diagonal
+from wavesweep.checker.reader.loops import diagonal, product, transposed
 
 HALF = BITS // 2  # digits of what a file gives, so that L' S L is exact
 KEPT = 3  # orders of a frame that its form sees; the rest counts as an error
@@ -40,10 +40,6 @@ def _sum(matrices: Iterable[Rows]) -> Rows:
             for row, other in zip(total, matrix, strict=True)
         ]
     return total
-
-
-def transposed(rows: Sequence) -> list[list]:
-    return [list(column) for column in zip(*rows, strict=True)]
 
 
 def _dot(left: Rows, right: Rows) -> Rows:
@@ -261,20 +257,15 @@ def _inverse(A: Matrix, turn: int) -> Matrix:
             for k in lower:
                 rest = tuple(i - j for i, j in zip(m, k, strict=True))
                 if rest in found:
-                    term = _float_dot(parts[k], found[rest])
+                    term = product(parts[k], found[rest])
                     total = [
                         [x - turn * y for x, y in zip(row, other, strict=True)]
                         for row, other in zip(total, term, strict=True)
                     ]
             if any(map(any, total)):
-                found[m] = _float_dot(first, total)
+                found[m] = product(first, total)
     exact = {m: [[int(x * 2.0**BITS) for x in row] for row in part] for m, part in found.items()}
     return Matrix(exact, [[0] * n for _ in range(n)])
-
-
-def _float_dot(left, right):
-    columns = transposed(right)
-    return [[sum(map(mul, row, column)) for column in columns] for row in left]
 
 
 def _solved(rows: list[list[float]]) -> list[list[float]]:

@@ -159,15 +159,17 @@ def _divided(c, n: int):
 
 def _times(cell: Cell, rows, others):
     """The product of two square tables."""
-    found = {}
-    for name, row in rows.items():
-        total: dict[str, tuple] = {}
-        for k, c in row.items():
-            for further, e in others.get(k, {}).items():
-                term = cell.ring.multiply(c, e)
-                total[further] = add(total[further], term) if further in total else term
-        found[name] = total
-    return found
+    return {name: _row(cell, row, others, lambda _: {}) for name, row in rows.items()}
+
+
+def _row(cell: Cell, row, others, missing):
+    """A row times a table. missing: gives the row of the table for a name without one."""
+    total: dict[str, tuple] = {}
+    for k, c in row.items():
+        for further, e in (others[k] if k in others else missing(k)).items():
+            term = cell.ring.multiply(c, e)
+            total[further] = add(total[further], term) if further in total else term
+    return total
 
 
 class Frames:
@@ -231,14 +233,8 @@ def _after(cell: Cell, first, then, wanted):
     """The map of `then` after `first`, of what is wanted."""
     found = {name: row for name, row in first.items() if name in wanted and name not in then}
     for name, row in then.items():
-        if name not in wanted:
-            continue
-        total: dict[str, tuple] = {}
-        for k, c in row.items():
-            for further, e in first.get(k, {k: UNIT}).items():
-                term = cell.ring.multiply(c, e)
-                total[further] = add(total[further], term) if further in total else term
-        found[name] = total
+        if name in wanted:
+            found[name] = _row(cell, row, first, lambda k: {k: UNIT})
     return found
 
 

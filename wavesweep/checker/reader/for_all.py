@@ -241,13 +241,7 @@ def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
         for name, keys in loop.blocks.items()
         if keys["type"] == "channel"
     }
-    period = loop.frame_ticks()
-    cuts = [
-        tick
-        for tick in range(period)
-        if any(may_come(channel, tick) for channel in channels.values())
-    ]
-    ends = [*cuts[1:], period + cuts[0]]
+    cuts, ends = _stretches(loop, channels.values())
     start = (0, tuple(0 for _ in channels))
     moves: Moves = {}
     schedules: dict[str, Schedule] = {}
@@ -295,13 +289,7 @@ def messages_at_random(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
             raise Unreadable(
                 f"messages of {name} are late, or lost in a row, beside some that are lost at random"
             )
-    period = loop.frame_ticks()
-    cuts = [
-        tick
-        for tick in range(period)
-        if any((tick - loop.phase(name)) % loop.every(name) == 0 for name in channels)
-    ]
-    ends = [*cuts[1:], period + cuts[0]]
+    cuts, ends = _stretches(loop, [(loop.every(name), loop.phase(name), 0, 0) for name in channels])
     schedules: dict[str, Schedule] = {}
     moves: Moves = {}
     todo = [(0, (False,) * len(channels))]
@@ -363,6 +351,13 @@ def may_come(channel, tick: int) -> bool:
     """Whether in this tick a message may come, or has to be there or lost."""
     every, phase, late, _ = channel
     return (tick - phase) % every <= late
+
+
+def _stretches(loop: Drawing, channels) -> tuple[list[int], list[int]]:
+    """The ticks of a period in which messages may come, and where the stretches that begin there end."""
+    period = loop.frame_ticks()
+    cuts = [tick for tick in range(period) if any(may_come(each, tick) for each in channels)]
+    return cuts, [*cuts[1:], period + cuts[0]]
 
 
 def _next(channel, tick: int, back: int) -> list[tuple[int, bool]]:

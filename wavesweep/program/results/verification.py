@@ -52,8 +52,7 @@ def verify(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verification:
-    """Compare each table in a folder with its data package (bytes, hashes, digest of the spec), have the checker read its
-    proof file, and compute rows again.
+    """Compare each table in a folder with its data package, have its proof file checked, and compute rows again.
 
     Parameters
     ----------
