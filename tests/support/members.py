@@ -5,7 +5,7 @@ are plain loops of one length of frames, with one hand, or the march of a slow w
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -39,7 +39,6 @@ class Claim:
     hands: str
     member: Callable
     rows_of: Callable | None = None
-    facts: dict = field(default_factory=dict)
 
     @cached_property
     def rows(self):
@@ -48,8 +47,7 @@ class Claim:
             if self.rows_of:
                 return self.rows_of(self.tables)
             table = wavesweep.zwidth(self.tables, self.along, self.hands or ())
-        except (wavesweep.SpecError, wavesweep.UsageError) as error:
-            self.facts["refused"] = str(error)
+        except (wavesweep.SpecError, wavesweep.UsageError):
             return []
         if "guarantee" in table:
             table = table[table["guarantee"] != "spec"]
