@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -116,17 +117,18 @@ def test_rests_of_waves_are_enclosed_for_frames_at_random(lengths, kind):
 def test_the_rests_before_a_frame_hold_the_worst_of_all_errors():
     """Every corner of a set of rests, moved by a frame whose entries are off by all that they may."""
     rng = np.random.default_rng(2)
-    rests = _Rests(rng.normal(size=3), rng.normal(size=(3, 3)) * [1, 0.5, 0.1], rng.random(3))
+    rests = _Rests(np.array([-1, 0]), rng.normal(size=(2, 3)), rng.normal(size=(2, 3, 3)) * [1, 0.5, 0.1], rng.random((2, 3)))
     A = Bounded(rng.normal(size=(3, 3)), rng.random((3, 3)))
     step, pushed = (Bounded(rng.normal(size=n), rng.random(n)) for n in (3, 4))
     corners = np.array(list(product([-1, 1], repeat=6)))
-    omega = rests.middle + corners[:, :3] @ rests.G.T + corners[:, 3:] * rests.errors
+    omega = rests.middle[:, None] + corners[:, :3] @ rests.G.mT + corners[:, 3:] * rests.errors[:, None]
     vertices, off = rests.hull(2)
-    moved = rests.before(A, step.part(slice(None), None))
+    frames = SimpleNamespace(follows=np.ones((1, 1), bool))
+    moved = rests.before(frames, 0, A.part(None), step.part(None, slice(None), None))
     for sign in (-1, 1):
         most = (sign * vertices).max(0) + off
         assert (sign * omega <= most).all()
-        most = sign * moved.middle + np.abs(moved.G).sum(1) + moved.errors
+        most = (sign * moved.middle + np.abs(moved.G).sum(2) + moved.errors)[:, None]
         worst = sign * (omega @ A.value.T + step.value) + np.abs(omega) @ A.error.T + step.error
         assert (worst <= most).all()
     turned = omega @ pushed.value[:3] + pushed.value[3]
@@ -213,16 +215,38 @@ def test_a_row_while_frames_vary_is_what_single_walls_are(monkeypatch):
     assert (row["intervals"], row["certified"]) == (0, False)
 
 
+@pytest.mark.parametrize("lengths", [[20, 33], [20, 40], [20, 25, 40]])
+def test_a_force_moves_the_rest_of_waves_away_from_the_wall_where_frames_are_missed(lengths):
+    """At a delay of a frame; the largest and the least that frames to come leave of it are those of some words."""
+    spec = load(waves(lengths) | {"environment": {"integration": "explicit", "delay": "frame", "B_VE": 1.0}})
+    frames = in_frames(rules_of(spec), dict(spec.values), [K, B]).frames
+    n = frames.changes.shape[-1] - 1
+    every = []
+    for word in product(range(len(lengths)), repeat=5):
+        rest = np.zeros(n)
+        for frame in np.resize(word, 90):
+            change = frames.changes[frame]
+            turned = np.append(rest, 1.0) @ change[:, n]
+            rest = rest + np.append(rest, 1.0) @ change[:, :n]
+        every.append(turned)
+    room = 0.45 * (max(every) - min(every))
+    turned = [edge.turned for edge in edges_of(frames, 0, 2)]
+    assert min(every) - room < min(least for least, _ in turned) <= min(every)
+    assert max(every) <= max(most for _, most in turned) < min(0, max(every) + room)
+
+
 @pytest.mark.slow
-def test_waves_are_proved_while_frames_vary():
+@pytest.mark.parametrize(("lengths", "delay", "stiffness"), [(LENGTHS, 1, 95.0), ([20, 40], "frame", 60.0)])
+def test_waves_are_proved_while_frames_vary(lengths, delay, stiffness):
     """At most of the linear wall's 116.5 N/m."""
-    tables = waves(LENGTHS)
-    tables["environment"] |= {"B_VE": 0.0, "K_VE": 95.0}
+    tables = waves(lengths)
+    tables["environment"] |= {"B_VE": 0.0, "K_VE": stiffness, "delay": delay}
     spec = load(tables)
     assert of_wall(spec, rules_of(spec))["verdict"] == "proved"
-    (found,) = judge_walls(tables, tables, {"high": 95.0, "counterexample": ""}, np.random.default_rng(0))
+    (found,) = judge_walls(tables, tables, {"high": stiffness, "counterexample": ""}, np.random.default_rng(0))
     assert found.same, found
-    assert growth(tables, tuple(Frame(ticks, 1) for ticks in (16, 16, 33, 33, 16)), K_VE=200.0) > 1
+    frames = (16, 16, 33, 33, 16) if delay == 1 else (20, 20, 20, 20, 40, 40, 40, 40)
+    assert growth(tables, tuple(Frame(ticks, delay) for ticks in frames), K_VE=200.0) > 1
 
 
 def test_a_wall_whose_force_may_be_lost_is_refused_with_its_reason():

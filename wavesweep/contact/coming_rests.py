@@ -17,6 +17,7 @@ import numpy as np
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded, sum_rounding
 
+MOST_REST_WORDS = 512  # of frames to come, that rests are told apart by
 SPREAD_SHARE = 1e-4  # of the rest's size, below which a direction is an error
 
 
@@ -56,12 +57,16 @@ def edges_of(frames: Any, ahead: int, spread: int) -> list[Edge] | None:
     every = _every_rest(backward, step, frames.follows)
     if every is None:
         return None
+    kinds = range(len(frames.follows))
+    while every.first.size * len(kinds) <= MOST_REST_WORDS:
+        every = _Rests.joined([every.before(frames, i, backward, step) for i in kinds])
     edges = []
     for word in _words(frames.follows, ahead + 1):
         later = every
         for frame in reversed(word[1:]):
-            later = later.before(backward.part(frame), step.part(frame))
-        own = later.before(backward.part(word[0]), step.part(word[0]))
+            later = later.before(frames, frame, backward, step)
+        later = later.after(frames, word[0])
+        own = later.before(frames, word[0], backward, step)
         turned = later.turned(pushed.part(word[0]))
         edges.append(Edge(number[word[:-1]], word[0], number[word[1:]], turned, *own.hull(spread)))
     return edges
@@ -81,43 +86,82 @@ def _words(follows, length):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rests:
-    """All rests `middle + G s` with s from -1 to 1 in each entry, up to errors of the entries."""
+    """All rests, by the words of frames that come: `middle + G s` with s from -1 to 1 in each entry, up
+    to errors of the entries.
 
+    first `(words,)`: the frame that comes first, -1 of any; middle, errors `(words, n)`; G `(words, n,
+    n)`.
+    """
+
+    first: np.ndarray
     middle: np.ndarray
     G: np.ndarray
     errors: np.ndarray
 
-    def before(self, A: Bounded, step: Bounded) -> _Rests:
-        """Return the rests before a frame, `step + A omega`, A and step `(n, 1)` of the frame."""
-        middle = (step + A @ self.middle[:, None]).part(..., 0)
-        G = A @ self.G
-        errors = middle.error + G.error.sum(1) + A.size @ self.errors
-        return _Rests(middle.value, G.value, errors * (1 + (2 * self.errors.size + 8) * EPS))
+    @staticmethod
+    def joined(parts: list[_Rests]) -> _Rests:
+        """Those of all parts."""
+        fields = [[rests.first, rests.middle, rests.G, rests.errors] for rests in parts]
+        return _Rests(*map(np.concatenate, zip(*fields, strict=True)))
+
+    def after(self, frames: Any, frame: int) -> _Rests:
+        """Those before which a frame may come."""
+        may = (self.first < 0) | frames.follows[frame, self.first]
+        return _Rests(self.first[may], self.middle[may], self.G[may], self.errors[may])
+
+    def before(self, frames: Any, frame: int, backward: Bounded, steps: Bounded) -> _Rests:
+        """Return the rests before a frame, `step + A omega`."""
+        later = self.after(frames, frame)
+        A = backward.part(frame)
+        middle = (steps.part(frame) + A @ later.middle[..., None]).part(..., 0)
+        G = A @ later.G
+        errors = middle.error + G.error.sum(-1) + later.errors @ A.size.T
+        errors = errors * (1 + (2 * errors.shape[-1] + 8) * EPS)
+        return _Rests(np.full(len(errors), frame), middle.value, G.value, errors)
 
     def turned(self, pushed: Bounded) -> tuple[float, float]:
         """Return the least and the largest of `r + omega' b`; pushed `(n + 1,)`: b and r."""
-        n = self.errors.size
-        omega = np.append(self.middle, 1.0)
-        value = pushed @ omega
-        turns = pushed.part(slice(n)) @ self.G
-        off = value.error + turns.size.sum() + pushed.size[:n] @ self.errors
+        n = self.errors.shape[-1]
+        omega = np.pad(self.middle, ((0, 0), (0, 1)), constant_values=1.0)
+        column = pushed.part(slice(None), None)
+        value = (Bounded.exact(omega) @ column).part(..., 0)
+        turns = (Bounded.exact(self.G.mT) @ column.part(slice(n))).part(..., 0)
+        off = value.error + turns.size.sum(-1) + self.errors @ pushed.size[:n]
         off = off * (1 + (2 * n + 8) * EPS) + EPS * np.abs(value.value)
-        return float(value.value - off), float(value.value + off)
+        return float((value.value - off).min()), float((value.value + off).max())
 
     def hull(self, spread: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices, and bounds on the errors that they leave: so many of the largest columns
-        of G span the vertices."""
-        sizes = np.abs(self.G).max(0)
+        """Return vertices of a box that has them all, along the principal axes of their middles, and
+        bounds on the errors that the vertices leave: so many of its longest sides span them."""
+        centre = self.middle.mean(0)
+        n = centre.size
+        apart = self.middle - centre
+        spans = np.concatenate([apart, self.G.mT.reshape(-1, n)])
+        _, _, axes = np.linalg.svd(spans, full_matrices=False)
+        back = Bounded.exact(axes.T).inverse()
+        place = (back @ apart[..., None]).part(..., 0)
+        off = (back @ self.G).size.sum(-1) + (self.errors + 2 * EPS * self.size) @ back.size.T
+        off = (off + place.error + EPS * np.abs(place.value)) * (1 + (4 * n + 8) * EPS)
+        low = (place.value - off).min(0)
+        high = (place.value + off).max(0)
+        middle = centre + axes.T @ ((low + high) / 2)
+        G = axes.T * ((high - low) / 2)
+        sizes = np.abs(G).max(0)
         order = np.argsort(-sizes)
         spanning = [at for at in order[:spread] if sizes[at] > SPREAD_SHARE * sizes.max()]
-        spanning = [at for at in spanning if sizes[at] > SPREAD_SHARE * np.abs(self.middle).max()]
-        vertices = self.middle[None]
+        spanning = [at for at in spanning if sizes[at] > SPREAD_SHARE * np.abs(middle).max()]
+        vertices = middle[None]
         for at in spanning:
-            vertices = np.concatenate([vertices - self.G[:, at], vertices + self.G[:, at]])
-        others = np.delete(self.G, spanning, axis=1)
-        reach = np.abs(self.middle) + np.abs(self.G).sum(1)
-        rounding = sum_rounding(self.G.shape[1] + 4)  # of vertices, and of this bound
-        return vertices, self.errors + np.abs(others).sum(1) + rounding * reach
+            vertices = np.concatenate([vertices - G[:, at], vertices + G[:, at]])
+        others = np.delete(G, spanning, axis=1)
+        reach = np.abs(centre) + np.abs(axes.T) @ (np.abs(low) + np.abs(high))
+        rounding = sum_rounding(2 * n + 8)  # of vertices, and of this bound
+        return vertices, np.abs(others).sum(1) + rounding * reach
+
+    @property
+    def size(self) -> np.ndarray:
+        """Bounds on the entries of each word's."""
+        return np.abs(self.middle) + np.abs(self.G).sum(-1) + self.errors
 
 
 def _every_rest(own: Bounded, own_step: Bounded, follows: np.ndarray) -> _Rests | None:
@@ -187,7 +231,8 @@ def _rests_in(A: Bounded, step: Bounded, T: np.ndarray) -> _Rests | None:
             half = (high - low) / 2 + 2 * EPS * reach
             omega = T @ middle.value
             error = sum_rounding(n) * (np.abs(T) @ reach) * (1 + (n + 4) * EPS)
-            return _Rests(omega, T * half, error + EPS * (np.abs(T) @ half))
+            errors = error + EPS * (np.abs(T) @ half)
+            return _Rests(np.array([-1]), omega[None], (T * half)[None], errors[None])
         # Room on each side of an enclosure that is tried.
         room = 1e-3 * (most - least) + 1e-13 * (np.abs(most) + np.abs(least)).max()
         low = np.minimum(low, least - room)
