@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.engine._loops.block import SPARSE_ROWS
 from wavesweep.engine._loops.from_drawing import POSITION, REACTION
 from wavesweep.engine._loops.integrator_modes import shifts
 from wavesweep.engine._loops.lasting_modes import lasting_modes
@@ -18,7 +17,6 @@ from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, known_frames
 from wavesweep.engine._monodromy.product import (
     product_with_errors,
-    product_with_norm_of_errors,
     product_with_tight_errors,
 )
 from wavesweep.engine._monodromy.rounding import balance, measured_frame, radius_hidden
@@ -166,10 +164,6 @@ class MarginalModes:
         """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see
         `radius_hidden`)."""
         ticks = Ticks.of(drawn, alone=True, terms=True)
-        if len(ticks.states) >= SPARSE_ROWS and not (self.leads or self.varying):
-            E, bound = _with_norm_of_errors(ticks, self)
-            if (bound <= ROUGH_ENTRY).all():
-                return E, np.zeros(bound.shape, bool)
         E, dE = self.frames_with_errors(ticks)
         matrices = (-1, *E.shape[-2:])
         finite = np.isfinite(E).all((-1, -2))
@@ -494,24 +488,6 @@ def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
         rounding = ROUNDINGS_LEFT * EPS * np.maximum(largest_x, largest_b)
         finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
     return np.where(finite, x, np.nan)
-
-
-def _with_norm_of_errors(ticks, drift):
-    """`MarginalModes.frames_of`, and bounds on the errors of its entries, `(...)`.
-
-    The bounds are in units that give its rows and columns similar sizes.
-    """
-    changes = [block.E for block in ticks.maps]
-    sizes = [block.terms[0] for block in ticks.maps]
-    largest = [np.abs(E).max(tuple(range(E.ndim - 2))) for E in changes]
-    of_all_ticks = np.max(largest, axis=0)
-    units = balance(of_all_ticks[None])[1][0]
-    E, norm = product_with_norm_of_errors(ticks.kind, changes, sizes, units)
-    E = without_drift(E, drift)
-    flat = np.nan_to_num(E).reshape(-1, *E.shape[-2:])
-    of_frames = balance(flat)[1]
-    change = (of_frames / units[drift.remaining]).reshape(E.shape[:-1])
-    return E, norm * change.max(-1) / change.min(-1)
 
 
 def filled(E: np.ndarray, diagonal: float = -1.0) -> np.ndarray:

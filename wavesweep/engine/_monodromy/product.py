@@ -75,48 +75,6 @@ def _of_loops(matrix: np.ndarray, batch: tuple[int, ...], index: Any) -> np.ndar
     return np.broadcast_to(matrix, (*batch, *matrix.shape[-2:]))[index]
 
 
-def product_with_norm_of_errors(
-    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], units: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the product that `product_with_errors` returns, and a bound on the norm of its errors,
-    `(...)`.
-
-    It takes a product of matrices where bounds on every entry take four. The norm is the largest
-    sum of a row of sizes, in these units of the states, `(n,)`: the entry (i, j) times u_j/u_i. The
-    entries' bounds are no larger than it.
-    """
-    kinds = kind.tolist()
-    still = ~pattern_of(kind, changes)
-    batch = _batch_of(changes, sizes)
-    n = len(units)
-    in_units = units / units[:, None]
-    bound = np.empty(batch)
-
-    def norm(matrix: np.ndarray) -> np.ndarray:
-        return (np.abs(matrix) * in_units).sum(-1).max(-1)
-
-    def joined(first, second):
-        P, size_P, whole_P, error_P = first
-        Q, size_Q, whole_Q, error_Q = second
-        E = P + Q
-        E += Q @ P
-        rounding = sum_rounding(n + 2) * (size_P + size_Q + size_Q * size_P)
-        return E, norm(E), norm(E + np.eye(n)), whole_Q * error_P + error_Q * whole_P + rounding
-
-    def of_loops(index):
-        ticks = []
-        for change, size_of_terms in zip(changes, sizes, strict=True):
-            E = _of_loops(change, batch, index)
-            error = ENTRY_ROUNDING * norm(_of_loops(size_of_terms, batch, index))
-            ticks.append((E, norm(E), norm(E + np.eye(n)), error))
-        E, _, _, bound[index] = in_a_row(kinds, ticks, joined)
-        return E
-
-    with np.errstate(all="ignore"):
-        E = in_parts(of_loops, batch, n, np.result_type(*changes))
-    return np.where(still, -np.eye(n), E), bound
-
-
 def product_with_tight_errors(
     kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
