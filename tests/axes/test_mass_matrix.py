@@ -3,32 +3,15 @@
 import numpy as np
 import pytest
 from meaning.judge import judge_intervals
+from support.axes import before_a_wall
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
 
-T = 1e-3
 
-
-def device(M, D, K, normal, B, n, late=0, along="x"):
-    """A spec of a device with these matrices before a wall."""
-    axes = "xyz"[: len(M)]
-    kind = {2: "wall", 3: "wall-3d"}[len(M)]
-    numbers = {"K": 100.0, "B": B}
-    wall = {"type": kind, "K": "K", "B": "B", "every": n, "late": late} | {
-        f"n{a}": float(each) for a, each in zip(axes, normal, strict=True)
-    }
-    body = {"type": "mass_matrix", "axes": list(axes), "mass": M, "damping": D, "stiffness": K}
-    wires = {f"wall.{a}": f"device.{a}" for a in axes}
-    wires |= {f"device.f{a}": f"-wall.f{a}{' + hand' * (a == along)}" for a in axes}
-    return {
-        "rates": {"tick_hz": 1 / T},
-        "numbers": numbers,
-        "block": {"device": body, "wall": wall},
-        "wire": wires,
-        "ports": {"hand": {"force": "hand", "displacement": f"device.{along}"}, "wall": {"stiffness": "K", "damping": "B"}},
-        "sweep": {"K": {"start": 0, "stop": 50_000}},
-    }
+def device(*case):
+    """A spec of a device before a wall, whose hand pushes along x."""
+    return before_a_wall(*case, along="x", most=50_000)
 
 
 def drawn(seed):
@@ -55,7 +38,7 @@ def drawn(seed):
 @pytest.mark.parametrize("seed", [0, 20, 39, 59])
 def test_walls_of_any_direction_against_a_march(seed):
     """Of the documents' own reading, in Cartesian coordinates."""
-    tables = device(*drawn(seed)) | {"sweep": {"along": "K", "K": {"start": 0, "stop": 50_000}}}
+    tables = device(*drawn(seed))
     found = judge_intervals(tables, 0, wavesweep.compile(tables))
     assert len(found) > 2
     assert [one for one in found if not one.same] == []
@@ -101,8 +84,8 @@ def test_what_is_felt_along_a_turned_normal_is_the_wall_towards_0_hz():
     """At a hand whose displacement is a share of a position, as the share along the normal; see the error that it claims."""
     c, s = np.cos(0.7), np.sin(0.7)
     spec = device([[0.12, 0.02], [0.02, 0.09]], [[0.9, 0.1], [0.1, 0.7]], [], (c, s), 1.0, 1)
-    spec["wire"] |= {"device.fx": f"{c}*hand - wall.fx", "device.fy": f"{s}*hand - wall.fy"}
-    spec["ports"]["hand"]["displacement"] = "wall.depth"
+    spec["wire"] |= {"device.fx": f"{c}*hand_x - wall.fx", "device.fy": f"{s}*hand_x - wall.fy"}
+    spec["ports"]["hand"] = {"force": "hand_x", "displacement": "wall.depth"}
     loop = wavesweep.compile(spec)
     found = loop.response([0.0, 1e-5, 1e-4, 1e-3])
     assert found["impedance_re"].to_numpy() == pytest.approx(100.0, rel=1e-7)
