@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from support.margin_cut import factors_of, largest, tables_with
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
@@ -13,49 +13,9 @@ from wavesweep.program.analyses.factors_at_cut import with_factors
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
-T, N, D, TD = 0.001, 5, 0.5, 0.3
 
-
-def spec_of(margins, m, kp, **more):
-    """A mass with friction, whose sampled position and velocity come back as a force two frames later."""
-    return load(
-        {
-            "rates": {"tick_hz": 1000},
-            "numbers": {"m": 1.0, "kp": 100.0},
-            "block": {
-                "plant": {"type": "mass", "mass": "m", "damping": D},
-                "c": {"type": "hold", "every": N},
-                "z": {"type": "delay", "steps": 1, "every": N},
-            },
-            "wire": {"c.u": f"-kp*(plant.x + {TD}*plant.v)", "z.u": "c.y", "plant.f": "z.y + push"},
-            "ports": {"inputs": {"push": {"signal": "push"}}, "outputs": {"x": {"signal": "plant.x"}}},
-            "for_all": {"m": m},
-            "sweep": {"along": "kp", "kp": {"start": kp[0], "stop": kp[1]}, "require": {"margins": margins}},
-            **more,
-        }
-    )
-
-
-def radius(m, kp, factor):
-    """The largest eigenvalue of a frame: the force is that of the frame before, times the factor."""
-    plant = expm(np.array([[0, 1, 0], [0, -D / m, 1 / m], [0, 0, 0]]) * N * T)
-    frame = np.zeros((3, 3), complex)
-    frame[:2] = plant[:2]
-    frame[2, :2] = -factor * kp * np.array([1, TD])
-    return np.abs(np.linalg.eigvals(frame)).max()
-
-
-def factors_of(margin, size):
-    """Many factors with which a loop of this margin is stable."""
-    turns = np.exp(1j * np.linspace(-np.pi, np.pi, 241))
-    match margin:
-        case "gain":
-            return np.geomspace(1 / size, size, 41)
-        case "phase_deg":
-            return np.exp(1j * np.radians(np.linspace(-size, size, 41)))
-        case "disk":
-            return (1 + size / 2 * turns) / (1 - size / 2 * turns)
-    return 1 / (1 - turns / size)
+def spec_of(margins, m, kp):
+    return load(tables_with(margins, kp, for_all={"m": m}))
 
 
 def named(margin, size, text):
@@ -83,10 +43,10 @@ def test_a_proved_value_keeps_the_margin_for_all_and_a_refuter_does_not(margin, 
     low, high = rows["low"][row], rows["high"][row]
     factors = factors_of(margin, size)
     members = [(each, value) for each in np.linspace(0.9, 1.1, 5) for value in np.linspace(low, high, 7)]
-    assert max(radius(each, value, factor) for each, value in members for factor in factors) < 1
+    assert max(largest(each, value, factors) for each, value in members) < 1
     fails_from = rows["fails_from"][row]
     worst, factor = named(margin, size, rows["counterexample"][row])
-    assert radius(worst, fails_from * (1 + 1e-9), factor) > 1 > radius(worst, fails_from * (1 - 1e-6), factor)
+    assert largest(worst, fails_from * (1 + 1e-9), factor) > 1 > largest(worst, fails_from * (1 - 1e-6), factor)
     assert high >= 0.99 * fails_from
     assert abs(factor) == pytest.approx(1) if margin == "phase_deg" else np.abs(factors - factor).min() < 0.05
     own = rows["guarantee"] == "spec"
@@ -103,8 +63,8 @@ def test_each_of_several_margins_at_several_cuts_is_kept():
     assert "phase_deg at z.y = 70" in rows["counterexample"][row]
     assert "m = 0.9" in rows["counterexample"][row]
     turned = np.exp(1j * np.radians(70))
-    assert radius(0.9, high, turned) < 1 < radius(0.9, rows["fails_from"][row] * (1 + 1e-9), turned)
-    assert max(radius(0.9, high, factor) for factor in factors_of("gain", 2.0)) < 1
+    assert largest(0.9, high, turned) < 1 < largest(0.9, rows["fails_from"][row] * (1 + 1e-9), turned)
+    assert largest(0.9, high, factors_of("gain", 2.0)) < 1
 
 
 @pytest.mark.parametrize(
@@ -165,6 +125,6 @@ def test_check_says_whether_the_spec_keeps_the_margin_for_all(margin, size, kp, 
     if answer == "no":
         worst, factor = named(margin, size, claim.reason)
         assert np.abs(factors_of(margin, size) - factor).min() < 0.05
-        assert radius(worst, kp, factor) > 1
+        assert largest(worst, kp, factor) > 1
     else:
-        assert max(radius(m, kp, factor) for m in (0.9, 1.0, 1.1) for factor in factors_of(margin, size)) < 1
+        assert max(largest(m, kp, factors_of(margin, size)) for m in (0.9, 1.0, 1.1)) < 1

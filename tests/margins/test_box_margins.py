@@ -6,6 +6,7 @@ from itertools import product
 import control
 import numpy as np
 import pytest
+from meaning.reading import radius_of, with_numbers
 from scipy.signal import cont2discrete
 
 pytest.importorskip("wavesweep.for_all", reason="margins for all of [for_all] are proved by it")
@@ -49,32 +50,18 @@ def of_control(a, k, every=2, late=1):
     }
 
 
-def largest_pole(a, k, late, every=2):
-    """The spectral radius of the same loop, with messages that are late by so many frames."""
-    A, B, C, _, _ = cont2discrete(control.ssdata(control.ss(control.tf([a * k], [1, a, 0]))), every / 100)
-    line = np.eye(late, k=-1)
-    first, last = np.eye(late)[:, :1], np.eye(late)[-1:]
-    return np.abs(np.linalg.eigvals(np.block([[A, -B @ last], [first @ C, line]]))).max()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("k", "size", "proved"), [(0.5, np.inf, np.inf), (3.0, np.inf, 0.0), (3.0, 40.0, None)])
 def test_any_delay_is_proved_where_the_gain_is_below_1_alone(k, size, proved):
     """A leaky plant with the gain k at rest. Of a delay that is too long, the proof ends where a pole of a loop is outside."""
     plant = LAG["block"]["plant"] | {"den": [1, "a"]}
-    spec = load(
-        LAG | {"numbers": LAG["numbers"] | {"k": k}, "block": LAG["block"] | {"plant": plant}, "for_all": {"a": BOX["a"]}}
-    )
+    tables = with_numbers(LAG, {"k": k}) | {"block": LAG["block"] | {"plant": plant}}
+    spec = load(tables | {"for_all": {"a": BOX["a"]}})
     (case,) = box_margins._cases(spec, "net.y", spec.for_all.unknown, {})
     found, _ = case._proved("delay_frames", size)
     if proved is None:
-        radii = []
-        for late in range(1, 40):
-            ticks = [[np.exp(-a * 0.02), -(1 - np.exp(-a * 0.02)) * k] for a in (7.5, 8.5)]
-            matrices = [np.eye(1 + late, k=-1) for _ in ticks]
-            for matrix, (decay, gain) in zip(matrices, ticks, strict=True):
-                matrix[0, 0], matrix[0, -1], matrix[1, 0] = decay, gain, 1.0
-            radii.append(max(np.abs(np.linalg.eigvals(matrix)).max() for matrix in matrices))
+        ends = [BOX["a"]["start"], BOX["a"]["stop"]]
+        radii = [max(radius_of(with_numbers(tables, {"a": a, "late": late}), 0) for a in ends) for late in range(1, 40)]
         proved = float(np.argmax(np.array(radii) > 1))
         assert 0 < proved < 32
     assert found == proved
@@ -95,9 +82,10 @@ def test_no_loop_of_a_box_has_less_than_what_is_proved():
         if name != "delay_frames":
             assert 0.99 * found[name].refuted < found[name].value < found[name].refuted
     assert found["delay_frames"].value == found["delay_frames"].refuted > 1
-    for frames in range(int(np.ceil(found["delay_frames"].value))):
-        assert max(largest_pole(*point, late=1 + frames) for point in points) < 1
-    assert max(largest_pole(*point, late=1 + frames + 2) for point in points) > 1
+    first = int(np.ceil(found["delay_frames"].value))  # of the frames beyond the one of the spec
+    for late, stable in [*((1 + frames, True) for frames in range(first)), (2 + first, False)]:
+        radii = [radius_of(with_numbers(LAG, {"a": a, "k": k, "late": late}), 0) for a, k in points]
+        assert (max(radii) < 1) == stable
     assert (found["gain_down"].value, found["gain_down"].limited) == (0, False)
     assert "k = 3" in found["delay_frames"].counterexample
 

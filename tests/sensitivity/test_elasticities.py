@@ -4,6 +4,8 @@ import tomllib
 
 import numpy as np
 import pytest
+from meaning.reading import radius_of, with_numbers
+from scipy.optimize import brentq
 from support.drawn import CORNER, JOINT, NETWORK, PD, random_tables
 from support.specs import nested, random_values
 
@@ -170,20 +172,9 @@ def with_dead_times(lag, **sensor):
 
 
 def largest_gain(lag, hz):
-    """The end of k by eigenvalues: until s T before its end a tick has the force of m ticks ago, then the next one."""
-    T = 1 / hz
-    m = int(np.ceil(lag * hz - 1e-9))
-    late = np.exp(-(m / hz - lag))
-    low, high = 0.0, 1000.0
-    for _ in range(60):
-        k = (low + high) / 2
-        march = np.diag(np.ones(m), -1)  # the plant, and the forces of m ticks
-        march[1, 0] = -k
-        march[0, 0] = np.exp(-T)
-        march[0, m] += late - np.exp(-T)
-        march[0] += (1 - late) * (march[1] if m == 1 else np.eye(m + 1)[m - 1])
-        low, high = (k, high) if np.abs(np.linalg.eigvals(march)).max() < 1 else (low, k)
-    return low
+    """The end of k by the documents' own reading."""
+    tables = with_dead_times(lag) | {"rates": {"tick_hz": hz}}
+    return brentq(lambda k: radius_of(with_numbers(tables, {"k": k}), 0) - 1, 0.5, 100.0, xtol=1e-13, rtol=1e-14)
 
 
 def one_sided(end, value, sign):
