@@ -16,21 +16,11 @@ def radius(kind, **changes):
 
 @pytest.mark.parametrize(("velocity", "B_VC", "damping"), [("exact", 0.3, 1.5), ("exact", 5.0, 0.2), ("difference", 20.0, 3.0)])
 def test_a_rigid_slow_wall_leaves_the_coupling_as_a_wall_at_the_fast_rate(velocity, B_VC, damping):
-    """Of a mass held over a tick, z^2 - (1 + e - K c - B g) z + e - B g + K (a g - c e): Jury's conditions in closed form."""
     shared = {"damping": damping, "velocity": velocity}
     loop = wavesweep.compile(nested(values_of("dc-vc", K_VE=1e12, ratio=20, delay=7, B_VC=B_VC, **shared)))
     (row,) = loop.stable_intervals("K_VC", (1.0, 1e5)).itertuples()
     (fast,) = wavesweep.compile(nested(values_of("dc", B_VE=B_VC, **shared))).stable_intervals("K_VE", (1.0, 1e5)).itertuples()
     assert row.high == pytest.approx(fast.high, rel=1e-4)
-    if velocity == "exact":
-        m, d, T = 0.1, damping, 1e-3
-        e = np.exp(-d * T / m)
-        a, g = (1 - e) * m / d, (1 - e) / d
-        c = (T - a) / d
-        jury = [(1 - e + g * B_VC) / (a * g - c * e)]
-        if c - a * g + c * e > 0:
-            jury.append(2 * (1 + e - g * B_VC) / (c - a * g + c * e))
-        assert row.high == pytest.approx(min(jury), rel=1e-4)
 
 
 def test_at_one_rate_it_is_the_impedance_of_adams_and_hannaford():

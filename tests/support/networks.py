@@ -1,8 +1,8 @@
-"""Two masses over a network whose messages are late or lost, marched tick by tick: who holds which message is found from when
-each comes. Nothing of the package is used."""
+"""Two masses over a network whose messages are late or lost: who holds which message is found from when each comes, and what
+grows by the interpreter of the documents. Nothing of the package is used."""
 
-import numpy as np
-from scipy.linalg import expm
+from meaning.machine import radius
+from meaning.members import Messages
 
 MASTER, SLAVE = (0.25, 3.0, 100.0), (1.2, 4.0, 0.0)  # mass, damping, stiffness
 STIFF, DAMP, LOCAL = 400.0, 25.0, 3.0  # the slave's position control, and damping at the master
@@ -75,34 +75,4 @@ def back(channel, late, k):
 
 def growth(loop, K, messages, drifts=0):
     """The spectral radius of a pattern of messages that is repeated for ever, without so many eigenvalues next to 1."""
-    held = []
-    for mass, damping, stiffness in loop.get("masses", {"master": MASTER, "slave": SLAVE}).values():
-        flow = expm(1e-3 * np.array([[0, 1, 0], [-stiffness / mass, -damping / mass, 1 / mass], [0, 0, 0]]))
-        held.append(flow[:2])
-    kept = [channel["late"] // channel["every"] + channel["lost"] + 3 for channel in loop["channels"]]
-    size = 5 + sum(kept) + sum(loop["delays"])
-    rows = iter(np.eye(size))
-    master, slave = (np.array([next(rows), next(rows)]) for _ in range(2))
-    force = next(rows)
-    sent = [{-1 - n: next(rows) for n in range(count)} for count in kept]
-    lines = [[next(rows) for _ in range(steps)] for steps in loop["delays"]]
-    period = np.lcm(loop["channels"][0]["every"] * len(messages[0]), loop["control"])
-    for k in range(int(period)):
-        shown = []
-        for at, (channel, late) in enumerate(zip(loop["channels"], messages, strict=True)):
-            older, last = back(channel, late, k)
-            if (k - channel["phase"]) % channel["every"] == 0:
-                sent[at][last] = (master, slave)[at][0]
-            value = sent[at][last - older]
-            lines[at] = [value, *lines[at]]
-            shown.append(lines[at].pop())
-        if k % loop["control"] == 0:
-            force = STIFF * (shown[0] - slave[0]) - DAMP * slave[1]
-        pull = -K * (master[0] - shown[1]) - LOCAL * master[1]
-        master, slave = held[0] @ [*master, pull], held[1] @ [*slave, force]
-    history = []
-    for at, channel in enumerate(loop["channels"]):
-        last = (int(period) - 1 - channel["phase"]) // channel["every"]
-        history += [sent[at][last - n] for n in range(kept[at])]
-    z = np.linalg.eigvals(np.array([*master, *slave, force, *history, *lines[0], *lines[1]]))
-    return np.abs(z[np.argsort(np.abs(z - 1))[drifts:]]).max()
+    return radius(Messages(spec_of(loop, K)).march(dict(zip(("there", "back"), messages, strict=True))), drifts)
