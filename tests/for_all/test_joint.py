@@ -7,7 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.engine._switched.any_order import PROVED, REFUTED, bracket, decide, nearest_refuted
+from wavesweep.engine._switched.any_order import Verdict, bracket, decide, nearest_refuted
 from wavesweep.engine._switched.graph import Graph
 from wavesweep.engine._switched.norm_check import Norms, shrink, shrink_along
 from wavesweep.engine._switched.patterns import _of_walks, nearest
@@ -86,9 +86,9 @@ def test_published_joint_spectral_radii(matrices, radius):
 
 def test_the_golden_pair_to_a_millionth():
     family = scaled(PAIR / GOLDEN)
-    assert decide(family, 1 - 5e-7).verdict == PROVED
+    assert decide(family, 1 - 5e-7).verdict == Verdict.PROVED
     refuted = decide(family, 1 + 5e-7)
-    assert (refuted.verdict, sorted(refuted.word)) == (REFUTED, [0, 1])
+    assert (refuted.verdict, sorted(refuted.word)) == (Verdict.REFUTED, [0, 1])
 
 
 def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_forget():
@@ -121,14 +121,14 @@ def test_a_slow_oscillation_is_pumped_by_a_pattern_of_many_matrices():
     widest = np.arccos(b / m)
     limit = np.exp(-(m * np.sin(widest) - b * widest) / np.pi)
     refuted = decide(family, limit + 5e-6)
-    assert (refuted.verdict, len(refuted.word)) == (REFUTED, 103)
-    assert decide(family, limit - 3e-5).verdict == PROVED
+    assert (refuted.verdict, len(refuted.word)) == (Verdict.REFUTED, 103)
+    assert decide(family, limit - 3e-5).verdict == Verdict.PROVED
 
 
 def test_an_order_that_is_forbidden_may_be_what_grows():
     matrices, alternating = np.array([[[2.0]], [[0.4]]]), np.array([[False, True], [True, True]])
-    assert decide(Affine.of(matrices)).verdict == REFUTED
-    assert decide(Affine.of(matrices, follows=alternating)).verdict == PROVED
+    assert decide(Affine.of(matrices)).verdict == Verdict.REFUTED
+    assert decide(Affine.of(matrices, follows=alternating)).verdict == Verdict.PROVED
     others = ~np.eye(3, dtype=bool)
     graph = Graph.least(others)
     norms = Norms(np.broadcast_to(np.eye(2), (graph.nodes, 2, 2)), graph)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from wavesweep.late_ticks.bracket import PROVED, REFUTED, decided
+from wavesweep.engine.switched import Verdict
+from wavesweep.late_ticks.bracket import decided
 from wavesweep.late_ticks.tick_curves import late_ticks
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -43,10 +44,10 @@ def verdict(spec, start, stop):
 @pytest.mark.parametrize(
     ("spec", "start", "stop", "expected"),
     [
-        (BATCH, 1e-3, 1.729, PROVED),
-        (BATCH, 1e-3, 1.7295, REFUTED),
-        (DELAYED, 0.4, 1.8, PROVED),
-        (DELAYED, 0.2, 2.02, REFUTED),  # each of them for ever is stable
+        (BATCH, 1e-3, 1.729, Verdict.PROVED),
+        (BATCH, 1e-3, 1.7295, Verdict.REFUTED),
+        (DELAYED, 0.4, 1.8, Verdict.PROVED),
+        (DELAYED, 0.2, 2.02, Verdict.REFUTED),  # each of them for ever is stable
     ],
 )
 def test_sampling_at_uncertain_times(spec, start, stop, expected):

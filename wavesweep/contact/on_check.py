@@ -21,12 +21,6 @@ from wavesweep.program.tables.refuters import in_a_sentence
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
-_STATUS = {
-    "proved": Status.PROVED,
-    "unknown": Status.UNKNOWN,
-    "refuted": Status.REFUTED,
-}
-
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
     """contact: of a spec with [for_all] contact that has a wall, what is known of it, see
@@ -55,7 +49,7 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
 
 
 def _claim(scope: Scope, verdict: Mapping[str, str]) -> Claim:
-    status = _STATUS[verdict["verdict"]]
+    status = Status[verdict["verdict"].upper()]
     reason = in_a_sentence(verdict["counterexample"])
     return Claim(AT_REST, scope, status, reason)
 

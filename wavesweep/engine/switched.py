@@ -6,10 +6,8 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._switched.any_order import (
-        PROVED,
-        REFUTED,
-        UNKNOWN,
         Decision,
+        Verdict,
         bracket,
         decide,
     )
@@ -81,9 +79,7 @@ else:
         {
             "_switched.any_order": (
                 "Decision",
-                "PROVED",
-                "REFUTED",
-                "UNKNOWN",
+                "Verdict",
                 "bracket",
                 "decide",
             ),

@@ -15,7 +15,7 @@ import numpy as np
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.switched import PROVED, decide
+from wavesweep.engine.switched import Verdict, decide
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.members import claims_hold
 from wavesweep.for_all.rows import (
@@ -212,10 +212,10 @@ class _Margin:
         if loop.unmet is None:
             return True
         if not p:
-            return decide(loop.unmet).verdict == PROVED
+            return decide(loop.unmet).verdict == Verdict.PROVED
         self.unmet = self.unmet or loop.unmet
         alike = np.array_equal(self.unmet.E, loop.unmet.E)
-        return alike and decide(loop.unmet).verdict == PROVED
+        return alike and decide(loop.unmet).verdict == Verdict.PROVED
 
     def text(self, needed) -> str:
         """What refutes."""

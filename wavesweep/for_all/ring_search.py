@@ -7,13 +7,11 @@ from dataclasses import replace
 from functools import partial
 
 from wavesweep.engine.switched import (
-    PROVED,
-    REFUTED,
-    UNKNOWN,
     Bracket,
     Decision,
     Refuted,
     RingSearch,
+    Verdict,
     covered,
     driven,
     is_refuted,
@@ -34,16 +32,16 @@ BY_GAIN = "by a small gain"
 def decide_ring(family: RingFrames, x: float = 0.0) -> Decision:
     """Decide whether all patterns decay at x; as `decide`, whose norms and errors it has."""
     if family.gain.proved(x, x):
-        return Decision(PROVED, by=BY_GAIN)
+        return Decision(Verdict.PROVED, by=BY_GAIN)
     word = _refuting(family, x, SHORT)
     if word:
-        return Decision(REFUTED, word=word)
+        return Decision(Verdict.REFUTED, word=word)
     search = None if family.few else RingSearch.at_mean(family, x)
     centre = search and search.found(x, WORK)
     if centre is not None and search.proved((x, centre)):
-        return Decision(PROVED)
+        return Decision(Verdict.PROVED)
     word = _refuting(family, x, PERIODS)
-    return Decision(REFUTED, word=word) if word else Decision(UNKNOWN)
+    return Decision(Verdict.REFUTED, word=word) if word else Decision(Verdict.UNKNOWN)
 
 
 def _refuting(family, x, periods):

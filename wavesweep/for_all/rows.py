@@ -15,9 +15,9 @@ from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import (
     SOON,
-    UNKNOWN,
     Bracket,
     LeftOpen,
+    Verdict,
     brackets_on_average,
     grows_everywhere,
     parts_that_decay,
@@ -486,9 +486,7 @@ def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
     """What is known of all loops of some rules, as a claim about the plans that the proof used,
     and as `verdict` has it."""
     found = verdict(spec, rules)
-    status = {"proved": Status.PROVED, "refuted": Status.REFUTED}.get(
-        found["verdict"], Status.UNKNOWN
-    )
+    status = Status[found["verdict"].upper()]
     reason = ""
     if status is Status.REFUTED and rules.at_random:
         reason = found["counterexample"]
@@ -592,7 +590,7 @@ def _decided(spec, rules, number, case):
     if not path or rules.at_random:
         return decided_over(*own)
     said, by = decided_over(*own, SOON)
-    if said != UNKNOWN or by:
+    if said != Verdict.UNKNOWN or by:
         return said, by
     value = float(spec.values[path])
     axis = next((axis for axis in spec.sweep if axis.path == path), None)
@@ -606,7 +604,7 @@ def _decided(spec, rules, number, case):
         except UsageError:  # its frames cannot be cut there
             return decided_over(*own)
         said, by = decided_along(rules, along.values, path, along.ranges, value, found)
-        if said != UNKNOWN:
+        if said != Verdict.UNKNOWN:
             break
     return said, by
 

@@ -22,9 +22,6 @@ from wavesweep.engine.switched import (
     FROM_ZERO,
     OPERATIONS_OF_PROOFS,
     OPERATIONS_OF_SEARCH,
-    PROVED,
-    REFUTED,
-    UNKNOWN,
     Bracket,
     Chances,
     Family,
@@ -34,6 +31,7 @@ from wavesweep.engine.switched import (
     OnAverage,
     Refuted,
     Symbol,
+    Verdict,
     Word,
     bracket,
     bracket_over,
@@ -404,7 +402,7 @@ def decided_over(
         family = rules.family(values, "")
         if isinstance(family, Chances):
             verdict = decays(family)
-            return verdict, {GROW if verdict == REFUTED else "": None}
+            return verdict, {GROW if verdict == Verdict.REFUTED else "": None}
         if isinstance(family, RingFrames):
             found = decide_ring(family)
         else:
@@ -414,11 +412,11 @@ def decided_over(
     point, word, proved = decide_over(loops, work or OPERATIONS_OF_PROOFS)
     if word:
         by = dict(zip((axis.path for axis in ranges), point, strict=False))
-        return REFUTED, {**by, text_of_pattern(loops.family(point), word): None}
+        return Verdict.REFUTED, {**by, text_of_pattern(loops.family(point), word): None}
     said = ""
     if loops.gain:
         said = BY_GAIN if proved else "no small gain proves it, and no pattern that was met grows"
-    return PROVED if proved else UNKNOWN, {said: None} if said else {}
+    return Verdict.PROVED if proved else Verdict.UNKNOWN, {said: None} if said else {}
 
 
 def decided_along(
@@ -432,7 +430,7 @@ def decided_along(
     """`decided_over` at a value of a number, by what is found about an interval along it: its proof
     and the patterns of its ends; or by a short pattern: a long one may grow next to its end alone."""
     if found is not None and found.low <= value <= found.high:
-        return PROVED, {}
+        return Verdict.PROVED, {}
     ends = [end for end in (found.below, found.above) if end.word] if found else []
     family = None if ranges else rules.family(values, along)
     # Short words of messages may be such as nothing that is held can follow.
@@ -442,8 +440,8 @@ def decided_along(
     for end in ends:
         by = dict(zip((axis.path for axis in ranges), end.point, strict=True))
         if is_refuted(rules.family({**values, **by}, along), end.word, value):
-            return REFUTED, {**by, end.text: None}
-    return UNKNOWN, {}
+            return Verdict.REFUTED, {**by, end.text: None}
+    return Verdict.UNKNOWN, {}
 
 
 def text_of_pattern(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:

@@ -17,14 +17,12 @@ import numpy as np
 
 from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.engine.switched import (
-    PROVED,
-    REFUTED,
-    UNKNOWN,
     Bracket,
     Centre,
     Graph,
     Norms,
     Refuted,
+    Verdict,
     covered,
     driven,
     is_refuted,
@@ -286,8 +284,8 @@ def decided(ticks_with: TicksWith) -> tuple[str, str]:
     ticks = ticks_with(1)
     rate, pattern = growing(ticks, 0.0)
     if rate >= 1 and is_refuted(ticks.family, word_of(ticks, pattern), 0.0):
-        return REFUTED, in_words(ticks, pattern)
-    return (UNKNOWN if started(ticks_with, [0.0]) is None else PROVED), ""
+        return Verdict.REFUTED, in_words(ticks, pattern)
+    return (Verdict.UNKNOWN if started(ticks_with, [0.0]) is None else Verdict.PROVED), ""
 
 
 def bracket(

@@ -14,7 +14,7 @@ from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import Bracket
-from wavesweep.late_ticks.bracket import PROVED, REFUTED, bracket, decided
+from wavesweep.late_ticks.bracket import bracket, decided
 from wavesweep.late_ticks.tick_curves import TWO_VALUES, late_ticks
 from wavesweep.program.analyses.claims import (
     STABLE,
@@ -32,7 +32,6 @@ from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 MOST_FRAME_PLACES = 256  # ticks in a frame
-STATUS = {PROVED: Status.PROVED, REFUTED: Status.REFUTED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,4 +146,4 @@ def claim(spec: Spec) -> Claim:
     own = own_loop(spec)
     verdict, pattern = decided(lambda cells: late_ticks(own, "", interval, cells))
     scope = replace(own_scope(spec), tick=Tick(*interval))
-    return Claim(STABLE, scope, STATUS.get(verdict, Status.UNKNOWN), in_a_sentence(pattern))
+    return Claim(STABLE, scope, Status[verdict.upper()], in_a_sentence(pattern))

@@ -4,6 +4,7 @@ which they do."""
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import partial
 
 import numpy as np
@@ -38,7 +39,6 @@ from wavesweep.engine._switched.patterns import (
 from wavesweep.engine._switched.remembered import Remembered
 from wavesweep.engine._switched.stretches import ProvedStretch, covered
 
-PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 SHORT = 0.93  # of the tolerance, how far from the refuted number a first proof ends
 STEPS = 2  # from a number at which words are tried, of `places_between`, to the next one
 MORE = 3  # times as many words are searched where no proof is found
@@ -52,15 +52,23 @@ FINER, FINEST, FINE = 3.0, 3e-4, 1e9
 LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
 
 
+class Verdict(StrEnum):
+    """What is known of all members of a set."""
+
+    PROVED = "proved"
+    REFUTED = "refuted"
+    UNKNOWN = "unknown"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
-    """Whether matrices decay in every order that is allowed: "proved", "refuted" or "unknown".
+    """Whether matrices decay in every order that is allowed.
 
     norms: if proved, those in which all matrices shrink. word: if refuted, the pattern of matrices
     that grows when repeated, in the order in which they act. by: if proved otherwise, in words how.
     """
 
-    verdict: str
+    verdict: Verdict
     norms: Norms | None = None
     word: Word = ()
     by: str = ""
@@ -78,15 +86,15 @@ def decide(family: Family, x: float = 0.0, work: float = OPERATIONS_OF_SEARCH) -
     centre, _ = first_centre(A, family.follows)
     for word in growing(A, family.follows, centre.basis):
         if is_refuted(family, word, x):
-            return Decision(REFUTED, word=word)
+            return Decision(Verdict.REFUTED, word=word)
     centre, factor = find_norms(A, family.follows, work=work)
     norms = family.proved((x, centre)) if factor == 1 else None
     if norms:
-        return Decision(PROVED, *norms)
+        return Decision(Verdict.PROVED, *norms)
     for word in growing(A, family.follows, centre.basis, (), MORE, norms=centre.norms):
         if is_refuted(family, word, x):
-            return Decision(REFUTED, word=word)
-    return Decision(UNKNOWN)
+            return Decision(Verdict.REFUTED, word=word)
+    return Decision(Verdict.UNKNOWN)
 
 
 def bracket(
