@@ -1,6 +1,7 @@
 """Proof files of what holds for all of [for_all]: the writers' claims, and that the checker refuses what promises more."""
 
 import math
+from pathlib import Path
 
 import pytest
 from checker.test_for_all import SPEC as PATTERN
@@ -10,6 +11,7 @@ from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import spec_of
 from wavesweep.proofs.claims import claim_of_point, claim_of_set, claim_refuted
 
+PMW = Path(__file__).parents[2] / "sweeps" / "for-all" / "pmw.toml"
 TANK = """
 rates.tick_hz = 10
 numbers = {{ k = 1.0, p = 0.2 }}
@@ -129,6 +131,13 @@ def test_rows_of_frames_in_any_order_and_their_refuters_have_proofs(tmp_path, ca
     changed(proof, without_a_frame)
     code, said = checked_file(spec, proof)
     assert (code, said.count("REFUSED")) == (1, 1)
+
+
+@pytest.mark.slow
+def test_memory_in_units_that_differ_by_thousands_has_forms(tmp_path, capsys):
+    """As the checker has it, in m, m/s and N beside each other, no norms were found about K_VE = 11."""
+    written(tmp_path, PMW.read_text(encoding="utf-8"), "zwidth", "--no-plot", "--set", "sweep.b=[20]")
+    assert "1 of 1 slices, 1 of 1 rows for all of [for_all], 1 of 1 refuted ends" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from wavesweep.checker import balls, file, form
 from wavesweep.checker.balls import Refused
@@ -50,7 +51,8 @@ class Cells:
     """The checker's matrices over the sides of a claim, see `for_all.ranges.Frames`.
 
     sides: in what its sides are divided. frames: whose matrices they are. rule: which of them may
-    follow which, or the chain in which they do at random. left: one for each cell that may be tried.
+    follow which, or the chain in which they do at random. units: of the states, in which entries are
+    alike, and forms are searched. left: one for each cell that may be tried.
     """
 
     family: file.Family
@@ -58,6 +60,7 @@ class Cells:
     sides: Sequence[Side]
     frames: Sequence[Frame]
     rule: np.ndarray | OnAverage
+    units: np.ndarray
     left: Iterator[int] = field(default_factory=lambda: iter(range(MOST)))
 
     @staticmethod
@@ -75,10 +78,12 @@ class Cells:
             )
             sides[0] = Side(first.path, zero, refuted)
         if claim.claim == "mean square":
-            return Cells(family, claim, sides, *_chain(family))
-        if "" in family.frames.words:
-            return Cells(family, claim, sides, [Frame("", "", None)], ALWAYS)
-        return Cells(family, claim, sides, *_any_order(family))
+            frames, rule = _chain(family)
+        elif "" in family.frames.words:
+            frames, rule = [Frame("", "", None)], ALWAYS
+        else:
+            frames, rule = _any_order(family)
+        return Cells(family, claim, sides, frames, rule, _units(family, claim))
 
     @property
     def ends(self) -> Ends:
@@ -160,8 +165,9 @@ class Cells:
             for powers, part in A.parts.items():
                 if sum(powers) > ORDER:
                     due += np.abs(np.array(part, float)).sum() * (1 - 0.5 ** np.array(powers))
-        terms = np.stack([found[frame.kind].terms for frame in self.frames], 1)
-        rest = np.stack([found[frame.kind].rest for frame in self.frames])
+        in_units = self.units / self.units[:, None]
+        terms = np.stack([found[frame.kind].terms for frame in self.frames], 1) * in_units
+        rest = np.stack([found[frame.kind].rest for frame in self.frames]) * in_units
         return _InBox(self, box, Polynomials(terms, rest, cell.width, ORDER), due)
 
     def line(self, box: np.ndarray, centre: Centre, further: np.ndarray) -> dict[str, Any] | None:
@@ -170,7 +176,7 @@ class Cells:
         cell = balls.Cell(ends)
         exponents = exponents_of(cell.width)[1:]
         roots = np.linalg.cholesky(centre.P).mT
-        L = roots @ centre.inverse
+        L = roots @ centre.inverse / self.units
         back = np.linalg.inv(roots)
         slopes = [back.mT @ each @ back for each in further]
         largest = np.abs(L).max()
@@ -238,6 +244,18 @@ def polynomials_of(A: form.Matrix, cell: balls.Cell) -> Polynomials:
 def exponents_of(width: int) -> list[tuple[int, ...]]:
     """Return the monomials of matrices in so many sides."""
     return [*map(tuple, Polynomials.constant(np.zeros(0), width, ORDER).exponents.tolist())]
+
+
+def _units(family, claim) -> np.ndarray:
+    """Powers of 2 that balance the mean size of all frames in the middle of the sides."""
+    middle = balls.Cell(
+        {name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()}
+    )
+    sizes = []
+    for kind in family.frames.words:
+        sizes.append(np.abs(np.array(family.matrix(kind, middle).parts[()], float)) / balls.ONE)
+    _, (units, _) = matrix_balance(np.mean(sizes, 0), permute=False, separate=True)
+    return units
 
 
 def _any_order(family):
