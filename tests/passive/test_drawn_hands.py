@@ -42,6 +42,24 @@ def rows_of(spec, hand, box=None, port=False):
     return {name: column[found["hand"] == own] for name, column in found.items()}
 
 
+@pytest.mark.parametrize(
+    ("hand", "box", "port"),
+    [
+        ("passive", None, False),
+        ("free", None, True),
+        ("box", BOX, False),
+    ],
+)
+@pytest.mark.slow
+def test_an_inertia_has_the_guarantees_of_a_mass(hand, box, port):
+    turned = drawn(4, "speed.y")
+    turned["block"] = turned["block"] | {"device": {"type": "inertia", "inertia": "m", "damping": 3.0}}
+    found, expected = (rows_of(tables, hand, box, port) for tables in (turned, drawn(4, "speed.y")))
+    assert expected["high"].item() > 0
+    for name in ("low", "high", "certified"):
+        assert found[name].tolist() == expected[name].tolist()
+
+
 @pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("ratio", [1, 4])

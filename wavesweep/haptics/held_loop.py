@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.blocks import MultirateLoop, Ports
-from wavesweep.engine.drawing import AT, Drawing, scalars
+from wavesweep.engine.drawing import AT, TYPES, Drawing, DrawnBlock, scalars
 from wavesweep.engine.expressions import Tree
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.response import Port
@@ -22,7 +22,7 @@ class HeldLoop(Loops):
 
     @property
     def device(self) -> str | None:
-        """Name of the mass that the hand holds; None if the hand is not the mass, damping and
+        """Name of the mass or inertia that the hand holds; None if the hand is not the mass, damping and
         stiffness of one."""
         return device_of(self.drawing)
 
@@ -83,8 +83,8 @@ def held_loop(loops: Loops) -> HeldLoop:
 
 @lru_cache(maxsize=256)
 def device_of(drawing: Drawing) -> str | None:
-    """Return the mass that the hand's force acts on, and nothing else, and whose position is the
-    displacement of the hand.
+    """Return the mass or inertia that the hand's force acts on, and nothing else, and whose position
+    is the displacement of the hand.
 
     Nothing else acts on it continuously.
     """
@@ -92,7 +92,7 @@ def device_of(drawing: Drawing) -> str | None:
         return None
     force, displacement, _ = drawing.hand
     pushed = [(port, dict(terms)[force]) for port, terms in drawing.wires if force in dict(terms)]
-    masses = {f"{block.name}.f": block.name for block in drawing.apart if block.type == "mass"}
+    masses = {f"{block.name}.f": block.name for block in drawing.apart if TYPES[block.type].body}
     if len(pushed) != 1 or pushed[0][0] not in masses or not pushed[0][1].is_number(1.0):
         return None
     name = masses[pushed[0][0]]
@@ -104,23 +104,29 @@ def device_of(drawing: Drawing) -> str | None:
 
 def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:
     """Return mass (kg), damping (N*s/m) and stiffness (N/m) of the device without a hand."""
-    keys = dict(next(block.keys for block in loop.drawing.blocks if block.name == loop.device))
+    block = next(block for block in loop.drawing.blocks if block.name == loop.device)
+    keys = dict(block.keys)
     numbers = {**scalars(loop.values), **dict.fromkeys(HAND, 0.0)}
-    return tuple(keys[path.partition(".")[2]].values(numbers) for path in HAND)
+    return tuple(keys[key].values(numbers) for key in _keys_of(block))
 
 
 @lru_cache(maxsize=64)
 def with_hand(drawing: Drawing, device: str, paths: tuple[str, ...]) -> Drawing:
     """Return the drawing whose device has a further mass, damping and stiffness, the numbers
     with these paths."""
-    added = dict(zip(("mass", "damping", "stiffness"), paths, strict=True))
 
     def held(block):
         if block.name != device:
             return block
+        added = dict(zip(_keys_of(block), paths, strict=True))
         keys = []
         for name, tree in block.keys:
             keys.append((name, tree + Tree.name(added[name]) if name in added else tree))
         return replace(block, keys=tuple(keys))
 
     return replace(drawing, blocks=tuple(map(held, drawing.blocks)))
+
+
+def _keys_of(block: DrawnBlock) -> tuple[str, str, str]:
+    """The keys of a body for its mass or inertia, damping and stiffness."""
+    return TYPES[block.type].body, "damping", "stiffness"

@@ -108,7 +108,7 @@ def device_held(kind: str, own: Job) -> "HeldLoop":
     loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
     if loop.device is None:
         raise UsageError(
-            f"hand {kind}: expected a hand whose force acts on one block mass and on nothing else, and whose "
+            f"hand {kind}: expected a hand whose force acts on one block mass or inertia and on nothing else, and whose "
             "displacement is the position of that block, found another one"
         )
     return loop
