@@ -70,26 +70,6 @@ def test_two_masses_move_as_in_a_march_with_matrix_exponentials(sensor):
     assert measured(numbers, sensor, torque, 1 / RATE) == pytest.approx(expected, abs=1e-9 * np.ptp(expected))
 
 
-@pytest.mark.slow
-def test_two_masses_are_found_from_a_frequency_response(tmp_path):
-    """Of a force that is held over ticks, and is two of them late, from scipy's discretisation; in kg in place of g."""
-    from scipy.signal import cont2discrete
-
-    one, damping, two, drag, k, d = DRIVE
-    A = np.array([[0, 1, 0, 0], [-k, -damping - d, k, d], [0, 0, 0, 1], [k, d, -k, -drag - d]], float)
-    A[1], A[3], hertz = A[1] / one, A[3] / two, np.geomspace(2, 400, 80)
-    A, B, *_ = cont2discrete((A, np.array([[0], [1 / one], [0], [0]]), np.eye(4), np.zeros((4, 1))), 1 / RATE)
-    z = np.exp(2j * np.pi * hertz / RATE)
-    H = np.array([np.linalg.solve(each * np.eye(4) - A, B)[1, 0] for each in z]) / z**2
-    H = 1e-3 * H * (1 + 0.01 * np.random.default_rng(1).standard_normal((80, 2)) @ [1, 1j])
-    table = np.c_[hertz, H.real, H.imag]
-    header = "frequency_hz,mobility_re,mobility_im"
-    np.savetxt(tmp_path / "frf.csv", table, delimiter=",", header=header, comments="")
-    found = wavesweep.identify(tmp_path / "frf.csv", two_masses=True, rate_hz=RATE).attrs["summary"]["parameters"]
-    for name, truth in zip((*OF_DRIVE, "delay"), (*1e3 * np.array(DRIVE), 2.0), strict=True):
-        assert found[name]["low"] < truth < found[name]["high"], name
-
-
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@ with relative errors."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -11,13 +10,10 @@ from scipy.special import stdtrit
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import UsageError
-from wavesweep.identification.model import OWN, Model, euler, of_modes, reach, step, tick_of_two
+from wavesweep.identification.model import OWN, Model, euler, reach, step
 from wavesweep.identification.points import FrequencyResponse
-from wavesweep.identification.prediction.fitting import NO_RESONANCE
 
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
-RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
-RESONANCES, RINGING = 120, (0.01, 0.05, 0.2)  # frequencies and damping ratios tried first
 RARE_ODDS = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
 RESONANCES_TRIED = 80  # frequencies of a resonance that are tried
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
@@ -80,26 +76,17 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hol
     """Admittance (m/N) of the model, `(frequencies,)`: of one that is sampled, positions at the
     ticks over the held force."""
     period = hold.period
-    coupled = "load_mass" in numbers
     if not hold.held:
         s = 2j * np.pi * frequency_hz
         impedance = numbers["mass"] * s**2 + numbers["damping"] * s + numbers["stiffness"]
-        if coupled:
-            spring = numbers["coupling_damping"] * s + numbers["coupling_stiffness"]
-            load = numbers["load_mass"] * s**2 + numbers["load_damping"] * s
-            impedance += spring * load / (spring + load)
         return np.exp(-s * period * numbers["delay"]) / impedance
     angle = 2 * np.pi * frequency_hz * period
     whole_ticks = np.floor(numbers["delay"])
     fraction = numbers["delay"] - whole_ticks
     # With a delay of part of a tick, the force of the tick before acts in this part, see `model`.
-    if coupled:
-        A, (before, now) = (tick := tick_of_two(numbers, period, fraction))[0], tick[1].T
-    else:
-        full = reach(numbers, period)
-        now = reach(numbers, (1 - fraction) * period)
-        A = step(numbers, period)
-        before = full - now
+    now = reach(numbers, (1 - fraction) * period)
+    before = reach(numbers, period) - now
+    A = step(numbers, period)
     ahead = np.exp(1j * angle)[:, None]
     by_force = (now + before / ahead)[..., None]
     return np.linalg.solve(ahead[..., None] * np.eye(len(A)) - A, by_force)[:, -1, 0] * np.exp(
@@ -108,7 +95,7 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hol
 
 
 def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> ResponseFit:
-    """Fit a model without friction."""
+    """Fit a model of one mass without friction."""
     theta, left, J = _fit(measured, hold, model, _first(measured, hold, model))
     if not (
         np.isfinite(J).all() and np.linalg.norm(J, axis=0).all()
@@ -178,39 +165,6 @@ def _fit(measured, hold, model, start):
 
 
 def _first(measured, hold, model):
-    """Rough numbers; of one mass those of a linear fit, of two those of the best of some rates,
-    resonances and delays."""
-    if not model.load:
-        return _first_alone(measured, hold, model)
-    s = 2j * np.pi * measured.frequency_hz
-    best = (np.inf,)
-    tones = np.geomspace(measured.frequency_hz[0], measured.frequency_hz[-1], RESONANCES)
-    tried = np.array([*product(tones, RINGING)])
-    turns = 2 * np.pi * tried[:, :1]
-    modes = 1 / (s**2 + 2 * tried[:, 1:] * turns * s + turns**2)
-    for late, rate in product(LATE if model.delay is None else (model.delay,), RATES):
-        ahead = measured.admittance * np.exp(s * hold.period * (late + 0.5 * hold.held))
-        columns = np.stack(
-            np.broadcast_arrays(1 / (s * (s + rate)) / ahead, modes / ahead), axis=1
-        )  # of which the sum is 1
-        aims = columns.real.sum(axis=-1)
-        shares = np.linalg.solve((columns @ columns.conj().swapaxes(1, 2)).real, aims[..., None])[
-            ..., 0
-        ]
-        errors = np.where((shares > 0).all(axis=1), len(s) - np.sum(shares * aims, axis=1), np.inf)
-        at = int(np.argmin(errors))
-        if errors[at] < best[0]:
-            total, share = shares[at]
-            best = (
-                errors[at],
-                of_modes(1 / total, rate, *tried[at], share / total) | {"delay": float(late)},
-            )
-    if len(best) == 1:
-        raise UsageError(NO_RESONANCE)
-    return np.array([best[1][name] for name in _names(model)])
-
-
-def _first_alone(measured, hold, model):
     """Of each delay tried, 1/H = k - m w^2 + j w d by linear least squares of relative errors."""
     omega = 2 * np.pi * measured.frequency_hz
     best = None
@@ -241,7 +195,7 @@ def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, 
     """Yield effects that the model lacks, and the share of the residual that each removes."""
     before = float(left @ left)
     numbers = _numbers(model, theta)
-    if model.spring or model.load:
+    if model.spring:
         larger_models = []
     else:
         larger_models = [("spring", replace(model, spring=True))]

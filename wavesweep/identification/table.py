@@ -150,8 +150,8 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
     )
     columns = asked.get("columns", {})
     if is_response(path, columns):
-        if axes or asked.get("resolution") is not None or asked.get("friction"):
-            taken = "--rate, --spring, --two-masses, --delay, --column and --scale"
+        if axes or two or asked.get("resolution") is not None or asked.get("friction"):
+            taken = "--rate, --spring, --delay, --column and --scale"
             raise UsageError(
                 f"{path}: a frequency response takes {taken}; leave the other options out"
             )
@@ -195,7 +195,6 @@ def _of_response(
     }
     options = {"spring": model.spring, "delay": model.delay, "period_s": period}
     beside = {
-        "two_masses": model.load,
         "scales": dict(scales),
         "columns": dict(renamed),
         "analogue": rate_hz is None,
@@ -696,8 +695,9 @@ def _missing_in_words(found: Numbers) -> str:
     else:
         words = MISSING
     said = words[found["missing"]].format(frequency_hz=hertz)
-    if "axes" in found and found["missing"] in ("resonance", "spring"):
-        return said.partition(";")[0]  # which no option fits to several axes
+    lacks_option = "axes" in found and found["missing"] in ("resonance", "spring")
+    if lacks_option or ("frequencies" in found and found["missing"] == "resonance"):
+        return said.partition(";")[0]
     return said
 
 
