@@ -5,6 +5,9 @@ from meaning.specs import spec_text
 from proofs.law import fate
 from proofs.mutations import run
 
+from wavesweep.checker.file import spec_of
+from wavesweep.proofs.claims import claim_of_point
+
 
 def proved_whole(text, folder):
     proved, certified, why = fate(text, folder)
@@ -32,3 +35,14 @@ def test_a_changed_spec_or_proof_is_refused(number, tmp_path):
     counts = run(spec_text(number, quick=True), number, tmp_path, wrong.append)
     assert not wrong
     assert counts["refused"] > counts["say the same"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("value", ["4.0815", "4.0816"])
+def test_next_to_an_end_a_loop_with_a_long_memory_has_a_form(value):
+    """Of 15 states: a mode passes the circle at K = 4.0815888 by 6e-4 for each unit of K, beside an integral
+    that no output reads as its gain is 0 by default, and a drift that this integral counts."""
+    outside, lines = claim_of_point(spec_of(spec_text(71, quick=True).encode()), {"K": value})
+    assert outside == (0 if value == "4.0815" else 2)
+    first, second = lines[0]["drifts"]
+    assert (first, second[0] in first) == (["@c0 integral", "c0 i"], False)

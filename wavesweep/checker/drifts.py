@@ -78,7 +78,7 @@ def is_unread(schedules: Iterable[Schedule], drift: list[str], live: set[str]) -
     """Whether it is one memory and what is made of that alone, as a sum that is only shown, which nothing else reads."""
     names = set(drift)
     return live.intersection(names) == {drift[0]} and all(
-        name in names or names.isdisjoint(terms)
+        name in names or not any(number(terms[each]) for each in names.intersection(terms))
         for schedule in schedules
         for instant in (*schedule.kinds.values(), schedule.motion)
         for equations in (instant.equations, instant.writes)

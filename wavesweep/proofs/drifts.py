@@ -14,6 +14,7 @@ PLACES = [
 ]  # of the sides, that are looked at
 SAME = 1e-11  # singular values up to which a direction is kept
 LEAST = 1e-12  # share of a direction
+LEAST_OWN = 1e-7  # share of a memory that may stand for a direction: others may be rounding
 
 
 def drifts_of(
@@ -50,11 +51,17 @@ def _next(rows, live, cells):
         drift = [names[pivot]]
         drift += [names[at] for at in np.flatnonzero(shares > LEAST)]
         try:
-            drifts.drift_of(rows, drift, cells[0])
+            v = drifts.drift_of(rows, drift, cells[0])
         except Refused:
             continue
-        found.append(drift)
+        found.append([name for name in drift if any(_is_share(v[name], cell) for cell in cells)])
     return found
+
+
+def _is_share(number, cell):
+    """Whether it is not 0, as that of a name which the directions have by rounding alone."""
+    radius, middle = number.value(cell)
+    return abs(middle) > radius
 
 
 def _kept(rows, names, cell):
@@ -76,7 +83,9 @@ def _echelon(kept: Sequence[np.ndarray], live: int) -> Iterator[tuple[int, np.nd
         return
     # Memory against which no other share grows much, as against the middle.
     sizes = np.array([np.linalg.norm(each[:, :live], axis=0) for each in kept])
-    ratios = np.where(sizes[0] > LEAST, sizes / np.maximum(sizes[0], LEAST), 0.0)
+    ratios = np.where(
+        sizes[0] > LEAST_OWN * sizes[0].max(initial=0), sizes / np.maximum(sizes[0], LEAST), 0.0
+    )
     away = (ratios / np.maximum(ratios.max(axis=1, keepdims=True), LEAST)).min(axis=0)
     pivots: list[int] = []
     for at in np.argsort(-away, kind="stable").tolist():

@@ -6,7 +6,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur
+from scipy.linalg import matrix_balance, schur
 
 SLOPES = 2  # degree of P(s)
 LEAST_SLACK = 0.05  # of a form that is given to the checker, whose errors take the rest
@@ -36,18 +36,22 @@ def form_of(A: Sequence[np.ndarray]) -> Form | None:
 
     A: the terms of the matrix by powers of s.
     """
+    _, (units, _) = matrix_balance(A[0], permute=False, separate=True)
+    balanced = [each * units / units[:, None] for each in A]
     with np.errstate(all="ignore"):
         for find in (_split, _modal, _stein):
             candidates: list[Candidate] = []
             with suppress(np.linalg.LinAlgError, ValueError):
-                candidates += [each for each in find(A[0]) if _is_usable(each)]
+                candidates += [each for each in find(balanced[0]) if _is_usable(each)]
             if not candidates:
                 continue
             constant = [Form(L, signs, [], 0) for L, signs, _ in candidates]
-            left = [slack(form, A) for form in constant]
+            left = [slack(form, balanced) for form in constant]
             best = int(np.argmax(left))
-            form = constant[best] if left[best] > ENOUGH else _with_slopes(candidates[best], A)
-            if form and (rounded := _rounded(form, A)):
+            form = constant[best]
+            if left[best] <= ENOUGH:
+                form = _with_slopes(candidates[best], balanced)
+            if form and (rounded := _rounded(form, balanced, units)):
                 return rounded
     return None
 
@@ -165,12 +169,13 @@ def _with_slopes(found, A) -> Form | None:
     return best if most > LEAST_SLACK else None
 
 
-def _rounded(form: Form, A: Sequence[np.ndarray]) -> Form | None:
-    """With as few digits as leave slack."""
+def _rounded(form: Form, balanced: Sequence[np.ndarray], units: np.ndarray) -> Form | None:
+    """In the units that states have, with as few digits as leave slack."""
+    L = form.L / units
     for digits in DIGITS:
         slopes = [_few((each + each.T) / 2, digits + 1) for each in form.slopes]
-        found = form._replace(L=_few(form.L / np.abs(form.L).max(), digits), slopes=slopes)
-        if slack(found, A) > LEAST_SLACK:
+        found = form._replace(L=_few(L / np.abs(L).max(), digits), slopes=slopes)
+        if slack(found._replace(L=found.L * units), balanced) > LEAST_SLACK:
             return found
     return None
 
