@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
-    from wavesweep.engine._drawing.block_classes import PARTS, expanded, numbers_of_blocks
+    from wavesweep.engine._drawing.block_classes import expanded, numbers_of_blocks
     from wavesweep.engine._drawing.block_types import (
         LONGEST_DELAY,
         MOST_LATE,
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
         path_of_port,
         scalars,
     )
-    from wavesweep.engine._drawing.drawing_ports import NAMED, PORTS
     from wavesweep.engine._drawing.drawing_tables import (
-        NUMBER_PARTS,
         TABLES,
         Surroundings,
         read_drawing,
@@ -38,7 +36,7 @@ if TYPE_CHECKING:
 else:
     __getattr__ = on_demand(
         {
-            "_drawing.block_classes": ("PARTS", "expanded", "numbers_of_blocks"),
+            "_drawing.block_classes": ("expanded", "numbers_of_blocks"),
             "_drawing.block_types": (
                 "LONGEST_DELAY",
                 "MOST_LATE",
@@ -59,8 +57,7 @@ else:
                 "path_of_port",
                 "scalars",
             ),
-            "_drawing.drawing_ports": ("NAMED", "PORTS"),
-            "_drawing.drawing_tables": ("NUMBER_PARTS", "Surroundings", "TABLES", "read_drawing"),
+            "_drawing.drawing_tables": ("Surroundings", "TABLES", "read_drawing"),
             "_drawing.drawn_block": ("DELTA", "DrawnBlock", "PORT", "Plant", "keys_of_block"),
             "_drawing.gain_at_signal": ("BLOCK", "GAIN"),
         }

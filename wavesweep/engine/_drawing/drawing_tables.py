@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple
 
 from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
@@ -11,7 +12,7 @@ from wavesweep.engine._drawing.conditions import NOT_FINITE, displaced, faults
 from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
 from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, path_of, scalars
 from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
-from wavesweep.engine._drawing.drawing_ports import TURNS, PortReader
+from wavesweep.engine._drawing.drawing_ports import PORTS, TURNS, PortReader
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
 from wavesweep.engine._drawing.expressions import (
     NOT_RESERVED,
@@ -27,8 +28,18 @@ from wavesweep.engine._drawing.registers import with_registers
 from wavesweep.engine._keys.checking import Mistakes, nearest, show
 from wavesweep.engine._keys.key import Key, Leaf, Names, Place
 
-TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 NUMBER_PARTS = ("value", "unit", "description")
+# the tables of a drawing, with the keys in those that have no names of their own
+TABLES = MappingProxyType(
+    {
+        "rates": ("tick_hz",),
+        "numbers": NUMBER_PARTS,
+        "block": (),
+        "signals": (),
+        "wire": (),
+        "ports": PORTS,
+    }
+)
 
 Path = tuple[str, ...]
 

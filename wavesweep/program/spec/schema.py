@@ -12,9 +12,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.drawing import NAMED, NUMBER_PARTS, TICK_HZ, TYPES
-from wavesweep.engine.drawing import PARTS as OF_CLASS
-from wavesweep.engine.drawing import PORTS as OF_PORTS
+from wavesweep.engine.drawing import TABLES, TICK_HZ, TYPES
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS
 from wavesweep.program.reading.matrix_files import keys_of
@@ -80,19 +78,24 @@ def _controlled(definitions: Schema) -> Schema:
 
 
 def _drawn(definitions: Schema) -> Schema:
-    number = _tables(dict.fromkeys(NUMBER_PARTS, TEXT) | {"value": {"type": ["number", "string"]}})
+    number = _tables(
+        dict.fromkeys(TABLES["numbers"], TEXT) | {"value": {"type": ["number", "string"]}}
+    )
     end = {"anyOf": [TERMS, _tables({"signal": TERMS, "unit": TEXT}, required=["signal"])]}
     ports = {}
-    for name, parts in OF_PORTS.items():
+    for name, parts in TABLES["ports"].items():
         shapes_of_parts = {key: _port_part(part) for key, part in parts.items()}
         required = [key for key, part in parts.items() if not part.optional]
         ports[name] = _tables(shapes_of_parts, required=required)
-    ports |= {side: _tables({}, end) for side in NAMED}
+        if "signal" in parts:  # of each of several ports with names
+            ports[name] = _tables({}, end)
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
     shapes = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
         "numbers": _tables({}, _either({"type": "object"}, number, {"type": ["number", "string"]})),
-        "type": _tables({}, _tables({port_key: {"type": "object"} for port_key in OF_CLASS})),
+        "type": _tables(
+            {}, _tables({table: {"type": "object"} for table in TABLES if table != "rates"})
+        ),
         "block": _tables(
             {}, {"type": "object", "required": ["type"], "allOf": [*map(_block, TYPES)]}
         ),
