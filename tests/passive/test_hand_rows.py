@@ -71,7 +71,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()
-    tally = IntervalSummary()
+    tally = IntervalSummary(facts=run.facts)
     tally.add(rows)
     assert ("1 row of the box not certified (settled 0): a hand that the search missed may be unstable", True) in list(
         interval_lines(tally.numbers({"slices": {}}))
