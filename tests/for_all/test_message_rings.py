@@ -20,6 +20,7 @@ from wavesweep.for_all.message_patterns import (
 from wavesweep.for_all.message_rings import ring_of_messages
 from wavesweep.for_all.ring_search import bracket_ring, decide_ring
 from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
 
 
 def ring(tables):
@@ -163,6 +164,26 @@ def test_what_peaks_prove_survives_messages(seed):
     end = max(K for K in np.geomspace(1, 2e4, 25) if peaks.proved(K, K))
     assert 10 < end < 2e4
     assert all(growth(loop, end, random_messages(loop, source)) < 1 for _ in range(12))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("missing", ["held", "zero"])
+def test_the_stiffness_at_rest_over_a_network_is_that_of_messages_in_time_unless_lost_ones_are_zero(missing):
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 50.0, "B": 1.0},
+        "block": {
+            "tool": {"type": "mass", "mass": 0.5, "damping": 8.0},
+            "net": {"type": "channel", "every": 4, "lost": 1, "missing": missing},
+        },
+        "wire": {"net.u": "K*tool.x + B*tool.v", "tool.f": "hand - net.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "tool.x"}, "wall": {"stiffness": "K", "damping": "B"}},
+        "sweep": {"K": {"start": 0, "stop": 5000}},
+    }
+    found = intervals(load(tables)).columns
+    (row,) = np.flatnonzero((found["guarantee"] == "for_all") & found["certified"])
+    assert 0 < found["high"][row] < 5000
+    assert found["felt_high"][row] == pytest.approx(found["high"][row] if missing == "held" else np.nan, nan_ok=True, rel=1e-9)
 
 
 @pytest.mark.slow

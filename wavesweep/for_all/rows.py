@@ -86,8 +86,17 @@ class ForAllGuarantee(Guarantee):
 
     rules: Rules
     dtype = FOR_ALL_RECORD
-    own_felt = False
     status = Status.PROVED
+
+    @property
+    def own_felt(self) -> bool:
+        """Whether the hand feels at rest what it feels of the spec's own loop: messages alone vary, and
+        a channel shows the last one."""
+        numbers = self.rules.for_all
+        if not self.rules.messages or self.rules.at_random or numbers.unknown or numbers.changing:
+            return False
+        channels = self.rules.drawing.channels
+        return all(dict(channel.keys)["missing"] != "zero" for channel in channels)
 
     @property
     def kind(self) -> str:
