@@ -4,7 +4,7 @@ or from a seed on, `... 40 300`."""
 import sys
 
 import numpy as np
-from meaning.sets import KINDS, set_of
+from meaning.sets import ALONE, KINDS, set_of
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.verdict import of_wall
@@ -29,10 +29,10 @@ def answer(spec, kind):
     return verdict(spec, Rules.of(spec).on_average() if kind == "mean_square" else None)["verdict"]
 
 
-def broken(seed):
+def broken(seed, kinds=KINDS):
     """The values at which row and `check` differ, in words, how many were asked, and the share of the widest part that nothing
     refutes that is proved, NaN without a row."""
-    tables = set_of(seed)
+    tables = set_of(seed, kinds)
     along = tables["sweep"]["along"]
     stop = tables["sweep"][along]["stop"]
     try:
@@ -65,10 +65,11 @@ def broken(seed):
 def main():
     """Print the faults of so many sets, and how much of what nothing refutes is proved; 1 if there are faults."""
     first, count = map(int, ("0", *sys.argv[1:])[-2:])
-    found = {seed: broken(seed) for seed in range(first, first + count)}
+    kinds = KINDS + ALONE
+    found = {seed: broken(seed, kinds) for seed in range(first, first + count)}
     for seed, (faults, *_) in found.items():
         for fault in faults:
-            print(f"{seed} ({KINDS[seed % len(KINDS)].__name__}): {fault}")
+            print(f"{seed} ({kinds[seed % len(kinds)].__name__}): {fault}")
     wrong = sum(bool(faults) for faults, *_ in found.values())
     print(f"{count} sets, {sum(asked for _, asked, _ in found.values())} values: {wrong} sets with faults")
     shares = np.array([share for *_, share in found.values()])

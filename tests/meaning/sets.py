@@ -3,10 +3,11 @@
 from meaning.specs import METHODS, Draw
 
 
-def set_of(number: int) -> dict:
-    """The tables of a spec; kinds of sets in turn."""
+def set_of(number: int, kinds: tuple | None = None) -> dict:
+    """The tables of a spec; kinds of sets in turn, KINDS by default."""
     draw = Draw([11, number])
-    kind = KINDS[number % len(KINDS)]
+    kinds = kinds or KINDS
+    kind = kinds[number % len(kinds)]
     tables = kind(draw)
     if kind in (numbers_of_controller, numbers_of_drawing) and draw.chance(0.15):
         name = draw.of(list(tables["for_all"]))
@@ -215,6 +216,52 @@ def random_messages(draw: Draw) -> dict:
     return tables
 
 
+def two_channels_at_random(draw: Draw) -> dict:
+    """The same with the position over another channel, and its difference."""
+    tables = random_messages(draw)
+    every = tables["block"]["ca"]["every"]
+    back = {"type": "channel", "every": every, "loss": draw.of((0.02, 0.1))}
+    if draw.chance(0.5):
+        back |= {"burst": 0.1, "burst_end": 0.5, "burst_loss": 0.8}
+    tables["block"] |= {"sc": back, "dv": {"type": "difference", "every": draw.of((1, every))}}
+    port = "z.u" if tables["wire"]["ca.u"] == "z.y" else "ca.u"
+    law = tables["wire"][port].replace("x.x", "(sc.y + 0.2*dv.y)").replace("x.v", "dv.y")
+    tables["wire"] |= {port: law, "sc.u": "x.x", "dv.u": "sc.y"}
+    return tables
+
+
+def two_axes(draw: Draw) -> dict:
+    """Deadbeat currents in the axes of a motor that turns at an unknown speed."""
+    return {
+        "rates": {"tick_hz": 10_000},
+        "numbers": {"s": 8.5e-4, "L": 8.5e-4, "R": draw.size(0.1, 1.0), "w": 0.0, "T": 1e-4},
+        "block": {
+            "m": {
+                "type": "ss",
+                "A": [["-R/L", "w"], ["-w", "-R/L"]],
+                "B": [["1/L", 0], [0, "1/L"]],
+                "C": [[1, 0], [0, 1]],
+                "inputs": ["ud", "uq"],
+                "outputs": ["id", "iq"],
+            },
+            "d": {"type": "delay", "steps": draw.whole(1, 2)},
+            "q": {"type": "delay", "steps": 1},
+        },
+        "signals": {
+            "pd": "m.id + T/s*(d.y - R*m.id + w*s*m.iq)",
+            "pq": "m.iq + T/s*(q.y - R*m.iq - w*s*m.id)",
+        },
+        "wire": {
+            "d.u": "-s/T*pd + R*pd - w*s*pq",
+            "q.u": "-s/T*pq + R*pq + w*s*pd",
+            "m.ud": "d.y",
+            "m.uq": "q.y",
+        },
+        "sweep": {"along": "s", "s": {"start": 1e-5, "stop": 4e-3}},
+        "for_all": {"w": {"start": draw.of((-500, 0)), "stop": draw.size(100.0, 3000.0)}},
+    }
+
+
 def random_frames(draw: Draw) -> dict:
     tables = controller(draw, ("dc-slow", "dc-lm"), draw.whole(2, 5))
     ratio = tables["rates"]["ratio"]
@@ -311,3 +358,4 @@ KINDS = (
     numbers_of_controller, frames, messages, numbers_of_drawing, delays, messages, random_messages, drawn_frames,
     messages_and_numbers, random_frames, frames_and_numbers, late_ticks_or_contact,
 )  # fmt: skip
+ALONE = (two_channels_at_random, two_axes)  # of which rows and `check` are held against each other alone
