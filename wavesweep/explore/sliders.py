@@ -63,8 +63,11 @@ def sliders_of(spec: Spec) -> list[Slider]:
     return [_slider(spec, spec.names.keys[path]) for path in _paths(spec)]
 
 
-def _keys_read(spec):
-    """The keys that the loop reads, also where a gain is raised from zero."""
+def _paths(spec):
+    # Of a filter that is given by the edges of its bands these, and not its order and cutoff, which
+    # follow from them.
+    if spec.drawing:
+        return [path for path in spec.names.numeric if path in spec.values]
     # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.
     raised = dict(spec.values)
     for path, value in spec.values.items():
@@ -76,15 +79,6 @@ def _keys_read(spec):
     if _keeps_slow_rate(spec):
         read -= {"rates.ratio"}
         read |= {"rates.slow_hz"}
-    return read
-
-
-def _paths(spec):
-    # Of a filter that is given by the edges of its bands these, and not its order and cutoff, which
-    # follow from them.
-    if spec.drawing:
-        return [path for path in spec.names.numeric if path in spec.values]
-    read = _keys_read(spec)
     paths = []
     for path in spec.names.numeric:
         stem, _, last = path.rpartition(".")

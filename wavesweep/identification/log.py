@@ -2,7 +2,7 @@
 is refused with one message."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -91,21 +91,6 @@ def _refuse_unknown(
                 raise UsageError(f"{flag} {name}: expected one of {', '.join(names)}, found {name}")
 
 
-def _places_in(
-    file_names: Sequence[str], columns: Mapping[str, str], names: Iterable[str]
-) -> dict[str, tuple[str, str]]:
-    """Return the column of the file that has each name, or one of its other names, and the text of
-    its unit, empty without one."""
-    found = {}
-    for name in names:
-        if name not in columns:
-            place = column_named(file_names, dict.fromkeys((name, *NAMES[name])), UNITS[name][0])
-            found |= {name: place} if place else {}
-        elif columns[name] in file_names:
-            found[name] = (columns[name], unit_in(columns[name], *UNITS[name]))
-    return found
-
-
 def columns_of(axes: Sequence[str], columns: Mapping[str, str]) -> list[dict[str, str]]:
     """The columns of each axis, as of `read_log`: x and fx of an axis x, or those that are given,
     one for each axis with commas between them, as position=q1,q2, or one for all."""
@@ -173,7 +158,14 @@ def read_log(
     turning = {**PUSHES, **MOTIONS}
     column_names = dict.fromkeys(["time", *turning, *turning.values()])
     _refuse_unknown(columns, scales, column_names)
-    places = _places_in(file.names, columns, column_names)
+    # the column of the file that has each name, or one of its other names, and the text of its unit
+    places = {}
+    for name in column_names:
+        if name not in columns:
+            place = column_named(file.names, dict.fromkeys((name, *NAMES[name])), UNITS[name][0])
+            places |= {name: place} if place else {}
+        elif columns[name] in file.names:
+            places[name] = (columns[name], unit_in(columns[name], *UNITS[name]))
     # whether the log is one of a device that turns
     straight = {"force", *MOTIONS}
     turned = {"torque", *MOTIONS.values()}

@@ -68,29 +68,26 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
             elasticity = "elasticity: per cent of the limit per per cent of the number"
         else:
             elasticity = ""
-        note_below(canvas, *_notes(panels, facts), assumption(facts), axis=elasticity)
-    return canvas
-
-
-def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any]) -> list[str]:
-    """Notes on the ends that have no bars, on how many are not drawn, and on a table without
-    ends."""
-    notes = [
-        *dict.fromkeys(
-            f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars
+        # ends that have no bars, how many are not drawn, and a table without ends
+        notes = [
+            *dict.fromkeys(
+                f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars
+            )
+        ][:MOST_FIGURE_PANELS]
+        for rows, *_ in panels:
+            if (np.abs(rows["elasticity_down"] - rows["elasticity"]) > NO_ELASTICITY).any():
+                notes.append("Strokes: if the number falls, where that differs.")
+                break
+        drawn = sum(bool(bars) for _, bars, _ in panels)
+        notes += (
+            [f"Shown: {MOST_FIGURE_PANELS} of {drawn} ends."] if drawn > MOST_FIGURE_PANELS else []
         )
-    ][:MOST_FIGURE_PANELS]
-    for rows, *_ in panels:
-        if (np.abs(rows["elasticity_down"] - rows["elasticity"]) > NO_ELASTICITY).any():
-            notes.append("Strokes: if the number falls, where that differs.")
-            break
-    drawn = sum(bool(bars) for _, bars, _ in panels)
-    notes += [f"Shown: {MOST_FIGURE_PANELS} of {drawn} ends."] if drawn > MOST_FIGURE_PANELS else []
-    if not panels:
-        doubts = ", ".join(facts.get("doubts") or ())
-        unknown = f"No end of an interval is known in the range ({doubts})."
-        notes += [unknown if doubts else "Stability sets no end of an interval in the range."]
-    return notes
+        if not panels:
+            doubts = ", ".join(facts.get("doubts") or ())
+            unknown = f"No end of an interval is known in the range ({doubts})."
+            notes += [unknown if doubts else "Stability sets no end of an interval in the range."]
+        note_below(canvas, *notes, assumption(facts), axis=elasticity)
+    return canvas
 
 
 def _with_bars(rows: Columns) -> tuple[list[str], str]:

@@ -113,7 +113,20 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     ports, sensed = _ports_of(plants)
     pushed = [port for port in ports if _is_pushed(loop, port, outside)]
     unforced = set(ports).difference(pushed)
-    cut = _cut_at_plants(loop, unforced)
+    # the wires that a controller computes: those of ports, without the ports of plants that it does
+    # not push
+    wires = {}
+    away = {}
+    for port, terms in loop.wires.items():
+        if port in loop.ports and port not in unforced:
+            wires[port] = terms
+    for port, terms in loop.away.items():
+        if port not in unforced:
+            away[port] = terms
+    cut = replace(loop, wires=wires, away=away)
+    if cut.wall_rhythm != loop.wall_rhythm:
+        # the force against the hand reads the wall's in every tick
+        cut = replace(loop, wires={**wires, REACTION: loop.wires[REACTION]})
     delayed = [signal for result in late_results for signal in result.signals]
     ticks = TickSums(cut, [block.name for block in plants], delayed)
     programs, table = _programs(ticks, late_results, one_sided and loop.gated)
@@ -182,24 +195,6 @@ def _responds_at_once(block: RunningBlock, read: Collection[str]) -> bool:
 def _is_pushed(loop: MarchedLoop, port: str, outside: Collection[str]) -> bool:
     """Whether anything but signals from outside enters a port."""
     return any(gain and name not in outside for gain, name in loop.wires.get(port, ()))
-
-
-def _cut_at_plants(loop: MarchedLoop, unforced: Collection[str]) -> MarchedLoop:
-    """The wires that a controller computes: those of ports, without the ports of plants that it
-    does not push."""
-    wires = {}
-    away = {}
-    for port, terms in loop.wires.items():
-        if port in loop.ports and port not in unforced:
-            wires[port] = terms
-    for port, terms in loop.away.items():
-        if port not in unforced:
-            away[port] = terms
-    cut = replace(loop, wires=wires, away=away)
-    if cut.wall_rhythm != loop.wall_rhythm:
-        # the force against the hand reads the wall's in every tick
-        cut = replace(loop, wires={**wires, REACTION: loop.wires[REACTION]})
-    return cut
 
 
 def _programs(
