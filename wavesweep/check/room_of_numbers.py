@@ -18,7 +18,6 @@ from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
 
 HALVINGS_TO_END = 30  # towards the end of what a spec takes
-FEW = 8  # towards the end of where it has loops, as an angle has up to a pole
 # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3
 # s
 PIECES_OF_RANGE = 50_000
@@ -106,7 +105,8 @@ def _narrower(spec, name, path, value, span):
     def takes(end: float) -> object:
         return spec.with_values({path: end})
 
-    for attempt, times in ((takes, HALVINGS_TO_END), (makes_loops, FEW)):
+    # Few steps towards the end of where it has loops, as an angle has up to a pole.
+    for attempt, times in ((takes, HALVINGS_TO_END), (makes_loops, 8)):
         less = tuple(_reached(attempt, value, end, times) for end in span)
         if less != span and less[0] < less[1]:
             if attempt is takes:

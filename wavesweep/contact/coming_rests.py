@@ -17,7 +17,6 @@ import numpy as np
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import Bounded, sum_rounding
 
-MOST_REST_WORDS = 512  # of frames to come, that rests are told apart by
 SPREAD_SHARE = 1e-4  # of the rest's size, below which a direction is an error
 
 
@@ -58,7 +57,8 @@ def edges_of(frames: Any, ahead: int, spread: int) -> list[Edge] | None:
     if every is None:
         return None
     kinds = range(len(frames.follows))
-    while every.first.size * len(kinds) <= MOST_REST_WORDS:
+    # Rests are told apart by so many words of frames to come.
+    while every.first.size * len(kinds) <= 512:
         every = _Rests.joined([every.before(frames, i, backward, step) for i in kinds])
     edges = []
     for word in _words(frames.follows, ahead + 1):

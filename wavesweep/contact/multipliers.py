@@ -11,7 +11,6 @@ from wavesweep.contact.wall_loop import WallLoop, WallsAlong, shifted
 
 LAGS = 12  # frames before and after; 40 find no more
 LEAST_SHARE = 1e-7  # share of |1 + L| by which the condition has to hold at every angle
-SUM = 1 - 1e-6  # of the weights
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,10 +62,11 @@ class Sampled:
         above = np.concatenate([rows, np.ones((len(rows), 1))], axis=1)
         of_sum = np.append(np.ones(2 * lags), 0.0)
         cost = np.append(np.zeros(2 * lags), -1.0)
+        # The weights add up to less than 1.
         found = linprog(
             cost,
             A_ub=np.concatenate([above, of_sum[None]]),
-            b_ub=np.append(limits, SUM),
+            b_ub=np.append(limits, 1 - 1e-6),
             bounds=[*[(0, None)] * (2 * lags), (None, 1)],
             method="highs",
         )

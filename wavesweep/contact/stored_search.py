@@ -10,8 +10,6 @@ import numpy as np
 from wavesweep.contact.stored_check import Conditions, Stored, coefficient_parts
 from wavesweep.engine.switched import Inequality, minimised, symmetric_basis
 
-SMALL = 1e-9  # of the traces of all P_i beside t: keeps those bounded that F does not bound
-
 
 def find_stored(
     conditions: Conditions,
@@ -65,7 +63,8 @@ def find_stored(
     of_forms = np.broadcast_to(basis, (nodes, m, n, n))
     inequalities.append(Inequality(np.zeros((nodes, n, n)), of_forms, each_node))
     cost = np.zeros(t + 1)
-    cost[:g] = SMALL * np.tile(np.trace(basis, axis1=1, axis2=2), nodes)
+    # A small share of the traces of all P_i beside t keeps those bounded that F does not bound.
+    cost[:g] = 1e-9 * np.tile(np.trace(basis, axis1=1, axis2=2), nodes)
     cost[t] = -1.0
     G = np.zeros((3, t + 1))
     G[0, g] = -1.0

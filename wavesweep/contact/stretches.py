@@ -11,8 +11,6 @@ from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.multipliers import LEAST_SHARE, Sampled
 from wavesweep.contact.wall_loop import WallsAlong
 
-# Shares of a linear interval, where a first value is looked for.
-SEEDS = (0.3, 0.1, 0.01, 0.001, 0.6, 0.9)
 TRIED_NEAR_END = 2e-4  # of a linear interval, how near to its ends a proof is tried
 RESOLVED = 2e-4  # of the end that is found, how far the next failure is known to be
 
@@ -104,7 +102,8 @@ class Line:
 
     def _seed(self, low, high):
         """A value between others at which a multiplier is found with some margin; None without."""
-        for share in SEEDS:
+        # Shares of a linear interval, where a first value is looked for.
+        for share in (0.3, 0.1, 0.01, 0.001, 0.6, 0.9):
             value = low + share * (high - low)
             _, margin = self.sampled.multiplier(self.walls.at(value))
             if margin > LEAST_SHARE:

@@ -34,7 +34,6 @@ from wavesweep.program.sweep.running import in_memory
 COLUMNS = 61  # of a plane, before a figure computes more
 FEWEST_COLUMNS = 9  # of a plane whose columns take long
 LOOKED_AT = 33  # values of y, evenly and towards the low end, by which its range is chosen
-FREQUENCIES = 90  # frequencies of a response
 ROOM_OF_PLANE = 1.25  # times the highest limit, in two digits: up to where a plane goes
 PIXELS = (800, 400)  # of the plane
 
@@ -265,7 +264,8 @@ def frequencies(spec: Spec) -> np.ndarray:
     else:
         rate = spec.values["rates.fast_hz"]
     wanted = [f for f in spec.frequency_hz if 0 < f <= rate / 2] or [rate / 1e4, rate / 2]
-    return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), FREQUENCIES), None, rate / 2))
+    # 90 frequencies of a response.
+    return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), 90), None, rate / 2))
 
 
 def first_plane(spec: Spec, sliders) -> Plane | None:

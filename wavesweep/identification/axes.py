@@ -23,7 +23,6 @@ from wavesweep.identification.prediction.innovations import errors_of, projected
 from wavesweep.identification.prediction.intervals import Prediction
 from wavesweep.identification.prediction.smoother import smoothed_states
 
-ROUNDS = 4  # of all axes: alone, beside the motion of the others as it was found, and twice again
 # condition of the correlations of forces, beyond which some are sums of the others but for rounding
 MOST_ALIKE = 1e8
 ALIKE = "expected forces of the axes that differ, found some that are sums of others; push each axis with a signal of its own"
@@ -47,7 +46,8 @@ def identified_axes(
     ]
     coupled: list[list[np.ndarray]] = [[] for _ in logs]
     rounds = []
-    for _ in range(ROUNDS):
+    # All axes: alone, beside the motion of the others as it was found, and twice again.
+    for _ in range(4):
         found = [
             predicted(model, force, *of_log, resisting)
             for force, of_log, resisting in zip(forces, asked, coupled, strict=True)

@@ -30,11 +30,9 @@ from wavesweep.identification.prediction.search import FIT_LOGGER
 from wavesweep.identification.prediction.smoother import LIKELIER
 
 ENCODER_OFFSETS = 12  # offsets of the encoder's steps over which rounding errors are averaged
-RINGING = 0.03  # its damping ratio
-SWINGING = 0.25  # share of the mass that takes part in it
+SWINGING = 0.25  # share of the mass that takes part in a resonance
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
-LAGS = (1.0, 4.0, 16.0)  # time constants in ticks
 LACKING = "fitted; whether the log has %s as well, %d of %d"
 
 
@@ -147,7 +145,8 @@ def _lagging(force):
     from scipy.signal import lfilter
 
     lagging = []
-    for time_constant in LAGS:
+    # Time constants in ticks.
+    for time_constant in (1.0, 4.0, 16.0):
         kept = np.exp(-1 / time_constant)
         lagging.append(lfilter([1 - kept], [1, -kept], force))
     return lagging
@@ -463,11 +462,12 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     for tone in np.geomspace(lowest, highest, 48):  # frequencies of a resonance that are tried
         # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 -
         # q)/m/(s^2 + 2 z w s + w^2).
+        # A damping ratio of 0.03.
         mode = (
             SWINGING
             / (1 - SWINGING)
             / numbers["mass"]
-            * resonance(pushing, tone, RINGING, period, 0.0, "position")
+            * resonance(pushing, tone, 0.03, period, 0.0, "position")
         )
         yield float(tone), _as_read(fit.model, np.stack([mode, np.gradient(mode)], axis=1), period)
 

@@ -24,7 +24,6 @@ FARTHEST_LIMIT = 10.0
 EXPLAINED_RMS = 0.1
 REPEATED = 5  # repetitions, below which scatter is hardly known, and an F test lets everything pass
 F_LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
-WORST = 3  # walls on the wrong side that are named one by one
 
 Points = tuple[MeasuredWalls | None, FrequencyResponse | None]
 
@@ -214,7 +213,8 @@ def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
     order = sorted(
         wrong["promised"] + wrong["denied"], key=lambda each: -_far(each["ratio"] or 0.0)
     )
-    return numbers | {"wrong": len(order), "worst": order[:WORST]}
+    # The worst three are named one by one.
+    return numbers | {"wrong": len(order), "worst": order[:3]}
 
 
 def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str, Any]:

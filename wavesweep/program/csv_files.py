@@ -23,7 +23,6 @@ MOST_COLUMNS = 10_000  # of a log, an export of everything has some hundreds
 LETTERS_SHOWN = 60  # letters of a file that a message repeats
 MOST_ABOVE = 400  # lines above a header: what a program writes of itself
 ROWS_BELOW = 10  # rows of numbers by which a header is known
-LARGE = 1e6  # s; times beyond it are stamps of a clock, whose last digits tell the row
 ANDROID = "---PROFILEDATA---"  # above and below the rows of framestats, of each window
 MARKS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 COMMENT = re.compile(r"^\s*#+(?=\s*\w)")  # before the first name, as numpy writes it
@@ -394,7 +393,8 @@ def of_time(name: str, period: float) -> str:
 
 def seconds(time: float) -> str:
     """A time (s) with the digits that tell its row, also if it is a stamp of a clock."""
-    if abs(time) < LARGE:
+    # s: times beyond it are stamps of a clock, whose last digits tell the row.
+    if abs(time) < 1e6:
         return f"{time:.9g}"
     return f"{time:.6f}"
 

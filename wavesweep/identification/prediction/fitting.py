@@ -46,7 +46,6 @@ from wavesweep.identification.prediction.smoother import (
     with_falling_friction,
 )
 
-PART = 6000  # rows with the largest forces, from which a long log's numbers are found first
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
 # variances, white and of the walk, of the filters through which they are looked for
 FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))
@@ -82,7 +81,8 @@ def predicted(
     beside = tuple(-each / whole.pushed for each in coupled)
     whole = replace(whole, beside=beside, coupled=len(beside))
     log = whole
-    rows = 3000 if model.load else PART  # half as many of two masses
+    # Rows with the largest forces, from which a long log's numbers are found first.
+    rows = 3000 if model.load else 6000  # half as many of two masses
     if len(force) > rows:
         sizes = whole.force[: len(force) // rows * rows].reshape(-1, rows).std(axis=1)
         first = rows * int(np.argmax(sizes))

@@ -22,7 +22,6 @@ HIGHEST_DECADE = 8.0  # decade of a variance
 SPARE_ROWS = 4  # rows that are left out beyond the delay
 # speeds at which friction turns round, over the slowest
 SHARPEST, TURNING_TRIED = 1e-4, (1e-3, 0.01, 0.1, 0.3, 1.0, 3.0)
-LARGEST = 1e150  # innovations that are squared
 NO_MASS = (
     "the force does not show in the position: no mass, however large or small, fits better than none; record a pulse, a chirp "
     "or noise that moves the device by many steps of its encoder"
@@ -207,7 +206,8 @@ def least_of(log, search, point, skip, most):
             except np.linalg.LinAlgError:
                 return np.full(len(log.reading) - skip, 1e6)
             # Squares of larger ones are no doubles.
-            if not max(np.abs(errors).max(), np.abs(effects).max()) < LARGEST:
+            # Innovations that are squared.
+            if not max(np.abs(errors).max(), np.abs(effects).max()) < 1e150:
                 return np.full(len(log.reading) - skip, 1e6)
             gains, rest = projected(errors, effects)
             if not gains[0] > 0:  # no mass is negative

@@ -14,7 +14,6 @@ from wavesweep.program.spec import Spec
 
 # a grid, and points of a finer one between two of it
 LOWEST_HZ, HIGHEST_HZ, POINTS, FINE = 1e-4, 100.0, 481, 81
-TENTH = 0.1  # of the stiffness at rest, what another may differ by and count as the same
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
 ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 # states; of more, hundreds of frequencies take minutes, and `bode` has those that are asked for
@@ -60,7 +59,8 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     added = cache(
         lambda *ends: _added(loop, free, frequencies if not ends else np.geomspace(*ends, FINE))
     )
-    changed = _runs(frequencies, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
+    # What another may differ by and count as the same, of the stiffness at rest.
+    changed = _runs(frequencies, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= 0.1))
     felt["holds_to_hz"] = next((before for before, *_ in changed), None)
     bands = [
         band for _, *band in _runs(frequencies, lambda *ends: np.greater(*added(*ends)[1::-1]))

@@ -35,7 +35,6 @@ USUAL = {
     "B_LM": 10.0,
 }  # followed up to FARTHEST_FACTOR times that, from 0
 SAME_MODE = 1e-9  # distance of two eigenvalues, up to which they are of one mode
-AT_AN_END = 1e-9  # relative: ends of intervals are rounded, and a value as near as this may be one
 
 
 def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
@@ -57,7 +56,8 @@ def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
 def is_an_end(value: float, intervals: Sequence[Sequence[float]]) -> bool:
     """Whether a value is an end of one of some intervals, but for rounding."""
     ends = np.ravel(intervals)
-    return bool(np.isclose(ends, value, rtol=AT_AN_END, atol=0).any())
+    # Relative: ends of intervals are rounded, and a value as near as this may be one.
+    return bool(np.isclose(ends, value, rtol=1e-9, atol=0).any())
 
 
 @np.errstate(all="ignore")  # of numbers that overflow

@@ -27,7 +27,6 @@ from wavesweep.program.tables.fields import Field, FieldKind
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its
 # rows came in.
 GROUP_ROWS = 131072
-SAMPLE = 256  # numbers that are looked at, whether they repeat
 WHOLE = 1e10  # from which on Arrow writes an exponent
 CSV_BLOCK = 1 << 24  # bytes that are read at once
 
@@ -136,7 +135,8 @@ def _cells(column: np.ndarray) -> Any:
     if column.dtype != np.float64:
         return _array(column.astype(np.int64)).cast("string")
     array = _array(column)
-    sample = column[:: 1 + len(column) // SAMPLE]
+    # Some 256 numbers are looked at, whether they repeat.
+    sample = column[:: 1 + len(column) // 256]
     if different(sample).size > len(sample) // 2:
         return _decimals(array)
     bits = pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers())  # 0 is not -0

@@ -6,7 +6,6 @@ from textwrap import shorten
 from typing import NamedTuple
 
 LONGEST_REFUTER_TEXT = 60  # letters of a pattern in a sentence; the table has all of it
-COUNTED = 3  # equal frames in a row that a pattern counts; two are written
 _FRAME = r"\d+(?: \([^)]*\))?"  # ticks of a frame, and what else is said of it
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
 
@@ -80,7 +79,8 @@ def repeated(pattern: list[str]) -> str:
     parts: list[str] = []
     for each, run in groupby(pattern):
         count = len(list(run))
-        if count < COUNTED:
+        # Three equal frames in a row are counted; two are written.
+        if count < 3:
             parts += [each] * count
         else:
             parts.append(f"({each} x {count})" if parts else f"{each} x {count}")

@@ -39,11 +39,8 @@ from wavesweep.simulation.tick_sums import Program, TickSums
 UNIT = 2.0**-24  # relative, what rounding to a float moves a number by at most
 LEAST, MOST = 2.0**-126, 2.0**127  # sizes of floats of all digits, of the largest one half
 MOST_WORK = 2e9  # multiplications for the map of a frame
-MOST_TICKS = 100_000  # looked at one by one, 2 s
 SLOW = "export: the loop settles too slowly, or has too many ticks and states, for bounds on floats"
-MOST_DOUBLINGS = 40  # of frames until half is left: that of a pole at 1 - 1e-12
 UNSEEN = 1e-9  # of the circle: a mode closer to it drifts; of the largest row: none of it is seen
-LEFT = 1e-3  # of the sum over all ticks, how small the bound of the rest is where it ends
 
 
 class FloatRounding(NamedTuple):
@@ -279,7 +276,8 @@ def _at_frames(
     for tick, error in zip(reversed(in_turn), reversed(errors), strict=True):
         moved += np.abs(power @ tick.E) @ error
         power = power @ tick.A
-    for _ in range(MOST_DOUBLINGS):
+    # Doublings of frames until half is left: those of a pole at 1 - 1e-12.
+    for _ in range(40):
         further = np.abs(power) @ moved
         if (further <= moved / 2).all():
             return 2 * moved
@@ -304,7 +302,9 @@ def _moved(in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], at: np.nda
                 rows[k] = rows[k] @ tick.A
         ticks += frame * frame
         rest = np.einsum("kij,kj->ki", np.abs(rows), at)
-        if ticks >= MOST_TICKS or (rest <= LEFT * moved).all():
+        # Ticks that are looked at one by one, 2 s; and how small the bound of the rest is, of the sum
+        # over all ticks, where it ends.
+        if ticks >= 100_000 or (rest <= 1e-3 * moved).all():
             return (moved + rest).max(0)
 
 
