@@ -293,6 +293,13 @@ class LiftedLoop:
         condition = np.broadcast_to(condition, k.shape)
         return Frames(self.drift.removed_from(E), pivot[:, None], condition)
 
+    def growth(self, k) -> np.ndarray:
+        """By how much the spectral radius of these frames is beyond 1."""
+        with np.errstate(all="ignore"):
+            E = self.frames(k).E
+        E = np.where(np.isfinite(E).all((-2, -1), keepdims=True), E, LARGEST_GAIN_FACTOR)
+        return np.abs(1 + np.linalg.eigvals(E)).max(-1) - 1
+
     def errors(self, k) -> tuple[np.ndarray, np.ndarray]:
         """Return the same frames, and bounds on the errors of their entries."""
         return self.drift.frames_with_errors(
@@ -391,24 +398,23 @@ def seen_margins(loop: LiftedLoop, wanted: Collection[str]) -> tuple[list[Margin
     others = set(wanted) - SEEN.keys()
     found, doubt = margins_of(loop, others) if others else ([], int(Doubt.NONE))
 
-    def growth(share, limit):
-        with np.errstate(all="ignore"):
-            E = loop.frames(limit ** np.atleast_1d(share)).E
-        E = np.where(np.isfinite(E).all((-2, -1), keepdims=True), E, LARGEST_GAIN_FACTOR)
-        return np.squeeze(np.abs(1 + np.linalg.eigvals(E)).max(-1) - 1)
-
-    if growth(0.0, 1.0) >= 0:
+    if loop.growth(np.ones(1)) >= 0:
         return [], doubt
     for name in SEEN.keys() & wanted:
         least = 1.0
         for limit in SEEN[name]:
-            first = int((growth(SEEN_AT, limit) >= 0).argmax())
+            first = int((loop.growth(limit**SEEN_AT) >= 0).argmax())
             if first and SEEN_AT[first - 1] < least:
-                of_share = partial(growth, limit=limit)
-                least = min(least, brentq(of_share, *SEEN_AT[first - 1 : first + 1], xtol=SEEN_TO))
+                between = SEEN_AT[first - 1 : first + 1]
+                of_share = partial(_growth_along, loop, limit)
+                least = min(least, brentq(of_share, *between, xtol=SEEN_TO))
         value = 180 * least if name == "phase" else LARGEST_GAIN_FACTOR**least
         found.append(Margin(name, value, np.nan, np.nan, doubt))
     return found, doubt
+
+
+def _growth_along(loop, limit, share):
+    return loop.growth(np.array([limit**share])).item()
 
 
 def _gains(loop, *, nearer) -> tuple[list[Margin], int]:
