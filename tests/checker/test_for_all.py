@@ -166,3 +166,14 @@ def test_frames_of_a_word_act_in_their_order():
     first, second, third = spectra(family, LETTERS)
     assert whole == pytest.approx(third @ second @ first, rel=1e-9, abs=1e-12)
     assert whole != pytest.approx(first @ second @ third, rel=1e-3, abs=1e-6)
+
+
+def test_a_tick_that_varies_with_a_number_of_frames_has_no_proof(tmp_path):
+    letters = [f"n={n}" for n in (1, 2, 3)]
+    states, graph = graph_of(DRAWN, "k", "3", letters)
+    claim = {"claim": "for all", "numbers": {"k": "3"}, "states": states}
+    assert checked(tmp_path, DRAWN, [claim, graph])[0] == 0
+    for tick in ('"10*n"', '"rate"'):
+        spec = DRAWN.replace("tick_hz = 10", f"tick_hz = {tick}").replace("n = 2 }", 'n = 2, rate = "20*n" }')
+        code, words = checked(tmp_path, spec, [claim, graph])
+        assert (code, "the tick lasts as long as n says" in words) == (2, True), words

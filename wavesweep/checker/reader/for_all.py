@@ -414,6 +414,8 @@ def _drawing(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
         raise Unreadable("in a drawn loop one number varies, and messages of channels are lost")
     loop = loop_with(values)
     (name,) = found.varying
+    if name in _names(loop, loop.key("rates.tick_hz")):
+        raise Unreadable(f"the tick lasts as long as {name} says, which varies from frame to frame")
     slow = [block for block, keys in loop.blocks.items() if name in _names(loop, keys.get("every"))]
     others = [
         block
