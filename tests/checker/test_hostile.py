@@ -8,6 +8,8 @@ import pytest
 from checker.test_hand_made import ABOVE, BELOW, HALVES, OUTSIDE, SPEC, STATES, UNIT
 from support.proofs import checked
 
+from wavesweep.checker import file
+
 SECONDS = 5  # of one processor, of which a spec of these takes a tenth
 VALUES = [
     None, [], {}, "x", "", -1, 0, 1, 3, 10**8, True, ["1"], [["1"]], {"a": "1"}, "1e400", "1/0", "1/3", "+" * 1000, [[]],
@@ -112,3 +114,13 @@ def test_a_name_cannot_make_a_line_of_its_own(tmp_path):
     code, words = checked(tmp_path, spec, [BELOW | {"numbers": {name: "1"}}, *HALVES])
     assert code == 0
     assert [line.split(":")[0] for line in words.splitlines()] == ["proved", "1 of 1 claims proved"]
+
+
+def test_a_file_that_is_large_once_it_is_unpacked_is_refused(tmp_path, monkeypatch):
+    """Equal lines of 100 bytes take a few bytes each while they are packed."""
+    assert file.LONGEST_FILE <= 1 << 30
+    monkeypatch.setattr(file, "LONGEST_FILE", 10_000)
+    lines = [BELOW, *HALVES]
+    assert checked(tmp_path, SPEC, lines)[0] == 0
+    code, words = checked(tmp_path, SPEC, 100 * lines)
+    assert (code, words.splitlines()[-1]) == (2, "not checked: a file of more than 10000 bytes")

@@ -55,6 +55,7 @@ from wavesweep.checker.reader.loops import Unreadable
 FORMAT = "wavesweep proof 1"
 LONGEST_SPEC = 1 << 20  # bytes
 LONGEST_LINE = 1 << 22
+LONGEST_FILE = 1 << 30  # once it is unpacked
 CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
 NODES = 256
@@ -262,6 +263,8 @@ def _lines(file: IO[bytes]) -> Iterator[dict]:
             while line := unpacked.readline(LONGEST_LINE + 1):
                 if len(line) > LONGEST_LINE:
                     raise Unreadable(f"a line of more than {LONGEST_LINE} bytes")
+                if unpacked.tell() > LONGEST_FILE:
+                    raise Unreadable(f"a file of more than {LONGEST_FILE} bytes")
                 found = json.loads(
                     line, object_pairs_hook=_once, parse_float=_no_number, parse_constant=_no_number
                 )
