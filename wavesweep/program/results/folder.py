@@ -121,6 +121,8 @@ def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     if isinstance(along, Mapping):  # of `why`, which an option may name
         yield "along", along.get("name")
     for name, tables in (facts.get("specs") or {"": facts.get("spec", {})}).items():
+        if not isinstance(tables, Mapping):  # a package that somebody has changed
+            continue
         for path, value in _flat(tables):
             yield f"{name}: {short.get(path, path)}" if name else short.get(path, path), value
 
@@ -130,7 +132,7 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{name}.")
         else:
-            yield f"{above}{name}", value
+            yield f"{above}{name}", list(value) if isinstance(value, tuple) else value
 
 
 def _shown(values: Mapping[str, Any], key: str) -> str:
