@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 from wavesweep.engine._drawing import scalar_place
 from wavesweep.engine._drawing.block_types import TICK_HZ
@@ -29,6 +29,10 @@ ENVIRONMENT = ("environment.force", "environment.displacement")
 
 # begin the names of inputs and outputs that are further axes of the hand
 FURTHER = ("hand.force.", "hand.displacement.")
+
+
+_Pairs = tuple[tuple[str, str], ...]
+_Other = TypeVar("_Other")
 
 
 def path_of_port(side: str, name: str) -> str:
@@ -162,12 +166,10 @@ class Drawing:
         made = [self._plant(names, arriving, sensed) for names in plants]
         return tuple(sorted(made, key=lambda plant: self.blocks.index(plant.members[0])))
 
-    def _plant(self, names: set[str], arriving: tuple, sensed: tuple) -> Plant:
+    def _plant(self, names: set[str], arriving: _Pairs, sensed: _Pairs) -> Plant:
         """The plant of the blocks with these names; arriving, sensed: see `_between_ticks`."""
 
-        def own(
-            pairs: tuple[tuple[str, tuple[Any, ...]], ...],
-        ) -> tuple[tuple[str, tuple[Any, ...]], ...]:
+        def own(pairs: tuple[tuple[str, _Other], ...]) -> tuple[tuple[str, _Other], ...]:
             return tuple(pair for pair in pairs if _block_of(pair[0]) in names)
 
         members = tuple(block for block in self.blocks if block.name in names)
@@ -337,7 +339,7 @@ def _paths_in(trees: Iterable[Tree]) -> frozenset[str]:
     return frozenset(map(path_of, _names_in(trees)))
 
 
-def _between_ticks(drawing: Drawing) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+def _between_ticks(drawing: Drawing) -> tuple[_Pairs, _Pairs]:
     """Ports of plants with the dead times that arrive there, and outputs of plants with the dead
     times that read them."""
     plants = {block.name for block in drawing.blocks if block.plant}
@@ -369,7 +371,7 @@ def name_of(path: str) -> str:
     return path.removeprefix(OF_NUMBERS)
 
 
-def scalars(values: Mapping[str, object]) -> dict[str, object]:
+def scalars(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a drawn spec by the names that trees have for them."""
     return {
         path.removeprefix(OF_NUMBERS): value  # as `name_of`, which is called too often here

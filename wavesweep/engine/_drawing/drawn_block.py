@@ -47,7 +47,7 @@ class DrawnBlock:
 
     name: str
     type: str
-    keys: tuple[tuple[str, object], ...]
+    keys: tuple[tuple[str, Any], ...]
     every: Tree
     phase: Tree
     phases: tuple[int, ...] = ()
@@ -127,7 +127,7 @@ class DrawnBlock:
             yield from ((name, tree) for tree in _trees(TYPES[self.type].keys[name].type, value))
 
 
-def _trees(kind: str, value: object) -> Iterator[Tree]:
+def _trees(kind: str, value: Any) -> Iterator[Tree]:
     if kind in ("number", "integer"):
         yield value
     elif kind == "list":
@@ -210,8 +210,8 @@ def keys_of_block(kind: str) -> dict[str, Key]:
 
 @lru_cache(maxsize=1024)
 def transfer_function(
-    kind: str, keys: tuple[tuple[str, object], ...], period: Tree
-) -> tuple[tuple[str, object], ...]:
+    kind: str, keys: tuple[tuple[str, Any], ...], period: Tree
+) -> tuple[tuple[str, Any], ...]:
     """Return the keys of the block of type `tf` that a block of firmware is; keys: its own;
     period: of the block, s."""
     meanings = _meanings(keys, period)
@@ -222,10 +222,10 @@ def transfer_function(
 @lru_cache(maxsize=1024)
 def stepwise(
     kind: str,
-    keys: tuple[tuple[str, object], ...],
+    keys: tuple[tuple[str, Any], ...],
     ports: tuple[tuple[str, ...], tuple[str, ...]],
     period: Tree,
-) -> tuple[tuple[str, object], ...]:
+) -> tuple[tuple[str, Any], ...]:
     """Return the keys of a block as one of type `ss` whose states mean the same at every period;
     none if its own states do.
 
@@ -252,15 +252,15 @@ def stepwise(
     )
 
 
-def _in_full(texts: tuple[str, ...], meanings: dict[str, Tree]) -> tuple[Tree, ...]:
+def _in_full(texts: Iterable[str], meanings: dict[str, Tree]) -> tuple[Tree, ...]:
     """The trees of formulas with what their names stand for."""
     return tuple(parse(text).with_trees(meanings) for text in texts)
 
 
-def _meanings(keys: tuple[tuple[str, Tree | str], ...], period: Tree) -> dict[str, Tree]:
+def _meanings(keys: tuple[tuple[str, Any], ...], period: Tree) -> dict[str, Tree]:
     """What names in a formula stand for."""
     meanings = {name: tree for name, tree in keys if isinstance(tree, Tree)} | {"T": period}
-    meanings["ahead"] = Tree.number(AHEAD.get(dict(keys).get("method"), 0.0))
+    meanings["ahead"] = Tree.number(AHEAD.get(dict(keys).get("method", ""), 0.0))
     return {name: parse(text).with_trees(meanings) for name, text in DEFINED.items()} | meanings
 
 

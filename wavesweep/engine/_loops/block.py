@@ -1,7 +1,7 @@
 """The discrete block in delta form, of which all loops consist, and its arrays over a batch."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -9,6 +9,8 @@ import numpy as np
 # take less time than others: chains of masses and long delays have such matrices.
 SPARSE_ROWS = 100
 SPARSE_SHARE = 0.05
+
+_Numbers = TypeVar("_Numbers", bound=np.ndarray | complex)
 
 
 def numbers(array: Any) -> np.ndarray:
@@ -82,7 +84,7 @@ class Block:
     or an array over the batch. pivot: the product of the determinants of these loops' return
     differences; it is zero where one of them has no solution, and the entries have a pole. terms:
     for E, B, C and D, the sizes of the terms of each entry's sum, in which a closed loop counts for
-    all that rounding of its entries does to it; None if they are not known. at_rest: what the block
+    all that rounding of its entries does to it; empty if they are not known. at_rest: what the block
     does while signals do not change, without rounding, as arrays in place of E, B, C and D, or D
     alone (see `definitions.at_rest`); None if E, B, C and D are all that is known. labels: a
     readable name per state for messages; by default the block's name and the state's. ring: whether
@@ -98,10 +100,10 @@ class Block:
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    condition: object = 1.0
-    pivot: object = 1.0
-    terms: tuple | None = None
-    at_rest: tuple | None = None
+    condition: np.ndarray | float = 1.0
+    pivot: np.ndarray | complex = 1.0
+    terms: tuple[np.ndarray, ...] = ()
+    at_rest: tuple[Any, ...] | None = None
     labels: tuple[str, ...] = ()
     ring: bool = False
 
@@ -125,7 +127,7 @@ class Block:
     def of_loop(self, at: int) -> "Block":
         """Return the block of one loop of a batch; what all loops have alike has no axis for them."""
 
-        def own(array: np.ndarray | float, axes: int) -> np.ndarray | float:
+        def own(array: _Numbers, axes: int) -> _Numbers:
             return np.asarray(array)[at] if np.ndim(array) > axes else array
 
         return replace(
@@ -136,7 +138,7 @@ class Block:
             D=own(self.D, 2),
             condition=own(self.condition, 0),
             pivot=own(self.pivot, 0),
-            terms=self.terms and tuple(own(each, 2) for each in self.terms),
+            terms=tuple(own(each, 2) for each in self.terms),
             at_rest=None,
         )
 

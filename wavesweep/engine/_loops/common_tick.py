@@ -69,7 +69,7 @@ def _acts_between(drawing: Drawing, relays: tuple[str, ...]) -> bool:
     """
     plants = {block.name for block in drawing.blocks if block.plant}
     late = set(drawing.dead_times)
-    reads = defaultdict(set)  # the blocks that each block reads
+    reads: dict[str, set[str]] = defaultdict(set)  # the blocks that each block reads
     for port, terms in drawing.wires:
         reads[_block_of(port)].update(_block_of(signal) for signal, _ in terms)
     changing = plants | late

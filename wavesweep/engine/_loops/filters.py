@@ -22,6 +22,9 @@ def _hypotenuse(a: float, b: float) -> float:
     return np.hypot(np.abs(a), np.abs(b))
 
 
+# of a section: E, B, C and D, with numbers of any kind
+_Rows = tuple[list[list[Any]], list[list[Any]], list[list[Any]], list[list[Any]]]
+
 DOUBLES = SimpleNamespace(pi=np.pi, sqrt=np.sqrt, sin=np.sin, cos=np.cos, hypot=_hypotenuse)
 
 
@@ -45,8 +48,9 @@ def butterworth(
     which the cutoff's distance from it has lost digits: the block's condition, and the sizes of its
     terms, say how many.
     """
-    plain = isinstance(cutoff_hz, int | float) and isinstance(period, int | float)
-    return (_known if plain else _filter)(name, order, cutoff_hz, period, highpass)
+    if isinstance(cutoff_hz, int | float) and isinstance(period, int | float):
+        return _known(name, order, cutoff_hz, period, highpass)
+    return _filter(name, order, cutoff_hz, period, highpass)
 
 
 def _filter(
@@ -73,7 +77,7 @@ def _filter(
 _known = lru_cache(maxsize=64)(_filter)  # the loops of a sweep mostly share their filters
 
 
-def sections(order: int, warped: Any, highpass: bool, library: Any) -> list[tuple]:
+def sections(order: int, warped: Any, highpass: bool, library: Any) -> list[_Rows]:
     """Return the sections of a filter as rows of E, B, C and D, the first nearest to the input.
 
     warped: `tan(pi cutoff T)`, a number of any kind. library: has pi and sqrt, sin, cos and hypot
@@ -88,7 +92,7 @@ def sections(order: int, warped: Any, highpass: bool, library: Any) -> list[tupl
 
 def sections_of_angle(
     order: int, sine: Any, cosine: Any, highpass: bool, library: Any
-) -> list[tuple]:
+) -> list[_Rows]:
     """Return the sections of a filter with states in other units, in which no entry has a pole or a
     root at a cutoff of 0 or of half the rate.
 
@@ -130,9 +134,7 @@ def sections_of_angle(
     return found
 
 
-def _single(
-    warped: np.ndarray | float, highpass: bool, library: SimpleNamespace
-) -> tuple[list[list[Any]], list[list[Any]], list[list[Any]], list[list[Any]]]:
+def _single(warped: np.ndarray | float, highpass: bool, library: SimpleNamespace) -> _Rows:
     """First-order section of pole -warped: (E, B, C, D) after the bilinear transform."""
     gain = 1 / (1 + warped)
     root = library.sqrt(2 * warped) * gain
@@ -144,7 +146,7 @@ def _single(
 
 def _pair(
     warped: np.ndarray | float, angle: float, highpass: bool, library: SimpleNamespace
-) -> tuple[list[list[Any]], list[list[Any]], list[list[Any]], list[list[Any]]]:
+) -> _Rows:
     """Second-order section of poles warped*exp(+-j angle): (E, B, C, D) after the bilinear
     transform.
 
@@ -208,7 +210,7 @@ def _assemble(name: str, sections: list[StateSpace]) -> Block:
         at += size
     # what stands before the last point of a state's name is its block
     states = tuple(f"{name.rpartition('.')[2]}{k}" for k in range(n))
-    labels = (f"filter {name}",)
+    labels: tuple[str, ...] = (f"filter {name}",)
     if n != 1:
         labels = tuple(f"filter {name} ({k + 1} of {n})" for k in range(n))
     return Block(name, ("u",), ("y",), states, E, B, C, D, labels=labels)

@@ -50,7 +50,9 @@ def sparse(A: np.ndarray) -> Any:
     return csr_array(A)
 
 
-def in_parts(work: Callable[..., Any], batch: tuple[int, ...], size: int, kind: type) -> np.ndarray:
+def in_parts(
+    work: Callable[..., Any], batch: tuple[int, ...], size: int, kind: type | np.dtype[Any]
+) -> np.ndarray:
     """Return `work(index)` for all of a batch, in one array, a few matrices at a time.
 
     index: of the first axis, which is that of the result as well. size: of the matrices; kind: type

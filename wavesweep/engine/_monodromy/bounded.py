@@ -43,7 +43,9 @@ def sum_rounding(terms: int, of_complex: bool = False) -> float:
     return terms * UNIT_ROUNDING / (1 - terms * UNIT_ROUNDING)
 
 
-def _sizes(times: Callable, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _sizes(
+    times: Callable[[np.ndarray, np.ndarray], np.ndarray], a: np.ndarray, b: np.ndarray
+) -> np.ndarray:
     """Return a product of sizes. One that is not known, infinite, leaves what it is multiplied with
     by 0 as it is, which a BLAS does not: some multiply it by zeros of their own."""
     with np.errstate(invalid="ignore"):
@@ -270,7 +272,7 @@ def _neumann(off: np.ndarray, terms: np.ndarray, size: np.ndarray) -> np.ndarray
     return np.where(unknown, np.inf, error)
 
 
-def _filled(rows: list[list[Bounded]]) -> list[list[Bounded]]:
+def _filled(rows: Sequence[Sequence[Bounded | float]]) -> list[list[Bounded]]:
     """Blocks with matrices in place of numbers, as high and wide as the others of their row and
     column."""
     columns = zip(*rows, strict=True)
@@ -280,13 +282,15 @@ def _filled(rows: list[list[Bounded]]) -> list[list[Bounded]]:
         height = _first(row).shape[-2]
         blocks = []
         for block, width in zip(row, widths, strict=True):
-            known = isinstance(block, Bounded)
-            blocks.append(block if known else Bounded.exact(block * np.eye(height, width)))
+            if isinstance(block, Bounded):
+                blocks.append(block)
+            else:
+                blocks.append(Bounded.exact(block * np.eye(height, width)))
         filled.append(blocks)
     return filled
 
 
-def _first(blocks: list[Bounded] | tuple[Bounded, ...]) -> np.ndarray:
+def _first(blocks: Sequence[Bounded | float]) -> np.ndarray:
     """The first one that is a matrix."""
     return next(block.value for block in blocks if isinstance(block, Bounded))
 

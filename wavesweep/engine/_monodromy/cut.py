@@ -58,7 +58,7 @@ class LinearFractional:
     poles_at_one: int = 0
     uncontrolled: tuple[np.ndarray, ...] = ()
     late: int = 0
-    memo: dict = field(
+    memo: dict[object, Any] = field(
         default_factory=dict, init=False, repr=False
     )  # what belongs to these loops alone, see `remembered`
 
@@ -102,9 +102,11 @@ class LinearFractional:
                 return array.take(index, axis=0)  # in a seventh of the time of brackets
             return array[index]
 
-        matrices = {name: pick(getattr(self, name), 2) for name in (*MATRICES, *ERRORS)}
-        uncontrolled = tuple(pick(block, 2) for block in self.uncontrolled)
-        return replace(self, **matrices, period=pick(self.period, 0), uncontrolled=uncontrolled)
+        parts: dict[str, Any] = {
+            name: pick(getattr(self, name), 2) for name in (*MATRICES, *ERRORS)
+        }
+        parts["uncontrolled"] = tuple(pick(block, 2) for block in self.uncontrolled)
+        return replace(self, **parts, period=pick(self.period, 0))
 
     def as_batch(self, size: int) -> "LinearFractional":
         """The cut as a batch of `size` loops, all its parts over all of them; a single loop is
@@ -228,7 +230,14 @@ class LinearFractional:
                 return self._late(E.error, B.error, read.error, through.error, 0.0)
             return (E + B * read.over(Bounded.exact(1.0) - through)).error
 
-    def _late(self, E, B, read, through, passed_on):
+    def _late(
+        self,
+        E: np.ndarray,
+        B: np.ndarray,
+        read: np.ndarray,
+        through: np.ndarray,
+        passed_on: float,
+    ) -> np.ndarray:
         """The loop with `late` states behind it, through which the product of the numbers goes: the
         sum of the states, by `read`, and of what the last of these is, by `through`.
 
@@ -264,7 +273,7 @@ class CutColumns:
         """The number of columns."""
         return self.fixed.size
 
-    def some(self, rows: np.ndarray) -> "CutColumns":
+    def some(self, rows: np.ndarray | slice) -> "CutColumns":
         """Return some of the columns, of the same loops."""
         return CutColumns(self.cut, self.owner[rows], self.along, self.fixed[rows])
 
@@ -274,11 +283,11 @@ class CutColumns:
         fixed = self.fixed[rows]
         return CutColumns(own, np.arange(fixed.size), self.along, fixed)
 
-    def loops(self, column: np.ndarray | int) -> LinearFractional:
+    def loops(self, column: np.ndarray | slice | int) -> LinearFractional:
         """Return the loops of these columns, one for each."""
         return self.cut.at(self.owner[column])
 
-    def numbers(self, column: np.ndarray, value: np.ndarray) -> tuple:
+    def numbers(self, column: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return both numbers, the first one first, if the one that is looked for has a value in
         each of these columns."""
         fixed = self.fixed[column]

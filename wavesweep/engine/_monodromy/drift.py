@@ -36,6 +36,10 @@ SOLVED = 1e-6  # of the terms of the equations for a shift: remainders below it 
 ROUNDINGS_LEFT = 1e3  # roundings of the largest unknown or right side that any equation may leave
 
 
+# leads with the states that move with each by factors, see `MarginalModes`
+ConstantModes = tuple[tuple[int, tuple[tuple[int, float], ...]], ...]
+
+
 @dataclass(frozen=True, slots=True)
 class MarginalModes:
     """The marginal modes of a drawn loop by its structure: what drifts in it.
@@ -48,7 +52,7 @@ class MarginalModes:
     """
 
     states: tuple[str, ...]
-    constant: tuple
+    constant: ConstantModes
     varying: tuple[int, ...]
     unobserved: tuple[int, ...]
 
@@ -126,7 +130,7 @@ class MarginalModes:
         found = MarginalModes(tuple(names), tuple(constant), tuple(varying), unobserved)
         return found, alive, pairs
 
-    def relative_ticks(self, ticks: Ticks, copied: bool = True) -> tuple[Ticks, tuple]:
+    def relative_ticks(self, ticks: Ticks, copied: bool = True) -> tuple[Ticks, ConstantModes]:
         """Return the ticks with states relative to others: those that a drift moves to its lead,
         and copies to their source if asked for; and which are relative to which, as
         `MarginalModes.constant`.

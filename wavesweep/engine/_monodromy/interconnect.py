@@ -113,7 +113,7 @@ def connect(
         D,
         condition=condition,
         pivot=pivot,
-        terms=tuple(matrices[4:]) or None,
+        terms=tuple(matrices[4:]),
     )
 
 

@@ -9,7 +9,7 @@ from wavesweep.engine._loops.block import concatenated
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.batches import nonzero
 from wavesweep.engine._monodromy.cut import ADVANCE, OFFSET, LinearFractional
-from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.drift import ConstantModes, MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._monodromy.product import blocks_of, product_with_errors
 from wavesweep.engine._monodromy.unit_circle import inverse
@@ -34,7 +34,7 @@ class OpenFrame:
     """
 
     ticks: Ticks
-    relative: tuple
+    relative: ConstantModes
     E: np.ndarray
     B: np.ndarray
     C: np.ndarray
@@ -186,8 +186,9 @@ def cut_of(
     names = tuple(drift.states[i] for i in remaining)
     cut = LinearFractional(*system, *errors, bool(moving), frame.period, names)
     if conserved and moving:
-        cut = _without_integrator(cut)
-    return cut and _acted_on(cut)
+        followed = _without_integrator(cut)
+        return followed and _acted_on(followed)
+    return _acted_on(cut)
 
 
 def _with_rows_of_number(
@@ -267,17 +268,19 @@ def _acted_on(cut: LinearFractional) -> LinearFractional | None:
             uncontrolled.append(E)
     if not states.size:
         return None
-    at = np.ix_(states, states)
-    acts = acts[at]  # eigenvalues are 0 in every loop because of where entries of E are not zero
+    column = states[:, None]
+    acts = acts[
+        column, states
+    ]  # eigenvalues are 0 in every loop because of where entries of E are not zero
     poles_at_one = 0
     for block in blocks_of(acts):
         poles_at_one += block.size == 1 and not acts[block[0], block[0]]
     return replace(
         cut,
-        E=cut.E[..., *at],
+        E=cut.E[..., column, states],
         B=cut.B[..., states, :],
         C=cut.C[..., states],
-        dE=cut.dE[..., *at],
+        dE=cut.dE[..., column, states],
         dB=cut.dB[..., states, :],
         dC=cut.dC[..., states],
         states=tuple(cut.states[i] for i in states),

@@ -63,11 +63,12 @@ class OpenTicks:
 
     def frames(
         self, at: np.ndarray | int, p: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray | complex, np.ndarray | float]:
         """Return frames less identity `(..., n, n)`, and their pivots and conditions; see
         `closed` and `Block`."""
         with np.errstate(all="ignore"):
-            if self.frame is None:
+            frame = self.frame
+            if frame is None:
                 ticks = self.closed(at, p)
                 return frame_of(ticks), *ticks.facts
             at, p = np.broadcast_arrays(at, p)
@@ -78,14 +79,14 @@ class OpenTicks:
 
             def frames(index: Any) -> np.ndarray:
                 gains = [gain[index] for gain in read]
-                E, lost = self.frame.closed(at[index], gains)
+                E, lost = frame.closed(at[index], gains)
                 if (
                     lost.any()
                 ):  # those that would lose digits at their readings are closed in their ticks
                     E[lost] = frame_of(self.closed(at[index][lost], p[index][lost]))
                 return E
 
-            n = self.frame.E.shape[-1]
+            n = frame.E.shape[-1]
             return in_parts(frames, p.shape, n, p.dtype), pivot, condition
 
 
@@ -94,11 +95,11 @@ class _Closure(NamedTuple):
     and condition."""
 
     gain: np.ndarray
-    pivot: np.ndarray
-    condition: np.ndarray
+    pivot: np.ndarray | complex
+    condition: np.ndarray | float
 
 
-def _closure(block: Block, at: np.ndarray, p: np.ndarray) -> _Closure:
+def _closure(block: Block, at: np.ndarray | int, p: np.ndarray) -> _Closure:
     """Close a tick at values of the number."""
     pivot = np.asarray(block.pivot)[at] if np.ndim(block.pivot) else block.pivot
     condition = np.asarray(block.condition)[at] if np.ndim(block.condition) else block.condition
@@ -112,14 +113,14 @@ def _closure(block: Block, at: np.ndarray, p: np.ndarray) -> _Closure:
     return _Closure(gain, pivot, condition)
 
 
-def _closed(block: Block, at: np.ndarray, p: np.ndarray, terms: bool) -> Block:
+def _closed(block: Block, at: np.ndarray | int, p: np.ndarray, terms: bool) -> Block:
     """A tick with the number in place, without inputs and outputs."""
     closure = _closure(block, at, p)
     E = _with_gain(block.E, block.B, block.C, at, closure.gain)
     B = E[..., :0]
     C = E[..., :0, :]
     D = E[..., :0, :0]
-    sizes = (_sizes_closed(block, at, p, closure.gain), B, C, D) if terms else None
+    sizes = (_sizes_closed(block, at, p, closure.gain), B, C, D) if terms else ()
     return replace(
         block,
         inputs=(),
@@ -134,7 +135,9 @@ def _closed(block: Block, at: np.ndarray, p: np.ndarray, terms: bool) -> Block:
     )
 
 
-def _sizes_closed(block: Block, at: np.ndarray, p: np.ndarray, gain: np.ndarray) -> np.ndarray:
+def _sizes_closed(
+    block: Block, at: np.ndarray | int, p: np.ndarray, gain: np.ndarray
+) -> np.ndarray:
     """The sizes of the terms of a tick with the number in place."""
     E, B, C, direct = block.terms
     if not block.inputs:
@@ -147,7 +150,7 @@ def _sizes_closed(block: Block, at: np.ndarray, p: np.ndarray, gain: np.ndarray)
 
 
 def _with_gain(
-    E: np.ndarray, B: np.ndarray, C: np.ndarray, at: np.ndarray, gain: np.ndarray | float
+    E: np.ndarray, B: np.ndarray, C: np.ndarray, at: np.ndarray | int, gain: np.ndarray
 ) -> np.ndarray:
     """`E + B gain C` of the loops `at`."""
     E = _of_loops(E, at)
@@ -156,7 +159,7 @@ def _with_gain(
     return E + _of_loops(B, at) * gain[..., None, None] * _of_loops(C, at)
 
 
-def _of_loops(matrix: np.ndarray, at: np.ndarray) -> np.ndarray:
+def _of_loops(matrix: np.ndarray, at: np.ndarray | int) -> np.ndarray:
     """A matrix of the loops `at` of the batch; one that all loops have alike has no axis for
     them."""
     return matrix[at] if matrix.ndim > 2 else matrix
@@ -193,8 +196,8 @@ class _OpenFrame:
         C = _of_loops(self.C, at)
         D = _of_loops(self.D, at)
         eye = np.eye(E.shape[-1])
-        rows = []
-        row_sizes = []
+        rows: list[np.ndarray] = []
+        row_sizes: list[np.ndarray] = []
         for i, gain in enumerate(gains):
             row = C[..., i, :]
             size = np.abs(row)

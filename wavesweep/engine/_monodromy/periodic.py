@@ -109,7 +109,7 @@ def _in_tick(block: Block, runs: bool, held: list[str]) -> Block:
         return block
     rows = [block.outputs.index(port) for port in held]
     system = _holding(StateSpace(block.E, block.B, block.C, block.D), rows, runs, -1.0)
-    terms = None
+    terms: tuple[np.ndarray, ...] = ()
     if block.terms and runs:
         terms = _holding(StateSpace(*block.terms), rows, runs, 1.0)
     held_states = [f"{port} held" for port in held]

@@ -22,6 +22,9 @@ from wavesweep.engine.rows import different
 # ticks, or stretches of them, one after the other, over which errors are summed up
 SUMMED_STRETCHES = 128
 
+# a kind of tick, or a row of steps that are multiplied once
+_Step = int | tuple["_Step", ...]
+
 
 def product_with_errors(
     kind: np.ndarray,
@@ -63,7 +66,7 @@ def product_with_errors(
     return E, np.where(still, 0.0, pair[..., 1, :, :])
 
 
-def _batch_of(changes: list[np.ndarray], sizes: list[np.ndarray]) -> tuple[int, ...]:
+def _batch_of(changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray]) -> tuple[int, ...]:
     """The shape of the batch that matrices are of together."""
     return np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes)))
 
@@ -96,7 +99,9 @@ def product_with_tight_errors(
         ticks = [_of_loops(change, batch, index) for change in changes]
         errors = [ENTRY_ROUNDING * _of_loops(size, batch, index) for size in sizes]
         E = in_a_row(list(kinds), ticks, lambda P, Q: P + Q + Q @ P)
-        once = dict(enumerate(zip(ticks, errors, strict=True)))
+        once: dict[_Step, tuple[np.ndarray, np.ndarray]] = dict(
+            enumerate(zip(ticks, errors, strict=True))
+        )
         again, dE = _of_steps(_steps_of(kinds), once)
         return np.stack(np.broadcast_arrays(E, dE + np.abs(E - again)), axis=-3)
 
@@ -107,7 +112,7 @@ def product_with_tight_errors(
 
 
 @lru_cache(maxsize=64)
-def _steps_of(kinds: tuple[int, ...]) -> tuple[int, ...]:
+def _steps_of(kinds: tuple[_Step, ...]) -> tuple[_Step, ...]:
     """Kinds of ticks as a row of at most SUMMED_STRETCHES steps, each of which is a kind or
     again such a row."""
     if len(kinds) <= SUMMED_STRETCHES:
@@ -115,7 +120,7 @@ def _steps_of(kinds: tuple[int, ...]) -> tuple[int, ...]:
     return _narrowed(tuple(_narrowed(tuple(alike)) for _, alike in groupby(kinds)))
 
 
-def _narrowed(steps):
+def _narrowed(steps: tuple[_Step, ...]) -> tuple[_Step, ...]:
     while len(steps) > SUMMED_STRETCHES:
         first_of_each = range(0, len(steps), SUMMED_STRETCHES)
         steps = tuple(steps[first : first + SUMMED_STRETCHES] for first in first_of_each)
@@ -123,11 +128,11 @@ def _narrowed(steps):
 
 
 def _of_steps(
-    steps: int | tuple[int, ...], known: dict[int, tuple[np.ndarray, np.ndarray]]
+    steps: _Step, known: dict[_Step, tuple[np.ndarray, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """The product of steps and the bound on its error; known: those of steps that were
     multiplied before."""
-    if steps not in known:
+    if isinstance(steps, tuple) and steps not in known:
         known[steps] = _in_sequence([_of_steps(step, known) for step in steps])
     return known[steps]
 
@@ -140,7 +145,7 @@ def _in_sequence(factors: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarr
     before = [nothing]
     for E, _ in factors:
         before.append(before[-1] + E + E @ before[-1])
-    total = 0.0
+    total = np.zeros(())
     behind = nothing
     for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
         size = np.abs(E)
@@ -191,8 +196,10 @@ def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
 def _components(pattern: bytes, n: int) -> tuple[tuple[int, ...], ...]:
     acts = np.frombuffer(pattern, bool).reshape(n, n)
     component_of = np.zeros(n, int)
-    reaching = []  # of each component, the states that act on it, itself included, as bits
-    blocks = []
+    reaching: list[
+        int
+    ] = []  # of each component, the states that act on it, itself included, as bits
+    blocks: list[tuple[int, tuple[int, ...]]] = []
     for block in strong_components(acts):
         component_of[block] = len(blocks)
         acting = sum(1 << state for state in block)

@@ -62,6 +62,18 @@ def cut_within(cut: LinearFractional, radius: np.ndarray) -> LinearFractional:
             dD = dD * grown + rounding * np.abs(D)
     C, dC = (np.concatenate([w, np.zeros_like(w), p], axis=-2) for w, p in ((v, x), (dv, dx)))
     names = (*cut.states, *(["integrator"] if cut.integrates else []))
-    uncontrolled = tuple(within(block, radius) for block in cut.uncontrolled)
-    facts = {"integrates": False, "states": names, "poles_at_one": 0, "uncontrolled": uncontrolled}
-    return replace(cut, E=E, B=B, C=C, D=D, dE=dE, dB=dB, dC=dC, dD=dD, **facts)
+    return replace(
+        cut,
+        E=E,
+        B=B,
+        C=C,
+        D=D,
+        dE=dE,
+        dB=dB,
+        dC=dC,
+        dD=dD,
+        integrates=False,
+        states=names,
+        poles_at_one=0,
+        uncontrolled=tuple(within(block, radius) for block in cut.uncontrolled),
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.doubles import ENTRY_ROUNDING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from wavesweep.engine._response.port import Port
 
 # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are
@@ -34,7 +36,13 @@ class Bordered:
     little or no damping; neither does a mode at w itself.
     """
 
-    def __init__(self, port, over_frame, sums_of):
+    def __init__(
+        self,
+        port: Port,
+        over_frame: Callable[[Port], Any],
+        sums_of: Callable[[Any, Circle], Any],
+    ) -> None:
+        # What these give is of `lifted`, which imports this module.
         common = int(np.bincount(port.kind).argmax())
         E, _, C, _ = port.maps[common]
         of_E, _, of_C, _ = port.sizes[common]
@@ -67,7 +75,7 @@ class Bordered:
                 self.place = np.flatnonzero(self.fast == where[0])[0]
                 self.reads = port.position[..., 0, where]
 
-    def _outputs(self, tick, common, sign):
+    def _outputs(self, tick: StateSpace, common: StateSpace, sign: float) -> StateSpace:
         """Return the map of a tick from the force to what it adds to the outputs and the fast
         states, and to these states."""
         E, B, C, D = tick

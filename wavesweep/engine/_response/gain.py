@@ -149,7 +149,7 @@ def by_lanczos(apply: Callable[..., Any], points: int, outputs: int) -> np.ndarr
         size=v.shape[-1]
     )  # the same always, and a part of every singular vector
     v = v / _norm(v) + mixed / _norm(mixed)
-    best = 0.0
+    best = np.zeros(points)
     basis = []
     band = []
     settled = np.zeros(points, bool)  # a point that has settled keeps its value

@@ -1,5 +1,6 @@
 """Frames of loops at values of a number, for the methods that look at frames and not at a cut."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -196,7 +197,7 @@ class FramesAlong:
 
 def _frames(
     E: np.ndarray,
-    facts: list[np.ndarray] | tuple[np.ndarray | float, np.ndarray | float],
+    facts: Sequence[np.ndarray | complex],
     shape: tuple[int, ...],
 ) -> Frames:
     """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after
@@ -204,7 +205,7 @@ def _frames(
     pivot, condition = facts
     size = prod(shape)
 
-    def flat(array: np.ndarray | float, *tail: int) -> np.ndarray:
+    def flat(array: np.ndarray | complex, *tail: int) -> np.ndarray:
         return np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail)
 
     pivots = flat(np.asarray(pivot)[..., None], 1)

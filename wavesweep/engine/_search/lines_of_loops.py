@@ -8,7 +8,7 @@ M. Wereley, S. R. Hall, Conference on Decision and Control 1990).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -284,7 +284,7 @@ def _turns_of_meeting(
         points = frames.E.shape[1] if whole else 1
         circle = away.shape[-1] if whole else 1
         at_once = max(1, STATES_AT_ONCE // (2 * points * circle * frames.maps[0].shape[-1]))
-        told = []
+        told: list[np.ndarray] = []
         for first in range(0, len(pairs), at_once):
             panel, mode = pairs[first : first + at_once].T
             part = frames.of_panels(panel, points)
@@ -334,7 +334,7 @@ def _turns_of(
     theta = s.imag[..., None]
     reach = moved[..., None] + REAL_ANGLE
     turns, own = _turns_and_conjugate(s, share.shape[-1])
-    some = sure.any(-1)[..., None]
+    some = np.any(sure, -1)[..., None]
     counting = np.where(some, sure, possible)[..., None]
     optional = (possible & ~sure)[..., None]
     pairs = (
@@ -360,7 +360,7 @@ def _turns_of(
     return np.concatenate([first, lowest, highest], -1)
 
 
-def _turns_of_pair(columns, differ, theta):
+def _turns_of_pair(columns: np.ndarray, differ: np.ndarray, theta: float) -> np.ndarray:
     """What a mode turns by its strongest line, by the lowest and by the highest one that may be it,
     if its vector is any one of a plane; NaN if that does not tell which.
 
@@ -450,7 +450,9 @@ class _Bordered(NamedTuple):
         return _enclosed(missing.mT, np.abs(C).mT @ left)
 
 
-def _plane_in_disc(E, dE, w, away, margin):
+def _plane_in_disc(
+    E: np.ndarray, dE: np.ndarray, w: np.ndarray, away: np.ndarray, margin: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Two vectors of which every eigenvector of a panel is a sum, `(n, points, k, circle, 2)`, and by
     how much rounding moves them in the middle, `(n, k, 2)`, NaN where there are none.
 
@@ -611,7 +613,10 @@ def _shown_by(
 
 
 def _in_ticks(
-    kinds: list[int], changes: list[tuple[np.ndarray, None]], state: np.ndarray, rows: np.ndarray
+    kinds: list[int],
+    changes: list[tuple[np.ndarray, np.ndarray | None]],
+    state: np.ndarray,
+    rows: np.ndarray,
 ) -> Iterator[np.ndarray]:
     """Yield `rows` times the states, complex `(..., n, columns)`, in each tick of a frame.
 
@@ -709,7 +714,7 @@ class ModesOfCut:
         )
         return ModesOfCut(loops, cut, rows[shown], inner, loops.drawn.inputs.index(PRODUCT))
 
-    def in_ticks(self, index: np.ndarray, w: np.ndarray) -> np.ndarray:
+    def in_ticks(self, index: np.ndarray, w: np.ndarray) -> Iterable[np.ndarray]:
         """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of
         eigenvalue 1 + w, `(k, columns)`."""
         cut = self.cut

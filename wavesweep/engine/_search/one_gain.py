@@ -65,7 +65,7 @@ def of_cut(
         alike = np.flatnonzero(counts == count)
         slices = order[starts[alike][:, None] + np.arange(count)]
         loops = cut if alike.size == cut.batch[0] else cut.at(alike)
-        radius = bound and bound.radius_of(loops.period)
+        radius = bound.radius_of(loops.period) if bound else None
         intervals = stable_intervals(
             loops, SECOND if opened.swapped else FIRST, span, opened.second[slices], radius
         )

@@ -54,7 +54,7 @@ class OpenLoops:
     second: str = ""
     conserved: bool = False
     late: int = 0
-    memo: dict = field(default_factory=dict, init=False, repr=False)  # see `remembered`
+    memo: dict[str, Any] = field(default_factory=dict, init=False, repr=False)  # see `remembered`
 
     def remembered(self, name: str, make: Callable[[], Any]) -> Any:
         """What was made of these loops under that name, or is made now."""

@@ -16,6 +16,9 @@ from wavesweep.engine.rows import Rows
 if TYPE_CHECKING:
     from wavesweep.engine._stability.real_roots import Roots
 
+    # Phase, logarithm of the size and rounding error of functions, see `panel_roots`.
+    _Sample = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
 NODES = 20  # samples of a panel
 # of the Chebyshev coefficients; the others must have decayed, and bound the error
 KEPT_COEFFICIENTS = 14
@@ -81,7 +84,7 @@ class PanelLimits(NamedTuple):
 
 
 def panel_roots(
-    sample: Callable, edges: np.ndarray, columns: int, limits: PanelLimits, settling: int
+    sample: _Sample, edges: np.ndarray, columns: int, limits: PanelLimits, settling: int
 ) -> PanelRoots:
     """Find all roots of several functions of each column, real analytic in x.
 
@@ -136,19 +139,26 @@ def panel_roots(
         give("overflown", hopeless & ~judged.finite)
         column, low, high = _cut(column, low, high, judged.cut_at, open_ & ~hopeless)
     found = _Roots.join(roots)
-    parts = {}
-    for kind, pieces in given_up.items():
-        parts[kind] = tuple(map(np.concatenate, zip(*pieces, strict=True)))
     return PanelRoots(
         found.column,
         found.function,
         found.x,
         found.within,
         found.slope_sign,
-        **parts,
-        open_low=open_low,
-        open_high=open_high,
+        _joined(given_up["lost"]),
+        _joined(given_up["overflown"]),
+        _joined(given_up["settled"]),
+        open_low,
+        open_high,
     )
+
+
+def _joined(
+    pieces: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Column, low and high of panels from those of several pieces."""
+    column, low, high = map(np.concatenate, zip(*pieces, strict=True))
+    return column, low, high
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ the circle.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -121,7 +122,7 @@ def sampled_polynomial(
     value, value_noise = _sines(times_sine, sizes, transform, cut.order + 1)
     at = np.flatnonzero(rough)
     if at.size:
-        sizes = np.abs(unit[0, at]), np.abs(fixed[0, at]), np.abs(solved[0, at])
+        sizes = [np.abs(unit[0, at]), np.abs(fixed[0, at]), np.abs(solved[0, at])]
         errors = np.stack(_errors_of_entries(cut.at(at), along, w[at], *sizes))
         weight = 1 / (1 - np.cos(phi)) ** factors
         noise[at] += 2 * (errors[:2] * weight).max(-1).T  # a mean times 2 sin
@@ -381,7 +382,7 @@ def _side(
     before = np.zeros_like(cosine)
     now = np.ones_like(cosine)  # U_k, at most k + 1
     twice = 2 * cosine
-    total = 0.0
+    total = np.zeros(())
     weight = 0
     for k in range(over.shape[-1]):
         total = total + over[..., k] * now[:, None]
@@ -428,9 +429,7 @@ def at_both_ends(
     inverses = []
     for w in (0.0, -2.0):
         if many is None:
-            t, inverse = cut.remembered(
-                w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w))
-            )
+            t, inverse = cut.remembered(w, partial(terms_and_inverse, cut, np.full(cut.batch, w)))
             inverses.append(inverse)
         else:
             t = real_terms(cut.at(0), w, many)

@@ -294,14 +294,14 @@ class _Piece(NamedTuple):
 
 def _by_column(intervals: Intervals) -> dict[int, tuple[list[Any], int]]:
     """Column -> its pieces, and its doubt."""
-    columns = {}
+    columns: dict[int, tuple[list[_Piece], int]] = {}
     for place in range(intervals.column.size):
         pieces, _ = columns.setdefault(
             int(intervals.column[place]), ([], int(intervals.doubt[place]))
         )
         if not np.isnan(intervals.low[place]):
             ends = (getattr(intervals, name)[place].item() for name in _Piece._fields[:7])
-            pieces.append(_Piece(*ends, bool(intervals.index[place] >= 0)))
+            pieces.append(_Piece._make([*ends, bool(intervals.index[place] >= 0)]))
     return dict(sorted(columns.items()))
 
 

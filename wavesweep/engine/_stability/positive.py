@@ -185,7 +185,7 @@ def _judged(
         )
         of_pivots = np.nan_to_num(np.abs(slopes[:, number]).max(-1, initial=0.0), nan=1.0)
         changes.append(np.where(regular, of_terms, of_pivots))
-    return _Judged(finite & regular & proved, negative.any(0), np.argmax(changes, axis=0))
+    return _Judged(finite & regular & proved, np.any(negative, 0), np.argmax(changes, axis=0))
 
 
 def _halves(box: np.ndarray, number: int) -> list[np.ndarray]:

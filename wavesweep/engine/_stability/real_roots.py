@@ -103,9 +103,17 @@ def _none(coefficients: np.ndarray) -> Roots:
     rows, n = coefficients.shape
     empty = np.zeros((rows, max(n - 1, 0)))
     closed = np.zeros(rows, bool)
-    signs = map(np.sign, at_ends(coefficients))
+    at_one, at_minus_one = map(np.sign, at_ends(coefficients))
     return Roots(
-        empty, empty.copy(), empty > 0, empty.copy(), *signs, closed, closed.copy(), closed.copy()
+        empty,
+        empty.copy(),
+        empty > 0,
+        empty.copy(),
+        at_one,
+        at_minus_one,
+        closed,
+        closed.copy(),
+        closed.copy(),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +24,12 @@ from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from wavesweep.engine._stability.crossings import Polynomial
+
+    # Regions and doubts of columns within a span; which of them another method follows on.
+    _Method = Callable[[CutColumns, tuple[float, float], np.ndarray], tuple[Regions, np.ndarray]]
 
 # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof
 # needs
@@ -121,7 +126,7 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
     units = uneven_units(sizes)
     units = (units[:, :n] / units[:, n:])[:, None, :]
     back = units.mT
-    changed = {}
+    changed: dict[str, Any] = {}
     for name in ("E", "dE"):
         changed[name] = of_each(getattr(cut, name)).copy()
         changed[name][uneven] *= units / back
@@ -173,7 +178,7 @@ def _by_each_method(columns: CutColumns, span: tuple[float, float]) -> Intervals
     return intervals_of(joined, doubt, np.broadcast_to(cut.period, cut.batch)[owner])
 
 
-def _methods(order: int) -> list:
+def _methods(order: int) -> list[_Method]:
     """The methods for loops of so many states, in their order."""
     if order > MOST_POLYNOMIAL_STATES:
         return [_by_arcs]
@@ -187,7 +192,7 @@ def _finite(cut: LinearFractional) -> tuple[LinearFractional, np.ndarray]:
     finite = [np.isfinite(matrix).all((-1, -2)) for matrix in (cut.E, cut.B, cut.C, cut.D)]
     bad = ~np.broadcast_to(np.logical_and.reduce(finite), cut.batch)
     if bad.any():
-        zeros = {}
+        zeros: dict[str, Any] = {}
         for name in (*MATRICES, *ERRORS):
             zeros[name] = np.where(bad[..., None, None], 0.0, getattr(cut, name))
         cut = replace(cut, **zeros)
@@ -263,7 +268,13 @@ def _is_rough(cut: LinearFractional) -> np.ndarray:
         return error > ROUGH_FRAME * np.maximum(1.0, size_of(E))
 
 
-def _along_second(cut, along, span, fixed, radius) -> Intervals:
+def _along_second(
+    cut: LinearFractional,
+    along: str,
+    span: tuple[float, float],
+    fixed: np.ndarray,
+    radius: np.ndarray | None,
+) -> Intervals:
     """Return the intervals along the second number if the first is 0 in some columns.
 
     Nothing reads the integrator in these columns, and z = 1 is no pole.

@@ -92,7 +92,7 @@ def shift_of(E: np.ndarray, dE: np.ndarray, drift: MarginalModes) -> tuple[np.nd
     return V, np.where((share < 0.5) & np.isfinite(off), off, np.inf)
 
 
-def _rows(kinds: Sequence[np.ndarray]) -> np.ndarray:
+def _rows(kinds: np.ndarray | Sequence[np.ndarray]) -> np.ndarray:
     """The rows of all kinds of ticks below each other, `(..., rows, n)`."""
     batch = np.broadcast_shapes(*(np.shape(changes)[:-2] for changes in kinds))
     alike = [np.broadcast_to(changes, (*batch, *changes.shape[-2:])) for changes in kinds]

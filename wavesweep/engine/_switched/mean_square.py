@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
@@ -266,7 +267,8 @@ def _summed(parts: np.ndarray, graph: Graph) -> np.ndarray:
     size = parts.shape[-1]
     nodes = graph.nodes
     total = np.zeros((nodes, size, nodes, size))
-    np.add.at(total, (graph.target, slice(None), graph.source), parts)
+    edges: Any = (graph.target, slice(None), graph.source)  # which numpy's types do not know
+    np.add.at(total, edges, parts)
     return total.reshape(nodes * size, nodes * size)
 
 
@@ -340,7 +342,7 @@ def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float
     edges = [low, *(x for x in zeros if low < x < high), high]
     middles = [(first + second) / 2 for first, second in pairwise(edges)]
     stable = [loop.decays(x) for x in middles]
-    stretches = []
+    stretches: list[tuple[float, float]] = []
     for i, inside in enumerate(stable):
         if inside and stretches and stretches[-1][1] == edges[i] and loop.decays(edges[i]):
             stretches[-1] = stretches[-1][0], edges[i + 1]
@@ -355,7 +357,7 @@ def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float
                 ends.append(end)
             else:
                 ends.append(_polished(loop, stretch, end, outside))
-        polished.append(tuple(ends))
+        polished.append((ends[0], ends[1]))
     return polished
 
 
@@ -492,7 +494,7 @@ def _side(
         goal -= np.sign(distance) * min(
             PROOF_DISTANCE * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start)
         )
-    stretches = []
+    stretches: list[ProvedStretch] = []
     at = start
     known = loop.forms(at, loop.sizes(at))
     step = goal - start
@@ -500,17 +502,17 @@ def _side(
     while at != goal and len(stretches) < 200 and abs(step) > 1e-9 * abs(goal - start):  # stretches
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
-        ends = sorted((at, to))
+        low, high = sorted((at, to))
         between = [known, P] if at < to else [P, known]
-        if loop.proves_between(np.stack(between), *ends):
+        if loop.proves_between(np.stack(between), low, high):
             proof = between
-        elif loop.proves(P, *ends):
+        elif loop.proves(P, low, high):
             proof = [P]
         else:
             proof = []
         if proof:
             norms = tuple(Norms(each, loop.graph) for each in proof)
-            stretches.append(ProvedStretch(*ends, norms))
+            stretches.append(ProvedStretch(low, high, norms))
             known = P
             at = to
             step = step if failed else 2 * step

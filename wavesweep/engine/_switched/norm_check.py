@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import comb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -204,7 +204,7 @@ def shrink_over(
     P = forms.terms
     slack = _slack_over(forms, graph, A, weight)
     if weight is None:
-        allowed = graph.is_complete(follows)
+        allowed = follows is not None and graph.is_complete(follows)
     else:
         allowed = are_chances(weight, graph)
     # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
@@ -234,7 +234,7 @@ def outside_each(forms: Polynomials, A: Polynomials) -> tuple[np.ndarray, Slack]
     return np.where(proved, (side < 0).sum(-1), -1), slack
 
 
-def _exceeds_each(slack, numbers):
+def _exceeds_each(slack: Slack, numbers: int) -> np.ndarray:
     """Whether the slack on each edge is positive definite in all of a box."""
     # "Unknown numbers": terms up to degree two are a convex combination of control points.
     low = slack.terms[: len(monomials(numbers, 2)[0])]
@@ -242,10 +242,12 @@ def _exceeds_each(slack, numbers):
     rounding = 4 * len(low) * UNIT_ROUNDING * np.abs(low).sum(0)
     # "Unknown numbers": each exceeds all other terms and all errors, with rounding taken off.
     off = slack.errors + slack.higher
-    return definite_each(control, np.broadcast_to(rounding, control.shape), off).all(0)
+    return np.all(definite_each(control, np.broadcast_to(rounding, control.shape), off), 0)
 
 
-def _slack_over(forms, graph, A, weight) -> Slack:
+def _slack_over(
+    forms: Polynomials, graph: Graph, A: Polynomials, weight: np.ndarray | None
+) -> Slack:
     """The slack G. G(0) is about 1 where F(0) is positive definite; infinite bounds otherwise."""
     n = A.terms.shape[-1]
     P_j = forms.of(graph.target)
@@ -267,7 +269,8 @@ def _slack_over(forms, graph, A, weight) -> Slack:
         if weight is None:
             return of_edges
         of_nodes = np.zeros((*of_edges.shape[:-3], graph.nodes, n, n))
-        np.add.at(of_nodes, (..., at, slice(None), slice(None)), of_edges)
+        at_nodes: Any = (..., at, slice(None), slice(None))  # which numpy's types do not know
+        np.add.at(of_nodes, at_nodes, of_edges)
         return of_nodes
 
     # "Unknown numbers": `W' F(0) W` is near 1.
@@ -326,7 +329,9 @@ def definite_each(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -
     return known & np.isfinite(cholesky_of_each(less)).all((-1, -2))
 
 
-def _less_errors(F, R, off):
+def _less_errors(
+    F: np.ndarray, R: np.ndarray, off: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
     """Which matrices have bounds and a positive diagonal, and what is left of them, in units of the
     states, powers of 2, that make their diagonal about 1.
 

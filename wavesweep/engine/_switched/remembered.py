@@ -75,10 +75,13 @@ class Remembered:
         points = self.hull(ends[0][0], ends[-1][0])
         if points is None:
             return None
-        norms = []
+        norms: list[Norms] = []
         for (_, centre), place in zip(ends, (0, -1), strict=False):
-            norms.append(self.norms(centre, points[0][[place]]))
-        if None in norms or not shrink_along(norms, *points, self.follows):
+            own = self.norms(centre, points[0][[place]])
+            if own is None:
+                return None
+            norms.append(own)
+        if not shrink_along(norms, *points, self.follows):
             return None
         return tuple(norms)
 
