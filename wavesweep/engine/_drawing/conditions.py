@@ -37,7 +37,7 @@ class Condition:
         holds: Callable[..., Any],
         expected: Callable[..., Any] | str,
         subject: tuple[str, Tree],
-        *others,
+        *others: tuple[str, Tree],
     ) -> None:
         self.path = subject[0]
         self.reads = (subject, *others)
@@ -159,7 +159,7 @@ def _conditions_of_type(
         )
 
 
-def _below_half(_, rate, every, __):
+def _below_half(_: float, rate: float, every: float, __: float) -> str:
     return f"a number < {rate / every / 2:g} (half the block's own rate)"
 
 
@@ -184,13 +184,13 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
         read = {read_path for read_path, _ in condition.reads}
         if not condition.names <= numbers.keys() or not wrong.isdisjoint(read):
             continue  # a number that has a mistake itself
-        values = [tree.finite_value(numbers, shared) for _, tree in condition.reads]
-        fault = _fault(condition, values)
+        found = [tree.finite_value(numbers, shared) for _, tree in condition.reads]
+        fault = _fault(condition, found)
         if fault:
             wrong.add(path)
             yield path, *fault
         elif path.startswith("block.") and path.endswith(".every"):
-            every[path] = int(values[0])
+            every[path] = int(found[0])  # type: ignore[arg-type]  # else it has a fault
     runs = {path: ticks for path, ticks in every.items() if path not in wrong}
     yield from _size_faults(drawing, numbers, runs)
 
@@ -217,20 +217,24 @@ def _size_faults(
     states = {block.name: _states(block, numbers) for block in drawing.blocks}
     total = sum(states.values())
     if total > MOST_STATES:
-        largest = max(states, key=states.get)
+        largest = max(states, key=states.__getitem__)
         yield f"block.{largest}", f"at most {MOST_STATES} states in all blocks", f"{total:g}"
     frame = math.lcm(*runs.values())
     if frame > LONGEST_FRAME:
         expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
         listed = ", ".join(map(str, sorted(set(runs.values()))))
-        yield max(runs, key=runs.get), expected, f"{frame} (the least common multiple of {listed})"
+        yield (
+            max(runs, key=runs.__getitem__),
+            expected,
+            f"{frame} (the least common multiple of {listed})",
+        )
 
 
 def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
     """The states of a block as far as its keys say how many there are: coefficients, rows,
     steps, ticks."""
     keys = dict(block.core(ONE).keys)
-    states = len(keys.get("den", keys.get("A", ())))
+    states: float = len(keys.get("den", keys.get("A", ())))
     for name in ("steps", "late", "order"):
         if name in keys:
             states += keys[name].finite_value(numbers) or 0.0
@@ -276,7 +280,7 @@ def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
     """Yield the port, its force, and signal and gain of each term of the displacements at the
     ports."""
     ports = [("hand", drawing.hand), ("environment", drawing.environment)]
-    ports += [("hand", (force, terms)) for _, force, terms in drawing.further]
+    ports += [("hand", (force, terms, None)) for _, force, terms in drawing.further]
     for side, port in ports:
         if port:
             yield from ((side, port[0], signal, gain) for signal, gain in port[1])

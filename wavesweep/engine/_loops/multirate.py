@@ -65,9 +65,9 @@ class MultirateLoop:
 
     period: Any
     placed: tuple[ScheduledBlock, ...]
-    sums: Mapping[str, Mapping[str, object]]
+    sums: Mapping[str, Mapping[str, np.ndarray | float]]
     inputs: tuple[str, ...] = ()
-    exact: Callable[[Sequence[Block]], tuple] | None = None
+    exact: Callable[[Sequence[Block]], tuple[Any, ...]] | None = None
     rate: object = None
     ticks: int = field(init=False)
 
@@ -162,7 +162,7 @@ class MultirateLoop:
         for name, terms in self.sums.items():
             reads[name] = [source for source, gain in terms.items() if np.any(gain)]
         for block in blocks:
-            direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
+            direct = np.any(block.D, axis=tuple(range(block.D.ndim - 2)))
             for port, row in zip(block.outputs, direct, strict=True):
                 inputs = [block.inputs[at] for at in np.flatnonzero(row)]
                 reads[f"{block.name}.{port}"] = [f"{block.name}.{name}" for name in inputs]
@@ -175,7 +175,7 @@ class MultirateLoop:
         A block that is a loop in itself remains.
         """
         ports = _port_names([scheduled.block for scheduled in self.placed], "inputs")
-        read = set()
+        read: set[str] = set()
         for signal in (*ports, *watched):
             read.update(source.rpartition(".")[0] for source in self.sources(signal))
         remaining = []

@@ -149,7 +149,7 @@ class ResolvedAlong:
         self.values = values
         self.path = path
         self.known: dict[tuple[float, ...], Resolution] = {}
-        read = set()
+        read: set[str] = set()
         for expression in expressions(drawing, (name_of(path),), logarithmic=True):
             read |= expression.reads
         self.none = not read
@@ -245,7 +245,13 @@ def _masses(drawing: Drawing, names_asked: set[str]) -> Iterator[Expression]:
             yield Expression(value, frozenset(reads), frozenset(constants), bent)
 
 
-def _inverse_mass(keys, matrices, numbers, library, watch=None):
+def _inverse_mass(
+    keys: Mapping[str, Any],
+    matrices: Mapping[str, list[list[Tree]]],
+    numbers: Mapping[str, Any],
+    library: Any,
+    watch: Callable[..., Any] | None = None,
+) -> Any:
     """1 over the determinant of a mass matrix at its axes. matrices: trees of the keys that it
     is made of."""
     shared = SharedParts()
@@ -267,8 +273,8 @@ class _BoxedExpression:
         self,
         expression: Expression,
         names: tuple[str, ...],
-        sides: list[Side],
-        known: dict[str, float],
+        sides: Sequence[Side],
+        known: Mapping[str, float],
     ) -> None:
         self.expression = expression
         self.names = names
@@ -277,7 +283,9 @@ class _BoxedExpression:
         self.own = [at for at, name in enumerate(names) if name in expression.reads]
         self.bent = [at for at, name in enumerate(names) if name in expression.bent]
         self.shown = np.zeros((0, 2, len(self.own)))  # boxes of own sides that are resolved
-        self.known = {constant: constant for constant in expression.constants}
+        self.known: dict[float | str, Any] = {
+            constant: constant for constant in expression.constants
+        }
         for name in expression.reads - {names[at] for at in self.own}:
             self.known[name] = float(known[name])
 
@@ -305,7 +313,7 @@ class _BoxedExpression:
         of_each_side = np.linspace(0, 1, 9 if len(wide) < 3 else 5)
         shares = np.array(list(product(of_each_side, repeat=len(wide))))
         queue = [box]
-        points = []
+        points: list[np.ndarray] = []
         while queue and len(points) < MOST_PARTS_OF_BOX:
             piece = queue.pop(0)
             unresolved = self.unresolved(piece)

@@ -100,7 +100,7 @@ class MarginalModes:
 
     @staticmethod
     def _of(
-        drawn: MultirateLoop, twin: MultirateLoop, watched: tuple[str, ...]
+        drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str]
     ) -> tuple[MarginalModes, set[str], list[tuple[Any, ...]]]:
         """The drift, the blocks that it is of, and its shifts in both drawings."""
         held = drawn.held(watched)
@@ -206,7 +206,7 @@ class MarginalModes:
 
 
 def _with_more(
-    found: MarginalModes, drawn: MultirateLoop, watched: tuple[Any, ...], count: int
+    found: MarginalModes, drawn: MultirateLoop, watched: Sequence[str], count: int
 ) -> MarginalModes:
     """Marginal modes with so many more, which the frame of a loop shows.
 
@@ -261,7 +261,7 @@ def living_blocks(drawn: MultirateLoop, watched: Sequence[str]) -> set[str]:
     The others only watch them, and nothing comes back, so that they may count what drifts, and
     change for ever.
     """
-    sources = {}
+    sources: dict[str, set[str]] = {}
     for scheduled in drawn.placed:
         block = scheduled.block
         read = sources[block.name] = set()
@@ -273,7 +273,7 @@ def living_blocks(drawn: MultirateLoop, watched: Sequence[str]) -> set[str]:
     alive |= moved
     found = set(alive)
     while found:
-        acting = set()
+        acting: set[str] = set()
         for name in found:
             acting.update(source.rpartition(".")[0] for source in sources[name])
         found = acting & sources.keys() - alive
@@ -302,9 +302,9 @@ def relative_row(
         terms = [row[..., lead]]
         for index, factor in followers:
             terms.append(factor * row[..., index])
-        terms = np.stack(terms, axis=-1)
-        total = terms.sum(-1)
-        rounding = CANCELLED_SUM * np.abs(terms).sum(-1)
+        together = np.stack(terms, axis=-1)
+        total = together.sum(-1)
+        rounding = CANCELLED_SUM * np.abs(together).sum(-1)
         row[..., lead] = np.where(np.abs(total) <= rounding, 0.0, total)
     return row
 
@@ -366,7 +366,7 @@ def _copies(ticks: Ticks) -> dict[int, list[int]]:
     """State -> the states that take over its value in some kind of tick, and keep theirs in all
     others."""
     n = len(ticks.states)
-    rows = [[] for _ in ticks.states]
+    rows: list[list[np.ndarray | None]] = [[] for _ in ticks.states]
     for block in ticks.maps:
         E = block.E.reshape(prod(block.E.shape[:-2]), n, n)
         driven = np.any(block.B, axis=(*range(block.B.ndim - 2), -1))
@@ -378,7 +378,7 @@ def _copies(ticks: Ticks) -> dict[int, list[int]]:
         source = _copied(state, rows[state])
         if source is not None:
             sources[state] = source
-    copies = {}
+    copies: dict[int, list[int]] = {}
     for state, source in sources.items():
         if source not in sources:
             copies.setdefault(source, []).append(state)
@@ -435,12 +435,12 @@ def without_drift(
     """
     index = sorted({*drift.varying, *drift.remaining})
     if len(index) < E.shape[-1]:
-        at = np.ix_(index, index)
+        column = np.array(index)[:, None]
         (E,) = relative_to_leads((E,), drift)
-        E = E[..., *at]
+        E = E[..., column, index]
         if sizes is not None:
             (sizes,) = relative_to_leads((sizes,), drift, 1)
-            sizes = sizes[..., *at]
+            sizes = sizes[..., column, index]
     if not drift.varying:
         return E if sizes is None else sizes
     leads = np.searchsorted(index, drift.varying)

@@ -32,7 +32,7 @@ class Ticks:
         return self.maps[0].states
 
     @property
-    def facts(self) -> tuple[np.ndarray, np.ndarray]:
+    def facts(self) -> tuple[np.ndarray | complex, np.ndarray | float]:
         """The pivot and the condition of the frame, the products of those of its kinds of ticks;
         see `Block`."""
         pivot = reduce(np.multiply, [block.pivot for block in self.maps])
@@ -100,7 +100,7 @@ def _reaches(drawn: MultirateLoop, runs: set[int], signal: str) -> bool:
     return False
 
 
-def _in_tick(block: Block, runs: bool, held: list[str]) -> Block:
+def _in_tick(block: Block, runs: bool, held: Sequence[str]) -> Block:
     """Return the block with states for the outputs that it holds.
 
     If it does not run, none of its states changes, and its outputs are the held ones.
@@ -123,8 +123,8 @@ def _holding(system: StateSpace, rows: list[int], runs: bool, forgotten: float) 
     n, m = system.B.shape[-2:]
     p = system.C.shape[-2]
     h = len(rows)
-    batch = ()
-    kind = float
+    batch: tuple[int, ...] = ()
+    kind: np.dtype[Any] | type = float
     if runs:
         batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in system))
         kind = np.result_type(*system)
@@ -268,7 +268,7 @@ def _pairs_of_rows(
     row after those of the kinds; and the index of the map of each row. count: of the kinds."""
     steps = []
     while max(map(len, rows)) > 1:
-        pairs = {}
+        pairs: dict[tuple[int, int], int] = {}
         shorter = []
         for row in rows:
             halved = []
@@ -276,14 +276,16 @@ def _pairs_of_rows(
                 halved.append(count + pairs.setdefault(pair, len(pairs)))
             if len(row) % 2:
                 halved.append(row[-1])
-            shorter.append(halved)
-        rows = shorter
+            shorter.append(tuple(halved))
+        rows = tuple(shorter)
         steps.append(np.array(list(pairs)).T)
         count += len(pairs)
     return steps, [row[0] for row in rows]
 
 
-def stretches(kinds, maps, joined):
+def stretches(
+    kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, Any], Any]
+) -> list[Any]:
     """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the
     rest between them, in a row."""
     pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
@@ -317,15 +319,15 @@ def _plan(kinds: bytes) -> tuple[tuple[tuple[Any, ...], ...], tuple[int, ...]]:
 def _most_frequent(sequence: list[int]) -> tuple[tuple[int, int], int]:
     """Return the pair of neighbours that occurs most often without overlap, the first of
     several, and its count."""
-    counts = {}
-    last = {}
+    counts: dict[tuple[int, int], int] = {}
+    last: dict[tuple[int, int], int] = {}
     for at, pair in enumerate(pairwise(sequence)):
         if last.get(pair) == at - 1 and pair[0] == pair[1]:
             last.pop(pair)
             continue
         last[pair] = at
         counts[pair] = counts.get(pair, 0) + 1
-    pair = max(counts, key=counts.get)
+    pair = max(counts, key=counts.__getitem__)
     return pair, counts[pair]
 
 
@@ -392,7 +394,7 @@ class Change:
         return Change(E, self.unread, later.unset)
 
 
-def _forgotten(E: np.ndarray) -> list[tuple[int, bool]]:
+def _forgotten(E: np.ndarray) -> list[tuple[int, np.ndarray]]:
     """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which
     it is, `(...)`.
 

@@ -49,7 +49,7 @@ class Port:
     position: np.ndarray | None
     slowest: int
     rate: float
-    rest: object = None
+    rest: Callable[[], Any] | None = None
     of_signal: bool = False
     drifts: int = 0
     moves: np.ndarray | None = None

@@ -140,7 +140,7 @@ def dcgain(loop: Lifted, rests: bool | None = None) -> tuple[np.ndarray, np.ndar
         stays = _is_nothing(moving)
         going = np.abs(changes.value) > changes.error + GONE_SUM * changes.size
         if rests is not None:
-            alone = loop.port.drifts == 1 == loop.port.moves.shape[-1]
+            alone = loop.port.drifts == 1 == np.shape(loop.port.moves)[-1]
             stays = np.full(stays.shape, rests or not loop.port.drifts)
             going = ~stays & (alone | _is_sure(moving))
         no_force = _is_nothing(force) & (force[1] <= ZERO_OF_TERMS) & (len(outputs) > 1)
@@ -158,7 +158,7 @@ def dcgain(loop: Lifted, rests: bool | None = None) -> tuple[np.ndarray, np.ndar
     return limits, errors, rest
 
 
-def _is_nothing(pair: Any) -> bool:
+def _is_nothing(pair: Any) -> np.ndarray:
     """Whether a number may be 0; pair: it, and a bound on its error."""
     return np.abs(pair[0]) <= pair[1]
 

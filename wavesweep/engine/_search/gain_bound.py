@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine._search.question import Question, Rest, Slices
+from wavesweep.engine._search.question import Question, RequiredRegion, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals, common
 
 
@@ -23,7 +23,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
 
     loops = slices.loops
-    bound = question.bound
+    bound: RequiredRegion = question.bound  # type: ignore[assignment]  # else it does not apply
     found = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
     for number, gain in enumerate(bound.gains, start=1):

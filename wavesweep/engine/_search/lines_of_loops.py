@@ -614,7 +614,7 @@ def _shown_by(
 
 def _in_ticks(
     kinds: list[int],
-    changes: list[tuple[np.ndarray, np.ndarray | None]],
+    changes: Sequence[tuple[np.ndarray, np.ndarray | None]],
     state: np.ndarray,
     rows: np.ndarray,
 ) -> Iterator[np.ndarray]:
@@ -893,7 +893,7 @@ def _with_conjugate(share: np.ndarray, conjugate: np.ndarray) -> np.ndarray:
     return share + np.where(conjugate == np.arange(share.shape[-1]), 0.0, of_conjugate)
 
 
-def share_of_first(observed: np.ndarray, ticks: int, s: np.ndarray) -> np.ndarray:
+def share_of_first(observed: Iterable[np.ndarray], ticks: int, s: np.ndarray) -> np.ndarray:
     """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`;
     observed: the states, tick by tick, `(..., states, columns)`, or an array of all of them."""
     near = 0.0

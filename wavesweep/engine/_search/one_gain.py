@@ -28,7 +28,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the
     rest is asked."""
     loops = slices.loops
-    opened = slices.opened
+    opened: Opened = slices.opened  # type: ignore[assignment]  # else it does not apply
     intervals = of_cut(opened, question.span, question.bound)
     doubtful = different(intervals.column[intervals.doubt != Doubt.NONE])
     if not doubtful.size:

@@ -71,7 +71,8 @@ class OpenLoops:
 
     def batch(self, size: int) -> LinearFractional:
         """The cut as a batch of `size` loops."""
-        return self.cut.remembered(("batch", size), lambda: self.cut.as_batch(size))
+        cut: LinearFractional = self.cut  # type: ignore[assignment]  # asked of loops that have one
+        return cut.remembered(("batch", size), lambda: cut.as_batch(size))
 
 
 def open_loops(
@@ -95,11 +96,10 @@ def open_loops(
     late = 0
     whole = loops
     if shortened:
-        *shorter, late = without_whole_frames(
+        drawing, values, late = without_whole_frames(
             drawing, loops.values, *filter(None, (number, second))
         )
-        loops = Loops(*shorter)
-        drawing = loops.drawing
+        loops = Loops(drawing, values)
     read = (FACTOR, BESIDE)[: 1 + bool(second)]
     both = dict.fromkeys(map(path_of, filter(None, (number, second))), TWO_VALUES)
     with_both = loops.changed(both)
@@ -122,7 +122,9 @@ def open_loops(
     shown = (port.force, (port.reaction,)) if port else ("", ())
     with drawn.naming_blocks(), np.errstate(all="ignore"):
         frame = open_frame(drawn, drift, PRODUCT, read, *shown, per_loop=per_loop)
-    return frame and OpenLoops(drawn, frame, drift, port, second, conserved, late)
+    if frame is None:
+        return None
+    return OpenLoops(drawn, frame, drift, port, second, conserved, late)
 
 
 @lru_cache(maxsize=8)  # compiled loops are asked again and again
@@ -131,7 +133,7 @@ def remembered_loops(
     items: tuple[tuple[str, float], ...],
     number: str,
     second: str,
-    find_port: Callable[..., Any],
+    find_port: FindPort | None,
 ) -> OpenLoops | None:
     """`open_loops` of a single loop or of few; items: their numbers, in tuples over the loops."""
     values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
@@ -183,14 +185,14 @@ def remembered_slices(
     items: tuple[tuple[str, float | tuple[Any, ...]], ...],
     number: str,
     size: int,
-    find_port: Callable[..., Any],
+    find_port: FindPort | None,
 ) -> Opened | None:
     """`_opened` of few slices; items: their numbers, in tuples over the loops."""
     values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
     return _opened(Loops(drawing, values), number, size, find_port)
 
 
-def _opened(loops: Loops, number: str, size: int, find_port: Callable[..., Any]) -> Opened | None:
+def _opened(loops: Loops, number: str, size: int, find_port: FindPort | None) -> Opened | None:
     """See `Opened.of`."""
     path = _fixed_beside(loops, number)
     for swapped in (False, True) if path else ():
@@ -251,7 +253,7 @@ def _without(
     swapped: bool = False,
     *,
     alone: bool = False,
-    find_port: Callable[..., Any],
+    find_port: FindPort | None,
 ) -> Opened | None:
     """The slices with loops without the number, and without that with the path `path` if there
     is one; see `Opened`."""
@@ -272,4 +274,6 @@ def _without(
         without = open_loops(loops, *numbers, find_port=find_port, per_loop=alone, shortened=True)
     else:
         without = remembered_loops(loops.drawing, loops.items, *numbers, find_port)
-    return without and Opened(without, loop_of, second, swapped, alone)
+    if without is None:
+        return None
+    return Opened(without, loop_of, second, swapped, alone)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine._search.question import Question, Rest, Slices
+from wavesweep.engine._search.question import Question, RequiredRegion, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals, common, in_place
 from wavesweep.engine.rows import different
 
@@ -27,9 +27,9 @@ def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals in which every eigenvalue is in the region, looked for where the loops may be
     stable if all of it is inside the circle."""
-    bound = question.bound
+    bound: RequiredRegion = question.bound  # type: ignore[assignment]  # else it does not apply
     if bound.on_circle:
-        inside = _in_region(question, slices)
+        inside = _in_region(bound, question, slices)
     else:
         inside = rest(replace(question, bound=None, prover=None), slices)
         open_ = np.isfinite(inside.low)
@@ -40,16 +40,18 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
             span = max(low - beside, question.span[0]), min(high + beside, question.span[1])
             columns = different(inside.column[open_])
             some = Slices(slices.loops.some(columns), columns.size)
-            inside = in_place(inside, columns, _in_region(replace(question, span=span), some))
+            inside = in_place(
+                inside, columns, _in_region(bound, replace(question, span=span), some)
+            )
     if bound.on_radius:
         return common([inside, rest(replace(question, bound=bound.on_radius), slices)])
     return inside
 
 
-def _in_region(question: Question, slices: Slices) -> Intervals:
+def _in_region(bound: RequiredRegion, question: Question, slices: Slices) -> Intervals:
     """The intervals in which every eigenvalue is in the region, by its own search."""
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
 
     frames = FramesAlong.of(question, slices.loops, slices.size)
-    intervals = question.bound.intervals(frames, question.span)
+    intervals = bound.intervals(frames, question.span)
     return in_own_time(intervals, slices.loops, question.along)

@@ -337,7 +337,7 @@ class TaylorModel:
     def __rpow__(self, base: Any) -> TaylorModel:
         return (self * (base if isinstance(base, arb) else arb(base)).log()).exp()
 
-    def _composed(self, coefficients: list[list[arb]], left_out: float) -> TaylorModel:
+    def _composed(self, coefficients: list[list[arb]], left_out: np.ndarray | float) -> TaylorModel:
         """Return the polynomial of `self - c` with these coefficients, of each cell, the
         constant one first; left_out: bounds on the rest."""
         terms = self.terms.copy()
@@ -435,10 +435,9 @@ class TaylorModel:
             with np.errstate(all="ignore"):
                 found = self._composed(coefficients, tail / np.abs(centre) * OUTWARD)
                 ends = _outward(1 / high, 1 / low)
-            bounds = [
-                np.where(sure, end, far) for end, far in zip(ends, (-np.inf, np.inf), strict=True)
-            ]
-            self.inverted = self._bounded(found, *bounds, self._informed())
+            low = np.where(sure, ends[0], -np.inf)
+            high = np.where(sure, ends[1], np.inf)
+            self.inverted = self._bounded(found, low, high, self._informed())
         return self.inverted
 
     def sqrt(self) -> TaylorModel:
@@ -478,14 +477,14 @@ class TaylorModel:
         r^(order + 1)/(order + 1)!`."""
         centre, radius = self._about()
         coefficients = []
-        largest = []
+        sizes = []
         for c, r in zip(_each(centre), _each(radius), strict=True):
             own = [arb(c).exp()]
             for k in range(1, self.order + 1):
                 own.append(own[-1] / k)
             coefficients.append(own)
-            largest.append(float((arb(c) + arb(r)).exp().abs_upper()) * OUTWARD)
-        largest = np.reshape(largest, np.shape(centre))
+            sizes.append(float((arb(c) + arb(r)).exp().abs_upper()) * OUTWARD)
+        largest = np.reshape(sizes, np.shape(centre))
         last = self._last(radius)
         with np.errstate(all="ignore"):
             found = self._composed(coefficients, np.where(last > 1, np.inf, largest * last))
@@ -777,7 +776,7 @@ class Polynomials:
         self, rows: np.ndarray | Sequence[int], columns: np.ndarray | Sequence[int]
     ) -> Polynomials:
         """Some rows and columns."""
-        place = np.ix_(rows, columns)
+        place: Any = np.ix_(rows, columns)  # type: ignore[arg-type]  # of either kind
         return self._like(self.terms[..., *place], self.rest[..., *place])
 
     def put(self, place: tuple[Any, Any], part: Polynomials) -> None:
@@ -892,7 +891,7 @@ class Polynomials:
             D = D.times(ratio)
             X = self._like(one.terms.copy(), one.rest)
             read = self.exponents[D.sizes.present].any(0)  # the numbers on which D depends
-            reached = ~self.exponents[:, ~read].any(1)
+            reached = ~np.any(self.exponents[:, ~read], 1)
             for degree in range(1, self.order + 1 if read.any() else 1):
                 self.multiply_degree(
                     X.terms, D.terms, X.terms, self.numbers, self.order, degree, reached

@@ -125,9 +125,9 @@ class _Variable(NamedTuple):
     may lie below the span.
     """
 
-    into: Callable
-    out: Callable
-    slope: Callable | None
+    into: Callable[..., Any]
+    out: Callable[..., Any]
+    slope: Callable[..., Any] | None
     unit: float
     offset: float
     scale: float
@@ -188,13 +188,11 @@ class _Search:
     family: ParametricFrames
     variable: _Variable
     span: tuple[float, float]
-    slack: Callable
-    balls: Callable | None
+    slack: Callable[..., Any]
+    balls: Callable[..., Any] | None
     from_one: bool
 
-    def at(
-        self, function: Callable[..., Any], column: np.ndarray, t: np.ndarray
-    ) -> Frames | tuple[np.ndarray, np.ndarray]:
+    def at(self, function: Callable[..., Any], column: np.ndarray, t: np.ndarray) -> Any:
         """The value of a function of columns and of the number, at values of the variable."""
         with np.errstate(over="ignore"):  # beside the largest doubles
             p = self.variable.out(t)
@@ -207,12 +205,12 @@ class _Search:
         columns = names.size
         resolved = None
         if self.family.resolved is not None:
-            resolved = partial(self._resolved, names)
+            resolved = partial(self._resolved, self.family.resolved, names)
         order = of_columns.ratio.shape[-1]
         panels, lost = panels_of(
             of_columns.frames, of_columns.errors, self.span, columns, bounds, resolved, order
         )
-        parts = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
+        parts = [Tiles.of(np.zeros(0, int), np.zeros(0), np.zeros(0), 0)]
         for reduced, states in [] if panels is None else panels.without_forgotten():
             errors = partial(_of_states, of_columns.errors, states)
             tight = partial(_of_states, of_columns.tight, states)
@@ -225,24 +223,30 @@ class _Search:
             parts.append(tiles)
         tiles = Tiles.join(parts)
         attached = self.slack(self.span[0]), self.slack(self.span[1])
-        if self.balls is not None:
+        prove = self.balls
+        if prove is not None:
 
             def balls(
                 column: int, low: float, high: float
             ) -> list[tuple[float, float, float, float]]:
-                return self.balls(int(names[column]), low, high)
+                return prove(int(names[column]), low, high)
 
             tiles, lost = proved_by_balls(tiles, lost, self.span, columns, attached, balls)
         regions = regions_of(tiles, lost, self.span, columns, attached)
         return replace(regions, column=names[regions.column])
 
     def _resolved(
-        self, names: np.ndarray, column: np.ndarray, low: np.ndarray, high: np.ndarray
+        self,
+        resolved: Callable[..., np.ndarray],
+        names: np.ndarray,
+        column: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
     ) -> np.ndarray:
         """Whether frames have no narrow features for the variable from low to high."""
         offset = self.variable.offset
         scale = self.variable.scale
-        return self.family.resolved(names[column], low, high, offset, scale)
+        return resolved(names[column], low, high, offset, scale)
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,18 +50,21 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     fixed = columns.fixed
     opened = cut.open_late(columns.along) if cut.late else cut.open_in(columns.along, fixed)
 
-    def late(columns: tuple[np.ndarray, None]) -> _Late:
+    def late(columns: tuple[np.ndarray, None] | slice) -> _Late | None:
         """What is late of some columns, an index that gives `fixed` the axes of angles."""
-        return cut.late and _Late(cut.late, fixed[columns] if np.any(fixed) else None)
+        if not cut.late:
+            return None
+        return _Late(cut.late, fixed[columns] if np.any(fixed) else None)
 
     lines, system = DelayLines.of(opened.E).condensed(opened)
     poles, _ = eigenvalues(opened.E)
     poles = poles[:, (poles != -1).any(0)]  # those at z = 0 are equally far from all of the circle
-    solver = lines
+    solver: DelayLines | TriangularForm = lines
     solved = system
     if lines.solved.size > FEW_SOLVED:
-        solver = TriangularForm.of(opened.E, opened.B, opened.C)
-        solved = solver.system(opened)
+        form = TriangularForm.of(opened.E, opened.B, opened.C)
+        solver = form
+        solved = form.system(opened)
     largest = max(map(abs, span))
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
@@ -92,7 +95,8 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         for first in range(0, column.size, step):
             chunk = slice(first, first + step)
             parts.append(sampled(column[chunk], theta[chunk]))
-        return tuple(np.concatenate(of_chunks, axis=1) for of_chunks in zip(*parts, strict=True))
+        phase, log, error = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        return phase, log, error
 
     limits = PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT)
     roots = panel_roots(sample, np.linspace(0, np.pi, 5), fixed.size, limits, settling=1)
@@ -110,7 +114,13 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
 
 
 @np.errstate(all="ignore")
-def _is_clear_next_to_one(E, condensed, lines, poles, late):
+def _is_clear_next_to_one(
+    E: np.ndarray,
+    condensed: StateSpace,
+    lines: DelayLines,
+    poles: np.ndarray,
+    late: _Late | None,
+) -> np.ndarray:
     """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there,
     `(columns,)`.
 
@@ -158,7 +168,7 @@ class _BoundaryFunctions(NamedTuple):
 @np.errstate(all="ignore")
 def _boundary(
     opened: StateSpace,
-    solver: DelayLines,
+    solver: DelayLines | TriangularForm,
     theta: np.ndarray,
     largest: float = 0.0,
     loops: np.ndarray | None = None,
@@ -221,10 +231,10 @@ class _Response(NamedTuple):
 
 def _response(
     opened: StateSpace,
-    solver: DelayLines,
+    solver: DelayLines | TriangularForm,
     right: np.ndarray,
     theta: np.ndarray,
-    loops: np.ndarray,
+    loops: np.ndarray | None,
     row: int = 0,
 ) -> _Response:
     """The response of a row of C and D; right: what B reaches. See `_boundary`."""
@@ -241,8 +251,8 @@ def _response(
     size_back = np.abs(back).sum(-1) + np.abs(D)
     if isinstance(solver, DelayLines):
         roundings = CAUTION + solver.longest
-        of_turning = 0.0
-        of_gain = 0.0
+        of_turning: np.ndarray | float = 0.0
+        of_gain: np.ndarray | float = 0.0
         runs = solver.delayed[solver.steps > 1]
         if runs.size:  # of the states of a run the products are those of its ends, turned
             _, turned, _, unsure = _turned(solver.steps[solver.steps > 1], theta[..., None])
@@ -274,7 +284,9 @@ class _Late(NamedTuple):
     fixed: np.ndarray | None
 
 
-def _of_late(late, theta, H, G):
+def _of_late(
+    late: _Late, theta: np.ndarray, H: _Response, G: _Response | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | float, np.ndarray | float]:
     """Return `value` of `_boundary` with its error, and what is added to `beyond` with the error of
     that, for numbers that are d frames late.
 
@@ -288,9 +300,9 @@ def _of_late(late, theta, H, G):
     value = turn * H.turning + per_turn * H.mean
     value_off = np.abs(turn) * H.turning_off + np.abs(per_turn) * H.off
     value_off = value_off + unsure * H.turning_size + unsure_per_turn * H.size
-    if G is None:
-        return value, value_off, 0.0, 0.0
     F = late.fixed
+    if G is None or F is None:
+        return value, value_off, 0.0, 0.0
     square = np.sin(theta) ** 2
     size_of_square = np.abs(square)
     value = value - F * (G.mean * H.turning - G.turning * H.mean)
@@ -312,7 +324,9 @@ def _off_in_product(
     return a * b_off + a_off * b + EPS * a_off * b_off + a * b
 
 
-def _turned(late: int, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _turned(
+    late: np.ndarray | int, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return `cos(d theta)` and `sin(d theta)/sin(theta)`, d being `late`, and how far each may be
     off, in roundings of 1.
 

@@ -20,6 +20,8 @@ from wavesweep.engine._monodromy.resolvent import InForm, InLines, Inverse, Many
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.doubles import EPS
 
+Resolvent = Inverse | InLines | InForm
+
 NEWTON_STEPS = 12  # Newton from a seed of 8 digits needs 2
 # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are
 # its square
@@ -87,12 +89,12 @@ def terms_and_inverse(cut: LinearFractional, w: np.ndarray) -> tuple[Terms, np.n
 def real_terms(cut: LinearFractional, w: float, states: ManyStates) -> Terms:
     """Return the terms of the characteristic equation of a single loop of many states at a real
     point, arrays of one."""
-    w = np.array([w])
-    G = _outputs(cut, _states(cut, w, states.at(w)))
-    return terms_of(cut, w, G.real)
+    point = np.array([w])
+    G = _outputs(cut, _states(cut, point, states.at(point)))
+    return terms_of(cut, point, G.real)
 
 
-def _states(cut: LinearFractional, w: np.ndarray, resolvent: Inverse) -> np.ndarray:
+def _states(cut: LinearFractional, w: np.ndarray, resolvent: Resolvent) -> np.ndarray:
     """Return the states for a unit force.
 
     One step of refinement makes the backward error small entry by entry (R. D. Skeel, Math. Comp.
@@ -177,10 +179,10 @@ def polish(
     value = np.full(theta.shape, np.nan)
     done = np.zeros(theta.shape, bool)
     far_off = np.zeros(theta.shape, bool)
-    inverses = None
+    inverses = np.empty((theta.size, *cut.E.shape[-2:]), complex)
     active = np.arange(theta.size)
     for _ in range(NEWTON_STEPS):
-        if not active.size and inverses is not None:
+        if not active.size:
             break
         loops = cut if active.size == theta.size else cut.at(active)
         w = on_circle(theta[active])
@@ -190,10 +192,7 @@ def polish(
         theta[active] = step.theta
         value[active] = step.value
         done[active] = step.converged
-        if inverses is None:
-            inverses = resolvent.matrix
-        else:
-            inverses[active] = resolvent.matrix
+        inverses[active] = resolvent.matrix
         far_off[active] = step.size * speed > REFINABLE
         active = active[~step.last]
     moved = np.flatnonzero(far_off)
@@ -258,7 +257,11 @@ def _newton(now: np.ndarray, slope: np.ndarray, theta: np.ndarray, scale: float)
 
 
 def _value_and_slope(
-    cut: LinearFractional, along: str, fixed: np.ndarray, w: np.ndarray, resolvent: Inverse
+    cut: LinearFractional,
+    along: str,
+    fixed: np.ndarray | float,
+    w: np.ndarray,
+    resolvent: Resolvent,
 ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
     """Return K(theta) and dK/dtheta, complex, as a pair; and the relative change of the states
     per angle."""
@@ -268,10 +271,10 @@ def _value_and_slope(
     dG = -times(cut.C, turn)[..., 0]
     with np.errstate(all="ignore"):
         speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
-    slopes = Terms(0.0, dG[..., OFFSET], dG[..., VELOCITY])  # by w
+    slopes = Terms(np.zeros(()), dG[..., OFFSET], dG[..., VELOCITY])  # by w
     if cut.integrates:
         of_x = dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET]
-        slopes = Terms(1.0, of_x, w * dG[..., VELOCITY] + G[..., VELOCITY])
+        slopes = Terms(np.ones(()), of_x, w * dG[..., VELOCITY] + G[..., VELOCITY])
     found = terms_of(cut, w, G)
     if cut.late:
         turn = turned_back(cut, w)
@@ -283,7 +286,7 @@ def _value_and_slope(
 
 
 def _solved(
-    t: Terms, slopes: Terms, along: str, fixed: np.ndarray, w: np.ndarray
+    t: Terms, slopes: Terms, along: str, fixed: np.ndarray | float, w: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the number that solves the equation, and its derivative by theta, complex."""
     solved, fixed_term = t.along(along)
@@ -301,7 +304,7 @@ def end_errors(
     value: np.ndarray,
     w: np.ndarray,
     on_axis: np.ndarray,
-    resolvent: Inverse | InLines | InForm | None = None,
+    resolvent: Resolvent | None = None,
     least: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residuals of the characteristic equation at crossings, and two effects of
@@ -364,7 +367,7 @@ def _read_row(
 
 
 def _adjoint(
-    cut: LinearFractional, w: np.ndarray, row: np.ndarray, resolvent: Inverse
+    cut: LinearFractional, w: np.ndarray, row: np.ndarray, resolvent: Resolvent
 ) -> np.ndarray:
     """Return `row (w I - E)^-1`, `(..., n)`, refined."""
     left = resolvent.row(row)

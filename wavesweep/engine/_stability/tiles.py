@@ -64,7 +64,7 @@ class Tiles(Rows):
 
 def proved_by_balls(
     tiles: Tiles,
-    lost: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    lost: tuple[np.ndarray, ...],
     span: tuple[float, float],
     columns: int,
     attached: tuple[float, float],
@@ -178,7 +178,7 @@ def _tiles_of_intervals(
 
 def regions_of(
     tiles: Tiles,
-    lost: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    lost: tuple[np.ndarray, ...],
     span: tuple[float, float],
     columns: int,
     attached: tuple[float, float],
