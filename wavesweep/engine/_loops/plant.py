@@ -3,6 +3,7 @@ exact over a held tick."""
 
 from collections.abc import Mapping
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from wavesweep.engine.errors import IllPosedLoopError
 
 def plant_of(
     plant: Plant,
-    keys: Mapping[str, Mapping],
-    gains: Mapping[str, Mapping],
+    keys: Mapping[str, dict[str, Any]],
+    gains: Mapping[str, Mapping[str, np.ndarray | float]],
     period: float,
     known: dict[str, np.ndarray | int],
     shares: dict[str, np.ndarray],
@@ -56,8 +57,8 @@ def plant_of(
     L = D @ K
     M = np.eye(len(outputs))
     of_M = np.eye(len(outputs))
-    condition = 1.0
-    determinant = 1.0
+    condition: np.ndarray | float = 1.0
+    determinant: np.ndarray | float = 1.0
     if L.any():
         M, of_M, condition, determinant = _closed(L, np.abs(D) @ np.abs(K), outputs, plant.name)
     shown = M @ C
@@ -73,7 +74,7 @@ def plant_of(
     rates = Rates(A, B, of_A, of_B, period)
     E, G, of_E, of_G = rates.over()
     shown_inputs, shown_outputs = plant.ports
-    block = Block(
+    made = Block(
         plant.name,
         tuple(shown_inputs),
         tuple(shown_outputs),
@@ -86,14 +87,16 @@ def plant_of(
         ring=plant.acts_on_itself,
     )
     if not (plant.arriving or plant.sensed):
-        return block
-    return with_ports(block, plant, rates, known, shares)
+        return made
+    return with_ports(made, plant, rates, known, shares)
 
 
 LABELS = {"v": "velocity", "x": "position"}  # of states of masses, for messages
 
 
-def _gains(gains: dict[str, dict[str, float]], inputs: list[str], outputs: list[str]) -> np.ndarray:
+def _gains(
+    gains: Mapping[str, Mapping[str, np.ndarray | float]], inputs: list[str], outputs: list[str]
+) -> np.ndarray:
     """The matrix of the gains, `(..., inputs, outputs)`."""
     entries = {}
     for port, terms in gains.items():
@@ -101,14 +104,14 @@ def _gains(gains: dict[str, dict[str, float]], inputs: list[str], outputs: list[
             entries[port, signal] = numbers(gain)
     batch = np.broadcast_shapes(*(entry.shape for entry in entries.values()))
     K = np.zeros((*batch, len(inputs), len(outputs)), np.result_type(float, *entries.values()))
-    for (port, signal), gain in entries.items():
-        K[..., inputs.index(port), outputs.index(signal)] = gain
+    for (port, signal), entry in entries.items():
+        K[..., inputs.index(port), outputs.index(signal)] = entry
     return K
 
 
 def _closed(
     L: np.ndarray, sizes: np.ndarray, outputs: list[str], name: str
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The inverse of `1 - L`, the sizes of what rounding does to it, its condition, and the
     determinant."""
     reached = np.eye(len(outputs), dtype=bool) | np.any(L != 0, axis=tuple(range(L.ndim - 2)))

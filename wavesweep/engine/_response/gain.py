@@ -193,8 +193,7 @@ def applied(frame: Stretch, v: np.ndarray, loop: np.ndarray, *, adjoint: bool) -
     if frame.impulse:
         H = _of_loops(frame.impulse[0], loop)
         return (H.mT if adjoint else H) @ v
-    first = frame.first
-    second = frame.second
+    first, second = frame.halves
     early = v[:, : first.ticks]
     late = v[:, first.ticks :]
     results = [
@@ -220,11 +219,12 @@ def norm_of_errors(frame: Stretch) -> np.ndarray:
     `(...)`."""
     if frame.impulse:
         return np.sqrt((frame.impulse[1] ** 2).sum((-2, -1)))
-    O, dO = frame.second.observability.part(..., -1, slice(None), slice(None))
-    G = frame.first.controllability
+    first, second = frame.halves
+    O, dO = second.observability.part(..., -1, slice(None), slice(None))
+    G = first.controllability
     dG = G.with_rounding(O.shape[-1])
     across = norm_of_product(dO, np.abs(G.value)) + norm_of_product(np.abs(O), dG)
-    return np.sqrt(norm_of_errors(frame.first) ** 2 + norm_of_errors(frame.second) ** 2 + across**2)
+    return np.sqrt(norm_of_errors(first) ** 2 + norm_of_errors(second) ** 2 + across**2)
 
 
 def norm_of_product(A: np.ndarray, B: np.ndarray) -> np.ndarray | float:

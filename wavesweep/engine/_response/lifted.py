@@ -98,23 +98,34 @@ class Stretch:
         p)`."""
         if self.forced:
             return np.abs(self.forced.value).sum(-1)
-        across = (self.second.sizes[0] @ self.first.sizes[1])[..., 0]
-        return (self.first.forced_size + self.second.forced_size + across)[..., self.rows]
+        first, second = self.halves
+        across = (second.sizes[0] @ first.sizes[1])[..., 0]
+        return (first.forced_size + second.forced_size + across)[..., self.rows]
 
     def impulse_map(self, index: int = 0) -> np.ndarray:
         """Return the map from all forces to the last output in each tick, for the state 0;
         index: 1 for its errors."""
         if self.impulse:
             return self.impulse[index]
-        return _triangular(
-            self.first.impulse_map(index), self.across[index], self.second.impulse_map(index)
-        )
+        first, second = self.halves
+        return _triangular(first.impulse_map(index), self.across[index], second.impulse_map(index))
 
     @property
     def across(self) -> Bounded:
         """The map from forces of the first half to the last output in the second."""
-        last = self.second.observability.part(..., -1, slice(None), slice(None))
-        return last @ self.first.controllability
+        first, second = self.halves
+        last = second.observability.part(..., -1, slice(None), slice(None))
+        return last @ first.controllability
+
+    @property
+    def halves(self) -> tuple[Stretch, Stretch]:
+        """`first` and `second`, of a stretch that has them."""
+        return self.first, self.second  # type: ignore[return-value]
+
+    @property
+    def own_maps(self) -> tuple[Bounded, Bounded]:
+        """`forced` and `impulse`, of a stretch of no more than LEAF ticks."""
+        return self.forced, self.impulse  # type: ignore[return-value]
 
 
 def _joined(first: Stretch, second: Stretch) -> Stretch:
@@ -130,10 +141,12 @@ def _joined(first: Stretch, second: Stretch) -> Stretch:
     if first.ticks + second.ticks > LEAF:
         return Stretch(E, observability, controllability, None, None, first, second)
     later = outputs @ inputs.part(..., None, slice(None), slice(None))
-    of_first = _padded(first.forced, second.ticks)
-    forced = of_first + _padded(second.forced, first.ticks) + _over_lags(later)
+    forced_first, impulse_first = first.own_maps
+    forced_second, impulse_second = second.own_maps
+    of_first = _padded(forced_first, second.ticks)
+    forced = of_first + _padded(forced_second, first.ticks) + _over_lags(later)
     across = later.part(..., -1, slice(None), slice(None))
-    impulse = Bounded(*map(_triangular, first.impulse, across, second.impulse))
+    impulse = Bounded(*map(_triangular, impulse_first, across, impulse_second))
     return Stretch(E, observability, controllability, forced, impulse)
 
 
@@ -192,39 +205,39 @@ class Sums:
     ddriven: np.ndarray
 
     @staticmethod
-    def of(stretch: Stretch, points: Any, memo: dict | None = None) -> Sums:
+    def of(stretch: Stretch, points: Any, memo: dict[int, Sums] | None = None) -> Sums:
         """Return the sums at these points of the circle (see `Circle`); memo: those of its
         halves, by identity."""
         memo = {} if memo is None else memo
         if id(stretch) not in memo:
-            memo[id(stretch)] = (
-                _of_leaf(stretch, points) if stretch.forced else _of_halves(stretch, points, memo)
-            )
+            if stretch.forced:
+                memo[id(stretch)] = _of_leaf(stretch, stretch.forced, points)
+            else:
+                memo[id(stretch)] = _of_halves(stretch, points, memo)
         return memo[id(stretch)]
 
 
-def _of_leaf(stretch, points):
+def _of_leaf(stretch: Stretch, sums: Bounded, points: Any) -> Sums:
     z = points.ladder(stretch.ticks)
     terms = stretch.ticks + TURN_ROUNDINGS * stretch.ticks.bit_length()
     # contiguous, as BLAS wants them
     real = z.real.copy()
     imag = z.imag.copy()
     O = stretch.observability.value
-    forced = stretch.forced.value
+    forced = sums.value
     G = stretch.controllability.value
     return Sums(
         rows=real.T @ O - 1j * (imag.T @ O),
         drows=stretch.observability.with_rounding(terms).sum(-2),
         forced=forced @ real - 1j * (forced @ imag),
-        dforced=stretch.forced.with_rounding(terms).sum(-1, keepdims=True),
+        dforced=sums.with_rounding(terms).sum(-1, keepdims=True),
         driven=G @ real + 1j * (G @ imag),
         ddriven=stretch.controllability.with_rounding(terms).sum(-1, keepdims=True),
     )
 
 
-def _of_halves(stretch, points, memo):
-    first = stretch.first
-    second = stretch.second
+def _of_halves(stretch: Stretch, points: Any, memo: dict[int, Sums]) -> Sums:
+    first, second = stretch.halves
     a = Sums.of(first, points, memo)
     b = Sums.of(second, points, memo)
     n = first.E.value.shape[-1]
@@ -364,7 +377,7 @@ def _with_position(port: Port) -> Port:
     )
 
 
-def _tick_with_position(tick: StateSpace, position: np.ndarray) -> StateSpace:
+def _tick_with_position(tick: StateSpace, position: np.ndarray | None) -> StateSpace:
     drifts = position is None
     outputs, n = tick.C.shape[-2:]
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in tick))

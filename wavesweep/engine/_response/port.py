@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,7 @@ class Port:
     rest: Callable[[], Any] | None = None
     of_signal: bool = False
     drifts: int = 0
-    moves: np.ndarray | None = None
+    moves: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     pivot: object = 1.0
 
     @staticmethod

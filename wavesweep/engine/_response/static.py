@@ -140,7 +140,7 @@ def dcgain(loop: Lifted, rests: bool | None = None) -> tuple[np.ndarray, np.ndar
         stays = _is_nothing(moving)
         going = np.abs(changes.value) > changes.error + GONE_SUM * changes.size
         if rests is not None:
-            alone = loop.port.drifts == 1 == np.shape(loop.port.moves)[-1]
+            alone = loop.port.drifts == 1 == loop.port.moves.shape[-1]
             stays = np.full(stays.shape, rests or not loop.port.drifts)
             going = ~stays & (alone | _is_sure(moving))
         no_force = _is_nothing(force) & (force[1] <= ZERO_OF_TERMS) & (len(outputs) > 1)

@@ -261,7 +261,8 @@ def _response(
             size = np.abs(terms).sum(-1)
     else:
         roundings = CAUTION + E.shape[-1]
-        of_turning, of_gain = _errors_of_form(solver, loops, left, right, theta)
+        some: np.ndarray = loops  # type: ignore[assignment]  # which a form always has
+        of_turning, of_gain = _errors_of_form(solver, some, left, right, theta)
     both = size_forward + size_back
     return _Response(
         forward=forward.sum(-1) + D,

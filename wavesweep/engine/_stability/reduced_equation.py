@@ -281,7 +281,7 @@ class ReducedEquation:
         theta = np.abs((theta[converged] + np.pi) % (2 * np.pi) - np.pi)
         return _Crossings(panel, x, theta, self.moved(panel, x + BESIDE_CROSSING, theta))
 
-    def moved(self, panel, x, theta):
+    def moved(self, panel: np.ndarray, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """How far rounding of S may move a crossing along x, from a place next to it."""
         value, slope = self.entries(panel, x)
         S, S_theta, S_x = self.around(value, slope, theta)
@@ -294,7 +294,7 @@ class ReducedEquation:
         with np.errstate(all="ignore"):
             return np.abs(a) * off / np.abs(a.real * b.imag - a.imag * b.real)
 
-    def newton_step(self, panel, x, theta):
+    def newton_step(self, panel: np.ndarray, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """The steps of angles and of x to where det S is 0, to first order, `(2, points)`; log
         det S has traces as slopes."""
         step = np.zeros((2, x.size))
@@ -374,9 +374,9 @@ def tiles_by_lines(
     pad = FEW_ROUNDINGS * np.abs(span).max() / panels.half
     low = (panels.low - panels.middle) / panels.half - pad
     high = (panels.high - panels.middle) / panels.half + pad
-    boxes = _around_circle(equation, np.arange(panels.low.size), low, high)
+    whole = _around_circle(equation, np.arange(panels.low.size), low, high)
     # Halvings of a box before Newton's method looks for a crossing in it.
-    boxes = _left_open(equation, boxes, 12)
+    boxes = _left_open(equation, whole, 12)
     if boxes is None:
         return None
     windows = _windows(panels, equation.crossings(boxes), span, slack)
@@ -452,7 +452,7 @@ def _windows(
     high = np.minimum(value + half, span[1])
     order = np.flatnonzero(inside)[np.lexsort((low[inside], column[inside]))]
     value, low, high, column = (each[order] for each in (value, low, high, column))
-    kept = []  # the first of those that meet, which reaches as far as any of them
+    kept: list[int] = []  # the first of those that meet, which reaches as far as any of them
     for at in range(order.size):
         last = kept[-1] if kept else at
         if kept and column[last] == column[at] and low[at] <= high[last]:
@@ -468,7 +468,9 @@ def _windows(
     return found.take(np.array(kept, int))
 
 
-def _without(boxes, panels, column, low, high, pad):
+def _without(
+    boxes: _Boxes, panels: Panels, column: int, low: float, high: float, pad: np.ndarray
+) -> _Boxes:
     """Boxes without what is in a window of a column."""
     middle = panels.middle[boxes.panel]
     half = panels.half[boxes.panel]
@@ -486,7 +488,7 @@ def _without(boxes, panels, column, low, high, pad):
     return _Boxes.join(left)
 
 
-def _stretches(panels: Panels, windows: Tiles) -> tuple[np.ndarray, ...]:
+def _stretches(panels: Panels, windows: Tiles) -> list[np.ndarray]:
     """The parts of the panels of a column between its windows: column, low, high."""
     rows = []
     for column in np.unique(panels.column).tolist():
@@ -507,7 +509,7 @@ def _stretches(panels: Panels, windows: Tiles) -> tuple[np.ndarray, ...]:
     return [np.array(fact) for fact in zip(*rows, strict=True)]
 
 
-def _counted(stretches: tuple[np.ndarray, ...], errors: Callable[..., Any]) -> Tiles:
+def _counted(stretches: list[np.ndarray], errors: Callable[..., Any]) -> Tiles:
     """Tiles of stretches in which nothing crosses, with the number of eigenvalues outside, as
     far as a count is clear."""
     column, low, high = stretches
@@ -521,7 +523,9 @@ def _counted(stretches: tuple[np.ndarray, ...], errors: Callable[..., Any]) -> T
     return Tiles.of(column, low, high, outside).take(outside >= 0)
 
 
-def _labelled(windows, stretches, equation, errors):
+def _labelled(
+    windows: Tiles, stretches: Tiles, equation: ReducedEquation, errors: Callable[..., Any]
+) -> Tiles:
     """Windows, those as OVERLAID in which another eigenvalue is outside of a larger circle all
     the while."""
     panels = equation.panels

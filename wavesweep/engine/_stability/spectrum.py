@@ -46,19 +46,19 @@ def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for group in groups:
         of_blocks = [np.linalg.eigvals(block) for block in group.blocks]
         of_alone = group.alone.diagonal(axis1=-2, axis2=-1)
-        delta[group.index] = np.concatenate([*of_blocks, of_alone], axis=-1)
+        delta[group.which] = np.concatenate([*of_blocks, of_alone], axis=-1)
     return delta.reshape(E.shape[:-1]), finite
 
 
 class AlikeBlocks(NamedTuple):
     """Matrices with the same diagonal blocks in some order of the states.
 
-    index: of the matrices (flat). blocks: of several states, which all act on one another,
+    which: of the matrices (flat). blocks: of several states, which all act on one another,
     `(matrices, k, k)` each. alone: that of all other states, `(matrices, others, others)`:
     triangular in some order, so its eigenvalues are on its diagonal.
     """
 
-    index: np.ndarray
+    which: np.ndarray
     blocks: list[np.ndarray]
     alone: np.ndarray
 
@@ -74,9 +74,9 @@ def diagonal_blocks(E: np.ndarray, fewest: int = 2) -> list[AlikeBlocks]:
         kinds = pattern[:1]
         kind = np.zeros(len(pattern), int)
     else:
-        number = {}
+        numbers: dict[bytes, int] = {}
         names = np.packbits(pattern.reshape(len(pattern), -1), axis=-1)
-        kind = np.array([number.setdefault(name.tobytes(), len(number)) for name in names])
+        kind = np.array([numbers.setdefault(name.tobytes(), len(numbers)) for name in names])
         kinds = pattern[np.unique(kind, return_index=True)[1]]
     groups = [_blocks_of_pattern(n, pattern.tobytes()) for pattern in kinds]
     if max(len(several) for several, _ in groups) < fewest:
@@ -189,7 +189,7 @@ def least_damping(
     return np.where(finite, least, np.nan), finite & far.all(-1)
 
 
-def _is_alone(balanced, delta, rounding):
+def _is_alone(balanced: np.ndarray, delta: np.ndarray, rounding: np.ndarray) -> np.ndarray:
     """Whether an eigenvalue of `I + E` below 0 has no other one near it that rounding could join to
     it; all above 0 have not.
 
@@ -217,12 +217,12 @@ def radius_of(E: np.ndarray, hidden: np.ndarray | bool = False) -> np.ndarray:
     E = np.where(finite[..., None, None], E, 0.0)
     radius = np.abs(1 + delta).max(-1, initial=0.0)
     groups = diagonal_blocks(E)
-    radii = np.array(radius) if groups or not E.size else _sure_radius(E, radius, delta)
+    radii = np.array(radius if groups or not E.size else _sure_radius(E, radius, delta))
     for group in groups:
-        of_group = np.reshape(radius, -1)[group.index]
+        of_group = np.reshape(radius, -1)[group.which]
         for block in group.blocks:  # each of which may hide that it exceeds the whole
             sure = _sure_radius(block, of_group, eigenvalues(block)[0])
-            radii.reshape(-1)[group.index] += 0 * sure
+            radii.reshape(-1)[group.which] += 0 * sure
     radii = np.where(finite, radii, np.inf)
     radii = np.where(_is_rounding(np.abs(1 - radii), E), 1.0, radii)
     return np.where(hidden, np.nan, radii)
@@ -276,7 +276,9 @@ def _sure_radius(
     return sure.reshape(np.shape(radius))
 
 
-def _may_reach(E, balanced, units, w, rounding):
+def _may_reach(
+    E: np.ndarray, balanced: np.ndarray, units: np.ndarray, w: np.ndarray, rounding: float
+) -> bool:
     """Whether a rounding of that size may make one of w `(points,)` an eigenvalue of E, of many
     states: the cheap bounds come first, and few points are left for the others."""
     w = w[_at_least(E, units, w) <= rounding]
@@ -309,7 +311,7 @@ def _by_eigenvectors(E: np.ndarray, w: np.ndarray) -> np.ndarray:
     return np.where((off < 0.5) & (bound > 0), bound, 0.0)
 
 
-def _at_least(E, units, w):
+def _at_least(E: np.ndarray, units: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return bounds from below on the smallest singular value of `w - E` in these units, at w
     `(points,)`; 0 if there is none.
 
@@ -326,7 +328,7 @@ def _at_least(E, units, w):
     if k.size > d.size:
         return np.zeros(len(w))
 
-    def norm(block, rows, columns):
+    def norm(block: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         return np.linalg.norm(block * (units[columns] / units[rows, None]), axis=(-1, -2))
 
     with np.errstate(all="ignore"):
@@ -415,12 +417,12 @@ def _count_outside(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             of_alone = group.alone.diagonal(axis1=-2, axis2=-1)
             alone = _count_outside(of_alone.reshape(-1, 1, 1))
             outside_alone, clear_alone = (facts.reshape(of_alone.shape) for facts in alone)
-            count[group.index] += outside_alone.sum(-1)
-            clear[group.index] &= clear_alone.all(-1)
+            count[group.which] += outside_alone.sum(-1)
+            clear[group.which] &= clear_alone.all(-1)
             for block in group.blocks:
                 outside_block, clear_block = _count_outside(block)
-                count[group.index] += outside_block
-                clear[group.index] &= clear_block
+                count[group.which] += outside_block
+                clear[group.which] &= clear_block
         finite = np.isfinite(E).all((-1, -2))
         return np.where(finite, count, -1), clear & finite
     delta, finite = eigenvalues(E)

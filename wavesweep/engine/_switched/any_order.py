@@ -81,18 +81,18 @@ def decide(family: Family, x: float = 0.0, work: float = OPERATIONS_OF_SEARCH) -
     for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and words
     themselves are searched in plain doubles.
     """
-    family = Remembered.of(family, [x])
-    A = family.at(x)
-    centre, _ = first_centre(A, family.follows)
-    for word in growing(A, family.follows, centre.basis):
-        if is_refuted(family, word, x):
+    known = Remembered.of(family, [x])
+    A = known.at(x)
+    centre, _ = first_centre(A, known.follows)
+    for word in growing(A, known.follows, centre.basis):
+        if is_refuted(known, word, x):
             return Decision(Verdict.REFUTED, word=word)
-    centre, factor = find_norms(A, family.follows, work=work)
-    norms = family.proved((x, centre)) if factor == 1 else None
+    centre, factor = find_norms(A, known.follows, work=work)
+    norms = known.proved((x, centre)) if factor == 1 else None
     if norms:
-        return Decision(Verdict.PROVED, *norms)
-    for word in growing(A, family.follows, centre.basis, (), MORE, norms=centre.norms):
-        if is_refuted(family, word, x):
+        return Decision(Verdict.PROVED, norms[0])
+    for word in growing(A, known.follows, centre.basis, (), MORE, norms=centre.norms):
+        if is_refuted(known, word, x):
             return Decision(Verdict.REFUTED, word=word)
     return Decision(Verdict.UNKNOWN)
 
@@ -118,21 +118,21 @@ def bracket(
     """
     # Of the way to the limits, where it is seen what frames forget.
     nearby = [start + 0.1 * (limit - start) for limit in limits]
-    family = Remembered.of(family, (start, *nearby))
-    A = family.at(start)
-    if growing_of(A, short_words(family.follows)):
+    known = Remembered.of(family, (start, *nearby))
+    A = known.at(start)
+    if growing_of(A, short_words(known.follows)):
         return Bracket(np.nan, np.nan)
-    first, factor = find_norms(A, family.follows, work=work)
+    first, factor = find_norms(A, known.follows, work=work)
     if factor < 1:
         return Bracket(np.nan, np.nan)
-    up = _Way(family, start, limits[1], tolerance, work, first, partial(report, start))
+    up = _Way(known, start, limits[1], tolerance, work, first, partial(report, start))
     high, above = up.side()
     near = tolerance**2 * abs(high - start)
 
-    def told(reached, share):
+    def told(reached: float, share: float) -> None:
         report(reached, high, share)
 
-    down = _Way(family, start, limits[0], tolerance, work, first, told, near)
+    down = _Way(known, start, limits[0], tolerance, work, first, told, near)
     low, below = down.side()
     stretches = sorted((*down.stretches, *up.stretches), key=lambda stretch: stretch.low)
     return Bracket(float(low), float(high), below, above, tuple(stretches))
@@ -295,7 +295,7 @@ def _back(
         return (), used
     if family.proved((aim, centre)) is None:
         return (), used  # rounding leaves no room, and a finer graph gives none
-    stretches = ()
+    stretches: tuple[ProvedStretch, ...] = ()
     at = aim
     fruitless = 0
     # Finer graphs without a longer stretch, after which rounding leaves no room.
@@ -310,12 +310,12 @@ def _back(
         stalled = abs(far - at) <= LEAST_AGAIN * abs(far - reached)
         at = far
         try:
-            centre = finer(last, family.at(at), family.follows) if stalled else last
+            next_centre = finer(last, family.at(at), family.follows) if stalled else last
         except np.linalg.LinAlgError:
             break
-        if centre is None:
+        if next_centre is None:
             break
-        centre, factor = find_norms(family.at(at), family.follows, centre, (work - used) / 2)
+        centre, factor = find_norms(family.at(at), family.follows, next_centre, (work - used) / 2)
         used += centre.work
     return (), used
 
@@ -331,15 +331,15 @@ def nearest_refuted(
     follows = family.follows
     short = list(dict.fromkeys((*known, *short_words(follows), *shortest_through(follows))))
 
-    def grown(x, like, many):
+    def grown(x: float, like: Word, many: bool) -> list[Word]:
         A = family.at(x)
         grows = [] if like else growing_of(A, short)
         # Words of more matrices are searched at powers of 2, and at the last number.
         is_last = abs(x - start) > abs(limit - start) or x == limit
         if like or (not grows and many and (math.frexp(x)[0] in (0.5, -0.5) or is_last)):
             centre, _ = first_centre(A, follows)
-            like = [like] if like else []
-            grows = growing(A, follows, centre.basis, like, norms=centre.norms if like else None)
+            first = [like] if like else []
+            grows = growing(A, follows, centre.basis, first, norms=centre.norms if like else None)
         return grows
 
     # Of a refuted number, how far back words are searched that may decay again next to it.

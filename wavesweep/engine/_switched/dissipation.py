@@ -25,6 +25,10 @@ from wavesweep.engine._switched.semidefinite import Inequality, minimised, symme
 ROOM = 1e-7 * 8.0 ** np.arange(8)
 
 
+# rests of words, each with the words that may come then
+_Node = frozenset[tuple[tuple[int, ...], tuple[int, ...]]]
+
+
 def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     """Return the smallest graph of ticks whose walks are the allowed sequences of words.
 
@@ -32,14 +36,14 @@ def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     node is what may still happen: the rests of words, each with the words that may come then.
     """
     after = [tuple(np.flatnonzero(row).tolist()) for row in follows]
-    nodes = {}
+    nodes: dict[_Node, int] = {}
     edges = []
     open_ = []
 
-    def begun(some):
+    def begun(some: tuple[int, ...]) -> _Node:
         return frozenset((words[symbol], after[symbol]) for symbol in some)
 
-    def number(node):
+    def number(node: _Node) -> int:
         if node not in nodes:
             nodes[node] = len(nodes)
             open_.append(node)
@@ -50,7 +54,7 @@ def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     while open_:
         node = open_.pop()
         for kind in sorted({rest[0] for rest, _ in node}):
-            further = set()
+            further: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
             for rest, some in node:
                 if rest[0] == kind:
                     further |= {(rest[1:], some)} if rest[1:] else begun(some)
@@ -95,7 +99,8 @@ def least_damping(
     largest = np.abs(S).max()
     forms = symmetric_basis(n)
     m = len(forms)
-    d, t = graph.nodes * m + np.arange(2)  # their places among the unknowns, behind the P_i
+    d = graph.nodes * m  # their places among the unknowns, behind the P_i
+    t = d + 1
     index = np.empty((len(S), 2 * m + 2), int)
     index[:, :m] = graph.source[:, None] * m + np.arange(m)
     index[:, m : 2 * m] = graph.target[:, None] * m + np.arange(m)

@@ -14,7 +14,9 @@ class Family(Protocol):
     follows: `(symbols, symbols)`; `follows[i, j]` says whether matrix j may come after matrix i.
     """
 
-    follows: np.ndarray
+    @property
+    def follows(self) -> np.ndarray:
+        """Which matrix may come after which."""
 
     def at(self, x: float) -> np.ndarray:
         """Return the matrices at x in plain doubles, for searches, `(symbols, n, n)`."""

@@ -107,10 +107,10 @@ def growing(
         graph = norms.graph
         P = basis.T @ norms.P @ basis
     rates |= _of_walks(A, follows, Norms(P, graph))
-    for word in sorted(rates, key=rates.get, reverse=True)[:changed]:
+    for word in sorted(rates, key=rates.__getitem__, reverse=True)[:changed]:
         better = improved(A, follows, word)
         rates[better] = _rate(A, better)
-    return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
+    return [word for word in sorted(rates, key=rates.__getitem__, reverse=True) if rates[word] >= 1]
 
 
 def _of_two_runs(A: np.ndarray, follows: np.ndarray) -> dict[Word, float]:
@@ -126,7 +126,7 @@ def _of_two_runs(A: np.ndarray, follows: np.ndarray) -> dict[Word, float]:
         at_an_end = i == 0 or j == last
         if at_an_end and follows[[i, i, j, j], [i, j, i, j]].all():
             ends.append((i, j))
-    rates = {}
+    rates: dict[Word, float] = {}
     if not ends:
         return rates
     size = np.linalg.norm(A[some], axis=(-2, -1)).max() or 1.0
@@ -232,7 +232,7 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
     in_any_order = follows.all()
     while len(word) < 64:  # matrices
         words, products = _neighbours(A, word)
-        allowed = range(len(words))
+        allowed: Sequence[int] = range(len(words))
         if not in_any_order:
             allowed = [i for i in allowed if _allowed(follows, words[i])]
         lengths = np.array([len(words[i]) for i in allowed])
@@ -287,14 +287,14 @@ def _least(word: Word) -> Word:
 def short_words(follows: np.ndarray) -> list[Word]:
     """Return all words of few matrices, each cycle once: of up to ALL_WORDS_LENGTH matrices, or
     fewer if they are more than MOST_RANKING_WORDS."""
-    one_way = [(i,) for i in range(len(follows))]
-    found = {}
+    one_way: list[Word] = [(i,) for i in range(len(follows))]
+    found: dict[Word, None] = {}
     for _ in range(ALL_WORDS_LENGTH):
         closed = {_least(word) for word in one_way if follows[word[-1], word[0]]}
         if found and len(found) + len(closed) > MOST_RANKING_WORDS:
             break
         found |= dict.fromkeys(sorted(closed, key=lambda word: (len(word), word)))
-        longer = []
+        longer: list[Word] = []
         for word in one_way:
             longer += [(*word, i) for i in np.flatnonzero(follows[word[-1]]).tolist()]
         one_way = longer
@@ -310,7 +310,7 @@ def shortest_through(follows: np.ndarray) -> list[Word]:
     So there is a word with as many losses in a row as there may be: that of the last one.
     """
     before = [np.flatnonzero(column) for column in follows.T]
-    found = {}
+    found: dict[Word, None] = {}
     for end in range(len(follows)):
         steps = np.full(len(follows), -1)  # from each matrix to this one
         layer = np.array([end])
@@ -342,7 +342,7 @@ def joined(follows: np.ndarray) -> tuple[Word, ...]:
             leads_on = (after == may).all(1)
             longer = [words[one] + words[two] for one, two in np.argwhere(leads_on[:, None] & may)]
             found = [word for word, gone in zip(words, leads_on, strict=True) if not gone] + longer
-            reached = following(found, follows).any(0)
+            reached = np.any(following(found, follows), 0)
             found = [word for word, kept in zip(found, reached, strict=True) if kept]
             if not may[leads_on].any() and len(found) <= len(words):
                 words = found
@@ -392,7 +392,7 @@ def rates_of(A: np.ndarray, words: Sequence[Word], least: float = 0.0) -> np.nda
     lengths = np.array([len(word) for word in words], int)
     for length in set(lengths.tolist()):
         some = np.flatnonzero(lengths == length)
-        symbols = np.array([words[i] for i in some]).T
+        symbols = np.array([words[i] for i in some.tolist()]).T
         products = A[:, symbols[0]]
         for later in symbols[1:]:
             products = A[:, later] @ products
