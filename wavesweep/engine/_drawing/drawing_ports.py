@@ -3,7 +3,7 @@ place."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from wavesweep.engine._drawing.drawing import ENVIRONMENT, path_of_port
 from wavesweep.engine._drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
@@ -53,11 +53,14 @@ WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocit
 
 Path = tuple[str, ...]
 Parts = dict[str, Leaf]
-Ports = dict[str, dict]  # the parts of hand and wall, and of each input and output by its name
+# the parts of hand and wall, and of each input and output by its name
+Ports = dict[str, dict[str, Any]]
 
 
 class PortReader(KeyReader):
-    """A reading of [ports]."""
+    """A reading of [ports]. asked: the signals that a table names."""
+
+    asked: Mapping[str, Leaf]
 
     def complete_ports(self, table: Mapping[Path, Leaf]) -> Ports:
         """Sort the leaves of [ports]; inputs and outputs without a signal are left out."""
@@ -67,8 +70,8 @@ class PortReader(KeyReader):
             missing = [key for key in needed if key not in ports[side]]
             if missing and ports[side]:
                 expected = f"both {' and '.join(needed)}{WITHOUT * (missing == ['damping'])}"
-                table = next(iter(ports[side].values())).place.parent()
-                self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
+                place = next(iter(ports[side].values())).place.parent()
+                self.refuse(place, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
         for side in NAMED:
             ports[side] = self.named(side, ports[side])
         return self.with_further(self.with_environment(ports))
@@ -99,8 +102,9 @@ class PortReader(KeyReader):
         beside other ports."""
         counts = []  # of texts, of each list that has texts alone
         for _, leaf in listed:
-            if leaf.value and all(isinstance(text, str) for text in leaf.value):
-                counts.append(len(leaf.value))
+            texts = leaf.value if isinstance(leaf.value, list) else []
+            if texts and all(isinstance(text, str) for text in texts):
+                counts.append(len(texts))
         alone = not ports["environment"] and "reaction" not in ports["hand"]
         if len(counts) != 2 or counts[0] != counts[1] or not alone:
             key, leaf = listed[0]
@@ -173,7 +177,7 @@ class PortReader(KeyReader):
 
     def read_outputs(self, ports: Ports) -> tuple[tuple[str, Terms, str], ...]:
         """Read the name, terms and unit of each output."""
-        outputs = []
+        outputs: list[tuple[str, Terms, str]] = []
         for name, keys in ports["outputs"].items():
             path = path_of_port("outputs", name)
             if name in ports["inputs"]:
@@ -194,16 +198,18 @@ class PortReader(KeyReader):
         """Add the mistakes of inputs and outputs that have the name of another signal, of which
         a table would show one."""
         owners = _owners(blocks)
-        found = [("inputs", name, None) for name in ports["inputs"]]
+        found: list[tuple[str, str, Terms | None]] = [
+            ("inputs", name, None) for name in ports["inputs"]
+        ]
         for name, terms, _ in outputs:
             if name in ports["outputs"]:
                 found.append(("outputs", name, terms))
-        for side, name, terms in found:
+        for side, name, own in found:
             leaf = ports[side][name]["signal"]
             path = path_of_port(side, name)
             meant = self.terms_of_signal(name, leaf, owners.get(name), wires)
-            if meant is not None and (terms is None or _texts(terms) != _texts(meant)):
-                itself = ", or the signal itself" * (terms is not None)
+            if meant is not None and (own is None or _texts(own) != _texts(meant)):
+                itself = ", or the signal itself" * (own is not None)
                 self.refuse(leaf, path, f"another name than that of a signal{itself}", show(name))
             elif name.startswith(COLUMNS):
                 expected = f"a name that does not begin as columns do: {', '.join(COLUMNS)}"
@@ -226,8 +232,8 @@ class PortReader(KeyReader):
         self,
         blocks: Iterable[DrawnBlock],
         wires: Mapping[str, Leaf],
-        numbers: Iterable[tuple],
-        given: Mapping[str, dict],
+        numbers: Iterable[tuple[str, str, str]],
+        given: Mapping[str, dict[str, Any]],
     ) -> Iterator[tuple[str, Terms, str]]:
         """Yield an output for each signal that a table names and [ports] does not declare; see
         `Drawing.signals`.

@@ -8,6 +8,7 @@ complex. Matrices of `ss` are lists of rows of these.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -266,9 +267,7 @@ def _bound_on_roots(sizes: np.ndarray) -> float:
     return np.max((sizes[1:] / sizes[0]) ** (1 / np.arange(1, len(sizes))), initial=0.0)
 
 
-def recentred(
-    at: int, coefficients: list[np.ndarray | float], rests: list[float] | None = None
-) -> list[float]:
+def recentred(at: int, coefficients: Sequence[Any], rests: list[float] | None = None) -> list[Any]:
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it
     again and again.
 

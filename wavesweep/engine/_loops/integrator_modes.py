@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 SUMMING = ("impulse", "tf")
 # A root is taken so large a part of itself too large that no sum of other numbers meets it by chance.
 UNMET = 2**100
-_OPERATIONS = {
+_OPERATIONS: dict[str, Callable[..., Any]] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,
@@ -129,8 +129,7 @@ class RestEquations:
         start: str,
         states: list[str] | tuple[str, ...],
         ports: tuple[tuple[str, ...], tuple[str, ...]],
-        parts: StateSpace
-        | tuple[list[list[Any]], list[list[Any]], list[list[Any]], list[list[Any]]],
+        parts: StateSpace | tuple[list[list[Any]], ...],
     ) -> None:
         """Add a block. start: what the names of its states and ports begin with. parts: E, B, C
         and D as rows of fractions."""
@@ -239,7 +238,7 @@ class RestEquations:
         return moving
 
 
-def _sum_of(names: Sequence[str], factors: Sequence) -> Sum:
+def _sum_of(names: Sequence[str], factors: Sequence[Any]) -> Sum:
     """The sum of unknowns with these factors, as far as there are factors, without those that
     are 0."""
     return {name: factor for name, factor in zip(names, factors, strict=False) if factor}
@@ -356,7 +355,7 @@ def _add_by_entries(rest: RestEquations, block: Block) -> None:
     matrices = []
     for matrix in block.at_rest or (block.E, block.B, block.C, block.D):
         matrices.append([[Fraction(value) for value in row] for row in _first(matrix).tolist()])
-    _add_matrices(rest, block, matrices)
+    _add_matrices(rest, block, tuple(matrices))
 
 
 def _add_matrices(
@@ -372,6 +371,7 @@ def _add_matrices(
 def _add_drawn(rest: RestEquations, kind: str, keys: dict[str, Any], block: Block) -> None:
     """Add a drawn block with the values of its keys; a type that has no equations at rest by the
     entries of a run."""
+    matrices: tuple[list[list[Any]], ...] | None
     if kind == "butterworth":
         passes_constants = keys["pass"] == "low" or not block.states  # noqa: S105 - a side
         matrices = ([[int(passes_constants)]],)
@@ -393,7 +393,9 @@ def _add_plant(rest: RestEquations, plant: Plant, value: Callable[..., Any], blo
     for member in plant.members:
         start = plant.own(f"{member.name}.")
         states = [state.removeprefix(start) for state in block.states if state.startswith(start)]
-        matrices = at_rest(member.type, keys_with(member, value), root)
+        matrices: tuple[list[list[Any]], ...] = at_rest(  # type: ignore[assignment]  # all have them
+            member.type, keys_with(member, value), root
+        )
         if len(matrices) == 1:
             (D,) = matrices
             matrices = [], [], [[] for _ in D], D
@@ -406,7 +408,7 @@ def _discrete_tf(
     """A transfer function in z or z - 1 at rest; the last of its states may be delays (see
     `blocks.tf`)."""
     n = sum(name.startswith("x") for name in states)
-    num = [0] * (len(den) - len(num)) + num
+    num = [Fraction(0)] * (len(den) - len(num)) + num
     above = num[: n + 1]
     below = den[: n + 1]
     later = num[n + 1 :]
@@ -491,7 +493,7 @@ def _clock(block: DrawnBlock) -> tuple[str, str, tuple[Any, ...]]:
 
 
 def _wires_at_rest(
-    drawing: Drawing, outputs: Any, value: Callable[..., Any], blocks: list[Block]
+    drawing: Drawing, outputs: Any, value: Callable[..., Any], blocks: Sequence[Block]
 ) -> tuple[dict[str, Sum], dict[str, Sum]]:
     """Input port of each of the blocks -> outputs that it reads, with their gains, and -> what
     else it reads. value: of a tree, in fractions."""

@@ -67,8 +67,8 @@ class MultirateLoop:
     placed: tuple[ScheduledBlock, ...]
     sums: Mapping[str, Mapping[str, np.ndarray | float]]
     inputs: tuple[str, ...] = ()
-    exact: Callable[[Sequence[Block]], tuple[Any, ...]] | None = None
-    rate: object = None
+    exact: Callable[[Sequence[Block]], Any] | None = None
+    rate: np.ndarray | float | None = None
     ticks: int = field(init=False)
 
     def __post_init__(self) -> None:

@@ -17,8 +17,10 @@ from wavesweep.engine.doubles import EPS
 # of the terms of a sum, what is left of it when it should be zero
 LEFT_OF_ZERO = 8 * EPS
 
+Gains = Mapping[str, np.ndarray | float]  # of signals in a sum
 
-def _side_by_side(systems: list[Block | StateSpace]) -> StateSpace:
+
+def _side_by_side(systems: Sequence[Block | StateSpace]) -> StateSpace:
     """The matrices of systems that are not connected."""
     return StateSpace(
         E=block_diagonal([system.E for system in systems]),
@@ -35,7 +37,7 @@ def _sizes(block: Block) -> StateSpace:
     return StateSpace(np.abs(block.E), np.abs(block.B), np.abs(block.C), np.abs(block.D))
 
 
-def _of_one_batch(matrices: list) -> list:
+def _of_one_batch(matrices: list[np.ndarray]) -> list[np.ndarray]:
     """Matrices with the batch that they have together, if it has one axis."""
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
     if len(batch) != 1:
@@ -46,7 +48,7 @@ def _of_one_batch(matrices: list) -> list:
 def connect(
     name: str,
     blocks: Sequence[Block],
-    sums: Mapping[str, Mapping[str, object]],
+    sums: Mapping[str, Gains],
     inputs: Sequence[str],
     outputs: Sequence[str],
     terms: bool = False,
@@ -117,10 +119,10 @@ def connect(
     )
 
 
-def all_sums(blocks: Sequence[Block], sums: Mapping[str, Mapping[str, object]]) -> dict:
+def all_sums(blocks: Sequence[Block], sums: Mapping[str, Gains]) -> dict[str, Gains]:
     """Return the sums with those of all ports of the blocks, empty for a port that nothing
     reaches."""
-    of_ports = {}
+    of_ports: dict[str, Gains] = {}
     for block in blocks:
         for port in block.inputs:
             of_ports[f"{block.name}.{port}"] = {}
@@ -146,11 +148,11 @@ class _Wires(NamedTuple):
 
 
 def _wires(
-    blocks: list[Block],
+    blocks: Sequence[Block],
     ports: list[str],
-    sums: dict[str, dict[str, np.ndarray | float]],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
+    sums: Mapping[str, Gains],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
     sizes: StateSpace,
 ) -> _Wires:
     """Return the wires; those of a port that no state and no output depends on are 0.
@@ -161,9 +163,9 @@ def _wires(
     sizes: |B|, |D| and so on of all blocks.
     """
     made = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
-    traced: dict = {signal: {signal: 1.0} for signal in (*made, *inputs)}
+    traced: dict[str, Gains] = {signal: {signal: 1.0} for signal in (*made, *inputs)}
     wired = [_traced(port, sums, traced) for port in ports]
-    shown = []
+    shown: list[Gains] = []
     for signal in outputs:
         if signal in ports:  # itself, not its sum: that may cancel
             shown.append({signal: 1.0})
@@ -200,7 +202,8 @@ class _Ports:
         D: np.ndarray,
         sizes: tuple[np.ndarray, np.ndarray],
     ) -> None:
-        self.condition = self.pivot = 1.0
+        self.condition: np.ndarray | float = 1.0
+        self.pivot: np.ndarray | complex = 1.0
         size_of_C, size_of_D = sizes
         size = np.abs(K)
         through = _times(K, D)
@@ -296,15 +299,15 @@ def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 def _traced(
     signal: str,
-    sums: dict[str, dict[str, np.ndarray | float]],
-    traced: dict[str, dict[str, np.ndarray | float]],
-) -> dict[str, np.ndarray | float]:
+    sums: Mapping[str, Gains],
+    traced: dict[str, Gains],
+) -> Gains:
     """Return a signal as gains of outputs of blocks and external inputs; traced: signals whose
     gains have been found."""
     if signal not in traced:
         if signal not in sums:
             raise ValueError(f"nothing makes the signal {signal!r}")
-        gains: dict = {}
+        gains: dict[str, np.ndarray | float] = {}
         for source, gain in sums[signal].items():
             for end, factor in _traced(source, sums, traced).items():
                 gains[end] = gains.get(end, 0.0) + gain * factor
@@ -312,9 +315,7 @@ def _traced(
     return traced[signal]
 
 
-def _matrix(
-    rows: list[dict[str, np.ndarray | float]], columns: list[str] | tuple[str, ...]
-) -> np.ndarray:
+def _matrix(rows: Sequence[Gains], columns: Sequence[str]) -> np.ndarray:
     """Return gains `(..., rows, columns)` of rows that have them by column; other columns are
     left out."""
     at = {column: k for k, column in enumerate(columns)}

@@ -66,12 +66,12 @@ class Port:
         ticks = Ticks.of(drawn, ports.signals, terms=True)
         places = len(ports.forces)
         reads = ticks.maps[0].C[..., :places, :]
-        for row, position in enumerate(ports.signals[:places]):
+        for row, signal in enumerate(ports.signals[:places]):
             if any(
                 np.any(tick.D[..., row, :]) or np.any(tick.C[..., row, :] != reads[..., row, :])
                 for tick in ticks.maps
             ):
-                raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {position}")
+                raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {signal}")
         shifts = _Shifts.of(ticks, drift, reads)
 
         def outputs(tick: StateSpace, absolute: bool) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -226,7 +226,7 @@ def _relative_maps(
     return tuple(maps), tuple(sizes)
 
 
-def _timing(drawn: MultirateLoop) -> dict[str, float]:
+def _timing(drawn: MultirateLoop) -> dict[str, Any]:
     period = float(
         np.ravel(drawn.period)[0].real
     )  # proofs along a rate take complex ones, and do not read it
@@ -312,7 +312,7 @@ class _Shifts:
         return StateSpace(E[..., index, :][..., index], B[..., index, :], C[..., index], D)
 
 
-def _best_leads(ticks, reads, leads, states):
+def _best_leads(ticks: Ticks, reads: np.ndarray, leads: list[int], states: list[int]) -> list[int]:
     """Return leads of the same shifts: a state that the position reads, if there is one, or one
     whose own changes are small.
 
@@ -326,7 +326,7 @@ def _best_leads(ticks, reads, leads, states):
     )
     weight = np.where(cost > 0, cost, 1.0)
     in_position = (reads != 0).any(tuple(range(reads.ndim - 1)))
-    chosen = []
+    chosen: list[int] = []
     for column, lead in enumerate(leads):
         factors = np.zeros(len(cost))
         factors[lead] = 1.0
@@ -338,7 +338,7 @@ def _best_leads(ticks, reads, leads, states):
     return chosen
 
 
-def _fixed(ticks, followers, leads):
+def _fixed(ticks: Ticks, followers: list[int], leads: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Return the factors V `(..., followers, leads)` of shifts that depend on a loop's numbers, and
     bounds on their errors.
 
@@ -360,8 +360,8 @@ def _fixed(ticks, followers, leads):
     V = inverse @ b
     for _ in range(2):
         V = V + inverse @ (b - A @ V)
-    A = Bounded(A, ENTRY_ROUNDING * sizes[..., followers])
-    missed = Bounded(b, ENTRY_ROUNDING * sizes[..., leads]) - A @ V
+    bounded = Bounded(A, ENTRY_ROUNDING * sizes[..., followers])
+    missed = Bounded(b, ENTRY_ROUNDING * sizes[..., leads]) - bounded @ V
     dV = np.abs(inverse) @ missed.size
     return np.where(np.abs(V) <= dV, 0.0, V), dV
 
