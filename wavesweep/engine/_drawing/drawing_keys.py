@@ -4,7 +4,7 @@ its place."""
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawing import RATE
@@ -100,7 +100,7 @@ class KeyReader:
         if isinstance(leaf.value, str):
             return self.read_text(path, leaf)
         try:
-            return self.number(path, check(key, leaf.value))
+            return self.number(path, check(key, leaf.value))  # type: ignore[arg-type]  # no word
         except Rejected as error:
             expected = error.expected.replace("number", "number, or an expression,", 1).rstrip(",")
             if key.unit == "tick" and isinstance(leaf.value, float):
@@ -117,12 +117,14 @@ class KeyReader:
     def read_text(self, path: str, leaf: Leaf, signals: bool = False) -> Tree | None:
         """Return the tree of an expression, with the trees that its names stand for in their
         places."""
+        text = str(leaf.value)
         try:
-            tree = parse(leaf.value)
+            tree = parse(text)
             tree.check_extent(self.extents)
         except Fault as fault:
-            self.read.update(re.findall(r"\w+", leaf.value))
-            return self.fault(path, leaf, fault)
+            self.read.update(re.findall(r"\w+", text))
+            self.fault(path, leaf, fault)
+            return None
         self.read.update(tree.names)
         names = {*self.numbers}
         if signals:
@@ -132,15 +134,16 @@ class KeyReader:
             meanings = {**meanings, PERIOD: self.period}
             names.add(PERIOD)
         if unknown := list(self.unknown_names(tree, names, signals)):
-            for fault in unknown:
-                self.fault(path, leaf, fault)
+            for each in unknown:
+                self.fault(path, leaf, each)
             return None
         tree = tree.with_trees(meanings)
         if not signals:
             try:
                 tree.remembered(set())
             except Fault as fault:
-                return self.fault(path, leaf, fault)
+                self.fault(path, leaf, fault)
+                return None
         return tree
 
     def unknown_names(self, tree: Tree, names: set[str], signals: bool) -> Iterator[Fault]:
@@ -205,7 +208,10 @@ class KeyReader:
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
 
     def read_terms(
-        self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = Tree.linear
+        self,
+        path: str,
+        leaf: Leaf,
+        within: Callable[[Tree, set[str]], _Found] = Tree.linear,  # type: ignore[assignment]  # it is then Terms
     ) -> _Found | None:
         """Read an expression that is linear in signals. within: makes the result of its tree and
         the signals."""
@@ -224,7 +230,7 @@ class KeyReader:
         path: str,
         leaf: Leaf,
         tree: Tree,
-        within: Callable[[Tree, set[str]], _Found] = Tree.linear,
+        within: Callable[[Tree, set[str]], _Found] = Tree.linear,  # type: ignore[assignment]  # it is then Terms
     ) -> _Found | None:
         """Return the terms of a tree, see `read_terms`, with registers in place of `prev(...)`;
         one that is not linear in signals is a mistake."""
@@ -234,7 +240,8 @@ class KeyReader:
             self.signals |= {*registers}
             return within(tree, self.signals_of(tree))
         except Fault as fault:
-            return self.fault(path, leaf, fault)
+            self.fault(path, leaf, fault)
+            return None
 
     def read_type(self, name: str, leaves: Mapping[str, Leaf]) -> str | None:
         """Return the type of a block; leaves: of its keys."""
@@ -279,15 +286,15 @@ class KeyReader:
         return self.made_block(name, kind, every, read)
 
     def made_block(
-        self, name: str, kind: str, every: Tree, read: dict[str, object]
+        self, name: str, kind: str, every: Tree, read: dict[str, Any]
     ) -> DrawnBlock | None:
         """Return a block of keys without mistakes; that they do not fit together is one. read:
         values of the other keys."""
         phase = read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself
             read["B"] = read["B"] or ((),) * len(read["A"])
-        keys = {}
-        limits = {}
+        keys: dict[str, Any] = {}
+        limits: dict[str, Any] = {}
         for key, value in read.items():
             if value is not None:
                 (limits if key in TYPES[kind].limits else keys)[key] = value
@@ -323,7 +330,7 @@ class KeyReader:
             meant.setdefault(near, leaf)
         return meant
 
-    def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
+    def read_key(self, path: str, key: Key, leaf: Leaf | None) -> Any:
         """Read the value of a key by its type: trees of numbers, a word, true or false, or names
         of ports."""
         if leaf is None:
@@ -341,7 +348,7 @@ class KeyReader:
         names = ", ".join(map(str, value)) if isinstance(value, list) else show(value)
         return self.refuse(leaf, path, "a list of different names", names or "none", of_key=False)
 
-    def default_of(self, path: str, key: Key) -> object:
+    def default_of(self, path: str, key: Key) -> Any:
         """Return the default of a key that is not given, as `read_key` does; if there has to be
         one, it is a mistake."""
         if key.required:
@@ -350,10 +357,10 @@ class KeyReader:
             block = self.leaf(path.rpartition(".")[0])
             self.refuse(block, path, expected, "nothing (it has no default)")
         if key.numeric and key.default is not None:
-            return self.number(path, key.default)
+            return self.number(path, key.default)  # type: ignore[arg-type]  # no word
         return key.default
 
-    def read_numbers_of(self, path: str, leaf: Leaf, deep: bool) -> tuple | None:
+    def read_numbers_of(self, path: str, leaf: Leaf, deep: bool) -> tuple[Any, ...] | None:
         """Read a list of numbers, or of rows of them."""
         rows = leaf.value if deep else [leaf.value]
         if (
@@ -431,7 +438,7 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     return _matrix_fault(keys) if block.type == "ss" else None
 
 
-def _matrix_fault(keys: Mapping[str, object]) -> tuple[str, str, str] | None:
+def _matrix_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
     """`_shape_fault` of a state-space model."""
     n = len(keys["A"])
     m = len(keys["inputs"])

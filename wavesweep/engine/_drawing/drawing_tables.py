@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
 from wavesweep.engine._drawing.conditions import NOT_FINITE, displaced, faults
@@ -118,7 +118,7 @@ def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
     return Names(keys, {name: path_of(name) for name in numbers})
 
 
-def signals_from_outside(ports: Mapping[str, Mapping]) -> set[str]:
+def signals_from_outside(ports: Mapping[str, Mapping[str, Any]]) -> set[str]:
     """Return the signals of the hand's force and of the inputs. ports: leaves of [ports] by
     side."""
     leaves = [keys["signal"] for keys in ports["inputs"].values()]
@@ -154,12 +154,15 @@ def with_whole_numbers(
     return replace(drawing, whole=whole), values | integers
 
 
+Tables = dict[str, dict[Any, Any]]  # leaves, by the name of a table and what the table has
+
+
 class _TableReader(PortReader):
     """A reading of all tables of a drawn loop."""
 
-    def grouped(self, leaves: Mapping[Path, Leaf]) -> dict[str, dict]:
+    def grouped(self, leaves: Mapping[Path, Leaf]) -> Tables:
         """Sort the leaves into tables."""
-        tables: dict[str, dict] = {name: {} for name in TABLES}
+        tables: Tables = {name: {} for name in TABLES}
         for (table, *rest), leaf in leaves.items():
             if table not in TABLES:
                 continue
@@ -176,7 +179,7 @@ class _TableReader(PortReader):
                 tables[table].setdefault(rest[0], {})[key] = entry
         return tables
 
-    def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
+    def drawing(self, tables: Tables) -> tuple[Drawing, dict[str, float]]:
         """Read every table; parts that have mistakes are left out."""
         self.numbers = tuple(tables["numbers"])
         ports = self.complete_ports(tables["ports"])
@@ -197,7 +200,7 @@ class _TableReader(PortReader):
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
         always = [*shown, *(terms for _, terms in named)]
         blocks, wires = with_registers(blocks, wires, always, self.registers)
-        shown_terms = []
+        shown_terms: Terms = ()
         for terms in shown:
             shown_terms += terms or ()
         wires, couplings = watching_held(wires, couplings, shown_terms)
@@ -238,7 +241,9 @@ class _TableReader(PortReader):
                     couplings.append((port, continuous))
         return tuple(wires), tuple(couplings)
 
-    def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
+    def read_numbers(
+        self, table: Mapping[str, dict[str, Leaf]]
+    ) -> tuple[tuple[tuple[str, str, str], ...], dict[str, float]]:
         numbers = []
         values = {}
         derived = {}
@@ -286,7 +291,7 @@ class _TableReader(PortReader):
             if key:
                 self.mistakes.is_known(key, NUMBER_PARTS, leaf, f"{path}.{key}")
 
-    def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
+    def read_blocks(self, tables: Tables) -> tuple[DrawnBlock, ...]:
         """Read the blocks, and what wires can read and have to feed."""
         read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
         blocks = tuple(block for block in read.values() if block is not None)
@@ -356,13 +361,13 @@ class _TableReader(PortReader):
         path = f"wire.{port}"
         block = port.rpartition(".")[0]
         if port not in self.inputs and not self.is_hidden(block):
-            terms = "an output of a block" if port in self.signals else "an unknown port"
+            found = "an output of a block" if port in self.signals else "an unknown port"
             expected = (
                 f"one of {', '.join(self.inputs)}"
                 if 0 < len(self.inputs) <= 8  # ports that a message lists
                 else "an input port of a block"
             )
-            self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
+            self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
         self.period = self.periods.get(block, ONE)
         terms = self.read_terms(
             path, leaf, partial(parted, own=block, plants=plants if block in plants else {})
@@ -371,7 +376,7 @@ class _TableReader(PortReader):
         return terms
 
     def refuse_two_meanings(
-        self, tables: Mapping[str, dict], plants: Mapping[str, str], values: Mapping[str, float]
+        self, tables: Tables, plants: Mapping[str, str], values: Mapping[str, float]
     ) -> None:
         """Refuse names of [signals] of which a part acts continuously in the wire of one plant,
         or as one factor of a product, and is held in another or as a term of a sum."""
@@ -393,7 +398,10 @@ class _TableReader(PortReader):
         for port, leaf in tables["wire"].items():
             if port.rpartition(".")[0] in plants and isinstance(leaf.value, str):
                 into_plants[port] = parse(leaf.value)
-        of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
+        of_plants: set[str] = set()
+        for name in plants:
+            _, outputs = self.ports[name] or ((), ())
+            of_plants.update(f"{name}.{port}" for port in outputs)
         for name, text in texts.items():
             meant = expanded(text, {})
             read = of_plants & dict(meant.linear(self.signals)).keys()
@@ -412,9 +420,7 @@ class _TableReader(PortReader):
                             self._refuse_meanings(tables, name, {share: port, other: at})
                             return
 
-    def _refuse_meanings(
-        self, tables: Mapping[str, dict], name: str, ports: Mapping[float, str]
-    ) -> None:
+    def _refuse_meanings(self, tables: Tables, name: str, ports: Mapping[float, str]) -> None:
         """Refuse a name of which more is held in one port than in another. ports: by the share of
         a signal in it that acts continuously."""
         held = ports[min(ports)]
@@ -455,7 +461,7 @@ class _TableReader(PortReader):
             return shares
         return {}
 
-    def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
+    def refuse_loose_ends(self, tables: Tables) -> None:
         """Refuse inputs without a wire, and numbers and names of signals that no expression
         reads."""
         for port in self.inputs:

@@ -13,7 +13,7 @@ the tick k is that of `s T` after the tick k - m began. If another dead time arr
 loop is built, and s is a number of it like others.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, KeysView, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -23,11 +23,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import AT, Drawing, name_of, scalars
-from wavesweep.engine._drawing.drawn_block import Plant
+from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant
 from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._loops.block import Block, concatenated
 from wavesweep.engine._loops.blocks import Rates
 from wavesweep.engine.doubles import BY_TWO
+
+Sums = dict[str, dict[str, np.ndarray | float]]  # signal -> what it is a sum of, with gains
 
 # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
 SENSED = "sensed"
@@ -38,7 +40,7 @@ MOST_PARTS_OF_TICK = 64  # parts of a tick, of which a finer tick is made
 WHOLE_TICK = 1e-11
 
 
-def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
+def structure(drawing: Drawing, values: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Return the whole numbers by which dead times decide how loops are built, by their paths:
     of each its ticks m, and of two that follow each other, whether `s + s' > 1`.
 
@@ -69,7 +71,7 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
     return whole
 
 
-def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
+def built(drawing: Drawing, numbers: Mapping[str, Any]) -> dict[str, Any]:
     """Return the numbers, by name, with those of `structure`, which are the same in all loops of
     the batch."""
     if numbers.keys() >= drawing.building.keys():
@@ -101,7 +103,7 @@ def in_longer_ticks(
     return whole
 
 
-def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
+def in_whole_ticks(drawing: Drawing, values: Mapping[str, Any], along: str) -> Drawing | None:
     """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it
     cannot be given so.
 
@@ -135,11 +137,11 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
     return replace(drawing, tick_hz=finer * drawing.tick_hz, blocks=blocks)
 
 
-def _at_finer_tick(block, exact, finer):
+def _at_finer_tick(block: DrawnBlock, exact: Mapping[str, Fraction], finer: int) -> DrawnBlock:
     """The block at a tick of which `finer` are one of before. exact: ticks of each dead time,
     fractions."""
     if block.name in exact:
-        return replace(block, keys=(("steps", Tree.number(exact[block.name] * finer)),))
+        return replace(block, keys=(("steps", Tree.number(float(exact[block.name] * finer))),))
     if block.plant:
         return block
     every = finer * block.every
@@ -148,7 +150,7 @@ def _at_finer_tick(block, exact, finer):
     return replace(block, every=every, phase=phase, phases=phases)
 
 
-def _samples_another(drawing, plants, dead_times):
+def _samples_another(drawing: Drawing, plants: set[str], dead_times: KeysView[str]) -> bool:
     """Whether a plant is sampled for another one, or a dead time for another."""
     timed = plants | dead_times
     pairs = []
@@ -172,7 +174,7 @@ class DeadTime(NamedTuple):
     share: Any
 
 
-def of_loops(drawing: Drawing, values: Mapping[str, object]) -> dict[str, DeadTime]:
+def of_loops(drawing: Drawing, values: Mapping[str, Any]) -> dict[str, DeadTime]:
     """Return the dead times of loops by the names of their blocks; values: flat."""
     known = built(drawing, scalars(values))
     rate = drawing.tick_hz.values(known)
@@ -182,9 +184,7 @@ def of_loops(drawing: Drawing, values: Mapping[str, object]) -> dict[str, DeadTi
     return dead_times
 
 
-def shares(
-    drawing: Drawing, known: Mapping[str, object], rate: np.ndarray | float
-) -> dict[str, object]:
+def shares(drawing: Drawing, known: Mapping[str, Any], rate: np.ndarray | float) -> dict[str, Any]:
     """Return `s = m - tau/T` of each dead time; known: with `structure`; rate: 1/T, of the tick
     (Hz)."""
     return {
@@ -194,7 +194,7 @@ def shares(
 
 
 def breaks(
-    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+    drawing: Drawing, values: Mapping[str, Any], path: str, span: tuple[float, float]
 ) -> list[float]:
     """Return the ends of a number's span and the values within it at which dead times decide anew
     how the loop is built.
@@ -226,7 +226,7 @@ def breaks(
 
 
 def pieces_of(
-    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+    drawing: Drawing, values: Mapping[str, Any], path: str, span: tuple[float, float]
 ) -> Iterator[tuple[tuple[float, float], dict[str, int]]]:
     """Yield the parts of a number's span in which the loop is built alike, with the whole numbers
     by which it is.
@@ -271,7 +271,7 @@ MOST_SPREAD = 0.25  # ticks by which a dead time may change between neighbours
 
 
 def _places(
-    drawing: Drawing, values: dict[str, float], path: str, span: tuple[float, float]
+    drawing: Drawing, values: Mapping[str, Any], path: str, span: tuple[float, float]
 ) -> np.ndarray:
     """Points of a span: even ones, and as many more as it takes until no dead time changes by more
     than MOST_SPREAD between two.
@@ -286,7 +286,7 @@ def _places(
     numbers = scalars(values)
     trees = [tree * drawing.tick_hz for tree in drawing.dead_times.values()]
     bent = [tree for tree in trees if tree.degree(name) > 1]
-    further = []
+    further: list[float] = []
     open_ = [span] if bent else []
     while open_ and len(further) < 4000:  # about as many as there are without them
         low, high = open_.pop(0)
@@ -303,11 +303,11 @@ def _places(
     return np.unique(np.concatenate([points, further]))
 
 
-def _spread(tree, numbers, name, low, high):
+def _spread(tree: Tree, numbers: Mapping[str, Any], name: str, low: float, high: float) -> float:
     """A bound on how far the value of a tree changes while a number goes from low to high."""
     from flint import arb
 
-    balls = {constant: arb(constant) for constant in tree.constants}
+    balls: dict[Any, Any] = {constant: arb(constant) for constant in tree.constants}
     balls |= {other: arb(numbers[other]) for other in tree.names if other != name}
     balls[name] = arb((low + high) / 2, (high - low) / 2)
     try:
@@ -317,7 +317,7 @@ def _spread(tree, numbers, name, low, high):
     return 2 * float(value.rad()) if value.is_finite() else np.inf
 
 
-def _ticks(drawing: Drawing, values: dict[str, float], path: str, p: np.ndarray) -> np.ndarray:
+def _ticks(drawing: Drawing, values: Mapping[str, Any], path: str, p: np.ndarray) -> np.ndarray:
     """Dead times in ticks, and sums of two of which the order matters, at values of a number:
     `(sums, points)`."""
     numbers = scalars({**values, path: p})
@@ -355,13 +355,13 @@ def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: boo
             C[1, ticks - 2] = 1
         else:
             D[1, 0] = 1
-    shown = slice(1 + arriving)
-    return Block(name, inputs, ("y", NEXT)[shown], states, E, B, C[shown], D[shown])
+    count = 1 + arriving
+    return Block(name, inputs, ("y", NEXT)[:count], states, E, B, C[:count], D[:count])
 
 
 def joined(
-    sums: dict, plants: tuple[Plant, ...], inside: Mapping[str, str], product: str, factor: str
-) -> dict:
+    sums: Sums, plants: tuple[Plant, ...], inside: Mapping[str, str], product: str, factor: str
+) -> Sums:
     """Return junctions with those at the ports by which dead times act on plants and read them.
 
     What a dead time reads of a plant goes from its port "u" to SENSED, where it is the plant's
@@ -397,8 +397,8 @@ def with_ports(
     block: Block,
     plant: Plant,
     rates: Rates,
-    known: Mapping[str, object],
-    shares: Mapping[str, object],
+    known: Mapping[str, Any],
+    shares: Mapping[str, Any],
 ) -> Block:
     """Return the block of a plant with ports for the dead times that act on it or read it.
 

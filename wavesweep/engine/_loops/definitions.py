@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
-from wavesweep.engine._state_space import StateSpace
 
 Rows = list[list[Any]]
 Root = Callable[[Any], Any]  # the square root of numbers of a kind
@@ -137,7 +136,7 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     """
     if TYPES[kind].body:
         E = [[-keys["damping"], -keys["stiffness"]], [1, 0]]
-        return StateSpace(E, [[1], [0]], [[0, 1], [1, 0]], [[0], [0]])
+        return E, [[1], [0]], [[0, 1], [1, 0]], [[0], [0]]
     match kind:
         case "mass_matrix":
             return _mass_matrix_at_rest(keys)
@@ -154,27 +153,27 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
         case "difference":
             return ([[0]],)
         case "integrator":
-            return StateSpace([[0]], [[1]], [[1]], [[0]])
+            return [[0]], [[1]], [[1]], [[0]]
         case "impulse":
-            return StateSpace([[0]], [[1]], [[1]], [[1]])
+            return [[0]], [[1]], [[1]], [[1]]
         case "avatar":
             B = [[root(2 * keys["b"]), -1]]
             D = [[0, 0], [0, 0], [0, 0], [-1, 0]]
-            return StateSpace([[0]], B, [[0], [1], [1], [0]], D)
+            return [[0]], B, [[0], [1], [1], [0]], D
         case "local_model":
-            return StateSpace([[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]])
+            return [[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]]
         case "ss":
             _, A, B, C, D = continuous(kind, keys)
             E = []
             for i, row in enumerate(A):
                 E.append([entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)])
-            return StateSpace(E, B, C, D)
+            return E, B, C, D
         case "tf" if not keys["discrete"]:
             return tf_at_rest(keys["num"], keys["den"])
     return None
 
 
-def _mass_matrix_at_rest(keys: Mapping[str, Any]) -> StateSpace:
+def _mass_matrix_at_rest(keys: Mapping[str, Any]) -> tuple[Rows, ...]:
     """`0 = f - D v - K x`, `0 = v`."""
     _, A, _, C, none = continuous("mass_matrix", keys)
     n = len(keys["axes"])
@@ -183,10 +182,12 @@ def _mass_matrix_at_rest(keys: Mapping[str, Any]) -> StateSpace:
     for by_velocity, by_position in zip(damping, stiffness, strict=True):
         pulled.append([-entry for entry in (*by_velocity, *by_position)])
     forces = [row[:n] for row in _unit(2 * n)]
-    return StateSpace(pulled + A[n:], forces, C, none)
+    return pulled + A[n:], forces, C, none
 
 
-def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows, ...]:
+def tf_at_rest(
+    num: Sequence[Any], den: Sequence[Any], later: Sequence[Any] = ()
+) -> tuple[Rows, ...]:
     """Return `at_rest` of a transfer function from coefficients of descending powers of s or z - 1;
     later: see `with_delays`.
 
@@ -202,13 +203,13 @@ def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows
     return with_delays(equations._replace(C=[b[1:]], D=[[direct]]), later)[1:]
 
 
-def over(num: Sequence, den: Sequence) -> list:
+def over(num: Sequence[Any], den: Sequence[Any]) -> list[Any]:
     """Return coefficients of the numerator, as many as those of the denominator, over the first
     one of that."""
     return [0] * (len(den) - len(num)) + [coefficient / den[0] for coefficient in num]
 
 
-def controllable(num: Sequence, den: Sequence) -> Equations:
+def controllable(num: Sequence[Any], den: Sequence[Any]) -> Equations:
     """Return a transfer function from coefficients of descending powers; each state but the
     first integrates the one before."""
     n = len(den) - 1
@@ -221,7 +222,7 @@ def controllable(num: Sequence, den: Sequence) -> Equations:
     return Equations(states, A[:n], B, [C], [[b[0]]])
 
 
-def with_delays(equations: Equations, later: Sequence) -> Equations:
+def with_delays(equations: Equations, later: Sequence[Any]) -> Equations:
     """Return a block of one output with delays behind its last state, or behind its input; y
     adds each times one of `later`.
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def domain(
-    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+    drawing: Drawing, values: Mapping[str, Any], path: str, span: tuple[float, float]
 ) -> tuple[float, float]:
     """The values of a number, about a span, between which all loops are analytic functions of it on
     the real axis.
@@ -41,7 +41,7 @@ def domain(
 
 
 def domains(
-    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int
+    drawing: Drawing, values: Mapping[str, Any], path: str, span: tuple[float, float], size: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The values of a number, about a span, between which each loop is an analytic function of it:
     two arrays, `(size,)`.
@@ -70,7 +70,9 @@ def domains(
     return below, above
 
 
-def _known_guards(drawing, values, path):
+def _known_guards(
+    drawing: Drawing, values: Mapping[str, Any], path: str
+) -> Iterator[tuple[str, Tree, dict[str, Any], Tree | None]]:
     """Yield the path of a key, a guard that reads the number, the other numbers that it reads,
     and its root; not those of filters of order 0, which are connections."""
     numbers = scalars({**values, path: 0.0})
@@ -84,7 +86,14 @@ def _known_guards(drawing, values, path):
             yield key, guard, others, root
 
 
-def _limits(key, guard, root, known, name, span):
+def _limits(
+    key: str,
+    guard: Tree,
+    root: Tree | None,
+    known: dict[str, Any],
+    name: str,
+    span: tuple[float, float],
+) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known:
     other numbers, `(loops, 1)`."""
     low, high = span
@@ -96,8 +105,8 @@ def _limits(key, guard, root, known, name, span):
             return np.asarray(tree.values({**known, name: points})).reshape(-1, points.size)
 
     value = values_at(guard, within)
-    from_root = False
-    nothing = False
+    from_root: np.ndarray | bool = False
+    nothing: np.ndarray | bool = False
     if root:
         at_low = values_at(root, within[:1])[:, 0]
         shape = max(len(value), at_low.size), within.size
@@ -123,8 +132,8 @@ def _limits(key, guard, root, known, name, span):
             limit = (end + points[first]) / 2
         limits.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
     lowest, highest = limits
-    lowest = np.where(from_root, low, lowest)
-    return tuple(np.broadcast_arrays(lowest, highest))
+    lowest, highest = np.broadcast_arrays(np.where(from_root, low, lowest), highest)
+    return lowest, highest
 
 
 @lru_cache(maxsize=256)
@@ -142,7 +151,7 @@ def bends_at_zero(drawing: Drawing, path: str) -> bool:
 
 
 def guards_at(
-    drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]
+    drawing: Drawing, values: Mapping[str, Any], path: str, shape: tuple[int, ...]
 ) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or
     complex: `(*shape, guards)`."""
@@ -169,7 +178,7 @@ POINTS_WITHIN = 401  # of a span, at which signs are looked at
 DISTANCES = np.geomspace(1e-6, 1e3, 400)  # from the ends of a span, in widths of it
 
 
-def _touches_zero(guard: Tree, known: dict[str, float], name: str, points: np.ndarray) -> bool:
+def _touches_zero(guard: Tree, known: dict[str, Any], name: str, points: np.ndarray) -> bool:
     """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
     with np.errstate(all="ignore"):
         size = np.abs(guard.values({**known, name: points})).reshape(-1, points.size)
@@ -199,9 +208,7 @@ def _touches_zero(guard: Tree, known: dict[str, float], name: str, points: np.nd
 LOOPS_AT_ONCE = 1000  # loops that are examined at a time
 
 
-def _different(
-    known: dict[str, float], most: int | None = None
-) -> tuple[dict[str, float], np.ndarray]:
+def _different(known: dict[str, Any], most: int | None = None) -> tuple[dict[str, Any], np.ndarray]:
     """The different rows of the arrays among these values, as columns, and the row of each loop.
 
     most: so many rows at most, spread over all.
@@ -215,7 +222,7 @@ def _different(
     return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(-1)
 
 
-def _rows_of(known: dict[str, float], some: slice) -> dict[str, float]:
+def _rows_of(known: dict[str, Any], some: slice) -> dict[str, Any]:
     return {name: value[some] if np.ndim(value) else value for name, value in known.items()}
 
 
@@ -254,7 +261,7 @@ def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
             yield f"block.{block.name}.K", block.divisor(drawing.tick_hz)
 
 
-def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
+def refuse_unsuitable(drawing: Drawing, values: Mapping[str, Any]) -> None:
     """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as
     for `assembled`."""
     wrong = unsuitable(drawing, values)
@@ -275,7 +282,7 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
     )
 
 
-def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
+def unsuitable(drawing: Drawing, values: Mapping[str, Any]) -> np.ndarray:
     """Return which loops of a batch have a number that a key does not accept, `(loops,)`.
     values: as for `assembled`; keys that read others, as limits do, are not asked."""
     from wavesweep.engine._drawing.conditions import conditions
@@ -314,7 +321,7 @@ def _unsuitable_alone(
 
 
 def _broken(
-    condition: Condition, known: dict[str, np.ndarray], shared: SharedParts
+    condition: Condition, known: Mapping[str, Any], shared: SharedParts
 ) -> np.ndarray | bool:
     """Whether numbers break a condition, of each loop."""
     values = [tree.values(known, shared) for _, tree in condition.reads]

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
 from wavesweep.engine._loops.multirate import MultirateLoop
-from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.drift import ConstantModes, MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
-from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
+from wavesweep.engine._sets.enclosed_loop import BlockModel, EnclosedLoop, Side
 from wavesweep.engine._sets.taylor_models import Polynomials, UnresolvedError, monomials
 from wavesweep.engine._switched.folded import lasting
 from wavesweep.engine._switched.loop_frames import Symbol, alive
@@ -88,7 +89,7 @@ class FramesOver:
     symbols: tuple[Symbol, ...]
     copies: Groups = ()
     units: np.ndarray | None = None
-    about: np.ndarray | None = None
+    about: np.ndarray | float = 0.0
     kept: list[int] = field(default_factory=list)
 
     @property
@@ -116,7 +117,7 @@ class FramesOver:
                 with np.errstate(over="ignore", invalid="ignore"):
                     frames = self._frames(self._maps(boxes[left]))
                     if self.units is not None:
-                        frames = frames.entrywise(self._ratios(boxes[left], frames))
+                        frames = frames.entrywise(self._ratios(self.units, boxes[left], frames))
             except UnresolvedError as error:
                 # Those without a bound are divided, and the others are tried again without them.
                 unbounded = np.broadcast_to(error.cells, left.shape)
@@ -147,7 +148,7 @@ class FramesOver:
                 due += (rest / size)[..., None] * moves
         return due
 
-    def _side_of(self, box, number):
+    def _side_of(self, box: np.ndarray, number: int) -> int:
         """The side along which a box without a bound is divided: the wide one of this index, for -1
         the one to which most of what is left out of blocks and gains is due."""
         if number < 0:
@@ -157,10 +158,10 @@ class FramesOver:
                 number = int(np.max(error.number))
         return int(np.flatnonzero(box[0] < box[1])[number])
 
-    def _maps(self, cells):
+    def _maps(self, cells: np.ndarray) -> Polynomials:
         """The maps of all kinds of ticks without drift, `(kinds, cells, n, n)`."""
         changes = []
-        blocks = {}
+        blocks: dict[Any, BlockModel] = {}
         for loop, places in groupby(self.ticks, lambda pair: pair[0]):
             model = loop.over(cells, blocks)
             for _, tick in places:
@@ -169,7 +170,7 @@ class FramesOver:
         E = without_drift(_stacked(changes), self.drift, self.copies)
         return E + E.identity()
 
-    def _ratios(self, cells, frames):
+    def _ratios(self, units: np.ndarray, cells: np.ndarray, frames: Polynomials) -> Polynomials:
         """By what the entries of frames change with the units of the states: exponentials of sums
         over the sides, whose series in each side are known."""
         wide = np.flatnonzero(cells[0, 0] < cells[0, 1])
@@ -177,7 +178,7 @@ class FramesOver:
         low, high = np.swapaxes(cells, 0, 1)
         middle = (low + high) / 2
         half = np.maximum(high - middle, middle - low) * (1 + 4 * UNIT_ROUNDING)
-        exponents = self.units[:, :, None] - self.units[:, None]
+        exponents = units[:, :, None] - units[:, None]
         at_middle = np.exp(np.tensordot(middle - self.about, exponents, 1))
         moves = half[:, wide, None, None] * exponents[wide]
         terms = np.broadcast_to(at_middle, (len(frames.terms), *at_middle.shape)).copy()
@@ -188,7 +189,7 @@ class FramesOver:
         # Of an exponential of the size h what is above the order is below `exp(h) h^(order+1)/(order+1)!`.
         size = np.abs(moves).sum(1)
         beyond = (size / (order + 1)) * size**order / factorials[-1]
-        sizes = np.abs(self.units)
+        sizes = np.abs(units)
         largest = sizes[:, :, None] + sizes[:, None]
         of_middle = np.tensordot(np.abs(middle) + np.abs(self.about), largest, 1)
         rounding = 8 * UNIT_ROUNDING * ((order + 2) * (wide.size + 1) + of_middle)
@@ -231,9 +232,9 @@ class _Products:
 
     ticks: Polynomials
     powers: dict[tuple[int, int], Polynomials] = field(default_factory=dict)
-    rows: dict[Symbol, Polynomials] = field(default_factory=dict)
+    rows: dict[tuple[int, ...], Polynomials] = field(default_factory=dict)
 
-    def of(self, row: Symbol) -> Polynomials:
+    def of(self, row: tuple[int, ...]) -> Polynomials:
         """The product of a row."""
         if not row:
             return self.ticks.of(0).identity()
@@ -241,7 +242,7 @@ class _Products:
             self.rows[row] = self._joined(row)
         return self.rows[row]
 
-    def _joined(self, row):
+    def _joined(self, row: tuple[int, ...]) -> Polynomials:
         if row[:-1] in self.rows:
             return self.ticks.of(row[-1]) @ self.rows[row[:-1]]
         runs = [(kind, len(list(run))) for kind, run in groupby(row)]
@@ -252,7 +253,7 @@ class _Products:
         first = sum(length for _, length in runs[:half])
         return self.of(row[first:]) @ self.of(row[:first])
 
-    def _power(self, kind, count):
+    def _power(self, kind: int, count: int) -> Polynomials:
         if (kind, count) not in self.powers:
             tick = self.ticks.of(kind)
             if count == 1:
@@ -281,7 +282,7 @@ def constant_frames(
         order = ORDERS[numbers]
     drift = MarginalModes.of(*Loops(loop.drawing, values).twins())
 
-    def ticks_at(points):
+    def ticks_at(points: np.ndarray) -> tuple[Ticks, ConstantModes]:
         columns = {side.path: side.number(points[:, at]) for at, side in enumerate(sides)}
         at_points = Loops(loop.drawing, {**loop.values, **columns}).drawn()
         return drift.relative_ticks(Ticks.of(at_points, alone=True, terms=True))

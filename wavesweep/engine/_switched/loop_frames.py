@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine._loops.block import Block
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_ticks import OpenTicks
 from wavesweep.engine._monodromy.periodic import Ticks, products_of_rows
@@ -130,7 +131,7 @@ class LoopFrames:
             E = frames - identity
             counted, _ = counted_from_rest(E, np.zeros_like(E), V, dV, self.drift)
             return np.eye(self.kept.size) + counted
-        return frames[:, *np.ix_(self.kept, self.kept)]
+        return frames[:, self.kept[:, None], self.kept]
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """See `Family`. Accuracy: to first order in a rounding."""
@@ -159,8 +160,8 @@ class LoopFrames:
                 counted.append(counted_from_rest(E[at], dE[at], V, dV, self.drift))
             E, dE = (np.array(each) for each in zip(*counted, strict=True))
             return E, dE
-        at = np.ix_(self.kept, self.kept)
-        return E[..., *at], dE[..., *at]
+        column = self.kept[:, None]
+        return E[..., column, self.kept], dE[..., column, self.kept]
 
     @property
     def _whole_rows(self) -> list[tuple[int, ...]]:
@@ -198,7 +199,7 @@ class LoopFrames:
             np.array([each.rest for each in enclosures]),
         )
         _, rest = products_of_rows(self._whole_rows, maps, _after_over)
-        rest = rest[:, *np.ix_(self.kept, self.kept)]
+        rest = rest[:, self.kept[:, None], self.kept]
         spread = 2.3 * rest
         control = 2 * C - (A + B) / 2
         rounding = MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
@@ -236,7 +237,9 @@ class _AtOnce:
     followed: np.ndarray
 
     @staticmethod
-    def of(ticks, rows, acting, kept):
+    def of(
+        ticks: Ticks, rows: list[tuple[int, ...]], acting: list[int], kept: np.ndarray
+    ) -> _AtOnce:
         """acting: the index of the tick in which the number acts in each row."""
         n = len(ticks.states)
         nothing = np.zeros((1, n, n))
@@ -257,7 +260,7 @@ class _AtOnce:
             tick = ticks.maps[kind]
             B = np.zeros((n, 1))
             C = np.zeros((1, n))
-            d = 0.0
+            d: np.ndarray | float = 0.0
             if tick.inputs:
                 B = tick.B
                 C = tick.C
@@ -272,10 +275,10 @@ class _AtOnce:
         after = E[count:, None][followed], dE[count:, None][followed]
         return _AtOnce(A, b, c, d, tuple(kinds), before, after, followed)
 
-    def at(self, x):
+    def at(self, x: float) -> np.ndarray:
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
 
-    def enclosed(self, changes, errors):
+    def enclosed(self, changes: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The frames minus the identity and bounds on their errors, of ticks at some values of the
         number, `(symbols, numbers, n, n)`."""
         kinds = list(self.kinds)
@@ -285,12 +288,12 @@ class _AtOnce:
         return E, dE
 
 
-def _closed(ticks, numbers):
+def _closed(ticks: Ticks, numbers: np.ndarray) -> Ticks:
     """The ticks at values of the number."""
     return OpenTicks(ticks, None).closed(np.zeros((), int), numbers, terms=True)
 
 
-def _enclosure(tick, middle, half):
+def _enclosure(tick: Block, middle: float, half: float) -> Polynomials:
     """A tick for all values of the number from `middle - half` to `middle + half`."""
     nothing = np.zeros_like(tick.E)
     power = np.eye(len(tick.E)) + tick.E
@@ -309,11 +312,13 @@ def _enclosure(tick, middle, half):
     return Polynomials(terms, rest * np.abs(through), 1, 2)
 
 
-def _after(first: np.ndarray, later: np.ndarray) -> np.ndarray:
+def _after(first: tuple[np.ndarray], later: tuple[np.ndarray]) -> tuple[np.ndarray]:
     return (later[0] @ first[0],)
 
 
-def _after_over(first, later):
+def _after_over(
+    first: tuple[np.ndarray, np.ndarray], later: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """The same of ticks over an interval, as terms `(ticks, 3, n, n)` and what these leave out."""
     before, after = (
         Polynomials(np.swapaxes(terms, 0, 1), rest, 1, 2) for terms, rest in (first, later)
