@@ -37,7 +37,11 @@ LABELS = {  # of the states of a block, for messages
 
 
 def mass(
-    name: str, period: float, mass: float, damping: float = 0.0, stiffness: np.ndarray | float = 0.0
+    name: str,
+    period: np.ndarray | float,
+    mass: np.ndarray | float,
+    damping: np.ndarray | float = 0.0,
+    stiffness: np.ndarray | float = 0.0,
 ) -> Block:
     """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v`
     (m/s)."""
@@ -46,10 +50,11 @@ def mass(
     d = keys["damping"] / m
     k = keys["stiffness"] / m
     s, g, of_s, of_g = impulse_and_step(d, k, period)
-    equations = Equations(("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
+    E, B = motion(s, g, -d, -k, m)
+    parts: tuple[Any, ...] = E, B, [[0, 1], [1, 0]], [[0], [0]]
     at_rest = definitions.at_rest("mass", keys, np.sqrt)
-    block = _block(name, ("f",), ("x", "v"), equations, at_rest)
-    sizes = None
+    block = _block(name, ("f",), ("x", "v"), Equations(("v", "x"), *parts), at_rest)
+    sizes: tuple[np.ndarray, ...] = ()
     if of_s is not None:
         of_E, of_B = motion(of_s, of_g, np.abs(d), np.abs(k), np.abs(m))
         sizes = of_E, of_B, block.C, block.D
@@ -58,7 +63,7 @@ def mass(
 
 def inertia(
     name: str,
-    period: float,
+    period: np.ndarray | float,
     inertia: np.ndarray | float,
     damping: float = 0.0,
     stiffness: float = 0.0,
@@ -67,7 +72,7 @@ def inertia(
     return mass(name, period, inertia, damping, stiffness)
 
 
-def mass_matrix(name: str, period: float, **keys: Any) -> Block:
+def mass_matrix(name: str, period: np.ndarray | float, **keys: Any) -> Block:
     """`M a + D v + K x = f` with the forces held over the period: exact."""
     states, (A, B, C, D) = continuous("mass_matrix", keys)
     E, G, *of_E_and_G = held(A, B, period, sizes_of("mass_matrix", keys, A, B))
@@ -83,7 +88,7 @@ def mass_matrix(name: str, period: float, **keys: Any) -> Block:
     return replace(block, at_rest=at_rest, labels=labels)
 
 
-def pivot_of(kind: str, keys: dict[str, Any]) -> float:
+def pivot_of(kind: str, keys: dict[str, Any]) -> np.ndarray | float:
     """What the entries of a continuous block are divided by, which makes poles of them where it
     is zero."""
     return numbers(determinant(at_axes(keys, "mass"))) if kind == "mass_matrix" else 1.0
@@ -118,20 +123,23 @@ def sizes_of(
     return of_A, of_B
 
 
-def spring(name, period, k, d=0.0) -> Block:
+def spring(
+    name: str, period: np.ndarray | float, k: np.ndarray | float, d: np.ndarray | float = 0.0
+) -> Block:
     """`f1 = k (x2 - x1) + d (v2 - v1)` on one end, `f2 = -f1` on the other."""
     del period
     keys = {"k": numbers(k), "d": numbers(d)}
-    return _block(name, *TYPES["spring"].ports, definitions.continuous("spring", keys))
+    inputs, outputs = TYPES["spring"].ports
+    return _block(name, inputs, outputs, definitions.continuous("spring", keys))
 
 
 def ss(
     name: str,
-    period: float,
-    A: list[list[np.ndarray | float]],
-    B: list[list[float]],
-    C: list[list[float]],
-    D: list[list[np.ndarray | float]],
+    period: np.ndarray | float,
+    A: list[list[Any]] | np.ndarray,
+    B: list[list[Any]] | np.ndarray,
+    C: list[list[Any]] | np.ndarray,
+    D: list[list[Any]] | np.ndarray,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
     discrete: bool = False,
@@ -162,10 +170,10 @@ def ss(
 
 def tf(
     name: str,
-    period: float,
-    num: list[float],
-    den: list[float],
-    discrete: bool = False,
+    period: np.ndarray | float,
+    num: Sequence[Any],
+    den: Sequence[Any],
+    discrete: bool | str = False,
     rests: tuple[list[float], list[float]] | None = None,
 ) -> Block:
     """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
@@ -195,7 +203,7 @@ def tf(
     return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
 
 
-def _trailing_zeros(coefficients: list[float]) -> int:
+def _trailing_zeros(coefficients: Sequence[Any]) -> int:
     """The number of coefficients at the end that are zero and no arrays; 0 if all are."""
     for at, coefficient in enumerate(reversed(coefficients)):
         if type(coefficient) not in (int, float) or coefficient:
@@ -204,7 +212,7 @@ def _trailing_zeros(coefficients: list[float]) -> int:
 
 
 def _discrete_tf(
-    name: str, num: list[float], den: list[float], of_num: list[float], of_den: list[float]
+    name: str, num: Sequence[Any], den: Sequence[Any], of_num: list[float], of_den: list[float]
 ) -> Block:
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last
     k coefficients read.
@@ -229,7 +237,7 @@ def _discrete_tf(
     for i, row in enumerate(equations.E):
         E.append([entry + (centre - 1) * (i == j) for j, entry in enumerate(row)])
     equations = with_delays(equations._replace(E=E), later)
-    rest = None
+    rest: tuple[list[list[Any]], ...] | None = None
     if centre == -1:
         # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the
         # input.
@@ -241,14 +249,14 @@ def _discrete_tf(
     return _block(name, ("u",), ("y",), equations, rest)
 
 
-def realisation(den: list[float]) -> tuple[int, int]:
+def realisation(den: Sequence[Any]) -> tuple[int, int]:
     """Return how many delays a transfer function in z has at its end, and the centre, 1 or -1,
     of the powers of the rest."""
     delays = _trailing_zeros(den)
     return delays, -1 if _near_minus_one(den[: len(den) - delays]) else 1
 
 
-def _near_minus_one(den: list[float]) -> bool:
+def _near_minus_one(den: Sequence[Any]) -> bool:
     """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is
     1.
 
@@ -304,7 +312,7 @@ def butterworth(
     return sections(name, order, cutoff_hz, period, highpass=passes == "high")
 
 
-def defined(kind: str, name: str, period: float, **keys: Any) -> Block:
+def defined(kind: str, name: str, period: np.ndarray | float, **keys: Any) -> Block:
     """A block of a type that `definitions.running` defines, with its keys; see its description
     in `TYPES`."""
     period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
@@ -323,7 +331,7 @@ def _with_numbers(kind: str, keys: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def continuous(kind: str, keys: dict[str, Any]) -> tuple[tuple[str, ...], tuple]:
+def continuous(kind: str, keys: dict[str, Any]) -> tuple[tuple[str, ...], tuple[np.ndarray, ...]]:
     """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
     keys = _with_numbers(kind, keys)
     for name in ("num", "den") if kind == "tf" else ():
@@ -343,7 +351,10 @@ class HeldMatrices(NamedTuple):
 
 
 def held(
-    A: np.ndarray, B: np.ndarray, period: float, sizes: tuple[np.ndarray, np.ndarray] | None = None
+    A: np.ndarray,
+    B: np.ndarray,
+    period: np.ndarray | float,
+    sizes: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> HeldMatrices | tuple[np.ndarray, np.ndarray]:
     """`E = exp(A T) - 1` and `G = int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k
     doublings in delta form,
@@ -404,18 +415,21 @@ class Rates(NamedTuple):
     B: np.ndarray
     of_A: np.ndarray
     of_B: np.ndarray
-    period: object
+    period: np.ndarray | float
 
-    def over(self, share: float = 1, columns: list[int] | slice = slice(None)) -> HeldMatrices:
+    def over(
+        self, share: np.ndarray | float = 1, columns: list[int] | slice = slice(None)
+    ) -> HeldMatrices:
         """E and G of `held` over a share of the period; columns: some of those of B."""
         sizes = self.of_A, self.of_B[..., columns]
-        return held(self.A, self.B[..., columns], share * self.period, sizes)
+        found = held(self.A, self.B[..., columns], share * self.period, sizes)
+        return found  # type: ignore[return-value]  # sizes are given
 
 
 def _series(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`exp(A) - 1` and `int_0^1 exp(A s) ds B` for small A."""
-    E = 0.0
-    G = 0.0
+    E = np.zeros(())
+    G = np.zeros(())
     power = A
     force = B
     right_A = _by_entries(A)
@@ -438,7 +452,7 @@ def _by_entries(A: np.ndarray) -> np.ndarray:
     return csc_array(A)
 
 
-def _matrix(rows: list[list[np.ndarray | float]], shape: tuple[int, int]) -> np.ndarray:
+def _matrix(rows: Any, shape: tuple[int, int]) -> np.ndarray:
     return matrix(rows) if all(shape) else np.zeros(shape)
 
 
@@ -461,5 +475,6 @@ def _block(
     """A block of equations, and of those at rest."""
     sizes = len(equations.states), len(inputs), len(outputs)
     at_rest = rest and _arrays(rest, *sizes)
-    arrays = _arrays(equations[1:], *sizes)
-    return Block(name, tuple(inputs), tuple(outputs), equations.states, *arrays, at_rest=at_rest)
+    E, B, C, D = _arrays(equations[1:], *sizes)
+    states = equations.states
+    return Block(name, tuple(inputs), tuple(outputs), states, E, B, C, D, at_rest=at_rest)

@@ -16,6 +16,7 @@ from wavesweep.engine._drawing.drawing import Drawing, name_of
 from wavesweep.engine._drawing.expressions import (
     ONE,
     SharedParts,
+    Terms,
 )
 from wavesweep.engine._loops import blocks, dead_time
 from wavesweep.engine._loops.block import numbers
@@ -41,7 +42,7 @@ OUTPUT = "ports.outputs."  # begins the junctions of the outputs
 
 
 def assembled(
-    drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = ""
+    drawing: Drawing, values: Mapping[str, Any], out: str = "", beside: str = ""
 ) -> MultirateLoop:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
@@ -61,7 +62,9 @@ def assembled(
         if beside:
             wire = dict(drawing.wires)[drawing.scalar_place(beside).partition(".")[2]]
             sums[BESIDE] = _factor(wire, known_values, beside)
-    shown = [(OUTPUT + name, terms) for name, terms, _ in drawing.outputs]
+    shown: list[tuple[str, Terms | None]] = [
+        (OUTPUT + name, terms) for name, terms, _ in drawing.outputs
+    ]
     if drawing.hand:
         shown += zip((POSITION, REACTION), drawing.hand[1:], strict=True)
     sums |= {signal: _gains(terms, known_values) for signal, terms in shown if terms is not None}
@@ -87,7 +90,7 @@ def _named_inside(
 
 def _blocks(
     drawing: Drawing,
-    known: dict[str, np.ndarray | int],
+    known: dict[str, Any],
     rate: np.ndarray | float,
     tick: np.ndarray | float,
 ) -> tuple[ScheduledBlock, ...]:
@@ -100,7 +103,7 @@ def _blocks(
 
 
 def _plant(
-    plant: Plant, known: dict[str, np.ndarray | int], tick: float, shares: dict[str, np.ndarray]
+    plant: Plant, known: dict[str, Any], tick: np.ndarray | float, shares: dict[str, Any]
 ) -> ScheduledBlock:
     """A plant of several blocks, or one that dead times act on, with its numbers."""
     gains = {port: _gains(terms, known) for port, terms in plant.couplings}
@@ -108,9 +111,9 @@ def _plant(
     return ScheduledBlock(plant_of(plant, keys, gains, tick, known, shares))
 
 
-def _dead_time(drawing: Drawing, name: str, known: dict[str, np.ndarray | int]) -> ScheduledBlock:
+def _dead_time(drawing: Drawing, name: str, known: dict[str, Any]) -> ScheduledBlock:
     """The block of a dead time."""
-    sensed = set()
+    sensed: set[str] = set()
     arriving = False
     for plant in drawing.plants:
         sensed.update(signal for signal, delay in plant.sensed if delay == name)
@@ -122,28 +125,26 @@ def _dead_time(drawing: Drawing, name: str, known: dict[str, np.ndarray | int]) 
     return ScheduledBlock(block)
 
 
-def rate_of(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
+def rate_of(drawing: Drawing, values: Mapping[str, Any]) -> np.ndarray:
     """Return the rate of the tick (Hz); values: as for `assembled`."""
     with np.errstate(all="ignore"):
         return drawing.tick_hz.values(numbers_of(values))
 
 
 def _gains(
-    terms: tuple[tuple[str, Tree], ...], known: dict[str, np.ndarray | int]
+    terms: tuple[tuple[str, Tree], ...], known: dict[str, Any]
 ) -> dict[str, np.ndarray | float]:
     """The gains of terms; known: numbers by name."""
     return {signal: gain.values(known) for signal, gain in terms}
 
 
-def _placed(
-    block: DrawnBlock, known: dict[str, np.ndarray | int], tick: np.ndarray | float
-) -> ScheduledBlock:
+def _placed(block: DrawnBlock, known: dict[str, Any], tick: np.ndarray | float) -> ScheduledBlock:
     """The block with its numbers; one that they do not vary in a batch is remembered."""
     read = {name: known[name] for name in _read_by(block)}
     if np.ndim(tick) or any(np.ndim(value) or np.iscomplexobj(value) for value in read.values()):
         return _with_numbers(block, known, tick)
     plain = {name: v if isinstance(v, int) else v.item() for name, v in read.items()}
-    return _placed_alone(block, tuple(plain.items()), tick)
+    return _placed_alone(block, tuple(plain.items()), tick)  # type: ignore[arg-type]  # one number
 
 
 @lru_cache(maxsize=4096)
@@ -160,7 +161,7 @@ def _placed_alone(
 
 
 def _with_numbers(
-    block: DrawnBlock, known: dict[str, np.ndarray | int], tick: float
+    block: DrawnBlock, known: dict[str, Any], tick: np.ndarray | float
 ) -> ScheduledBlock:
     """The block with its numbers; its period is that between its runs."""
     every = int(block.every.values(known))
@@ -184,8 +185,8 @@ def _with_numbers(
 
 
 def _coefficients(
-    block: DrawnBlock, keys: dict[str, Any], period: float
-) -> dict[str, list[float] | str]:
+    block: DrawnBlock, keys: dict[str, Any], period: np.ndarray | float
+) -> dict[str, Any]:
     """The keys of the transfer function that a block with a formula is, from its own keys.
 
     The sums of its coefficients do not cancel, if those of its keys do not.
@@ -198,7 +199,7 @@ def _coefficients(
     return coefficients
 
 
-def _keys(block: DrawnBlock, known: dict[str, np.ndarray | int]) -> dict[str, Any]:
+def _keys(block: DrawnBlock, known: dict[str, Any]) -> dict[str, Any]:
     """The keys of a block with their values, by the names that functions of `blocks` have for
     them."""
     shared = SharedParts()
@@ -211,7 +212,7 @@ def _keys(block: DrawnBlock, known: dict[str, np.ndarray | int]) -> dict[str, An
 
 
 def _rests(
-    trees: tuple[Tree, ...], values: list[np.ndarray | float], known: dict[str, np.ndarray | int]
+    trees: tuple[Tree, ...], values: list[np.ndarray | float], known: dict[str, Any]
 ) -> list[float]:
     """What rounding has taken from the values of trees."""
     return [tree.rest(value, known) for tree, value in zip(trees, values, strict=True)]
@@ -221,7 +222,7 @@ def _take_out(
     drawing: Drawing,
     placed: tuple[ScheduledBlock, ...],
     sums: dict[str, dict[str, np.ndarray | float]],
-    known: dict[str, np.ndarray | int],
+    known: dict[str, Any],
     out: str,
 ) -> tuple[ScheduledBlock, ...]:
     """Make the product of a number the input PRODUCT: `sums` is changed, and the blocks are
@@ -247,10 +248,10 @@ def _take_out(
     else:
         constants, slopes = zip(*(_parts(tree, known, out) for tree in keys["num"]), strict=True)
         den = [tree.values(known) for tree in keys["den"]]
-        constant = blocks.tf(block, 1.0, list(constants), den, keys["discrete"])
-        slope = blocks.tf(block, 1.0, list(slopes), den, keys["discrete"])
+        by_itself = blocks.tf(block, 1.0, list(constants), den, keys["discrete"])
+        multiplied = blocks.tf(block, 1.0, list(slopes), den, keys["discrete"])
         sums[FACTOR] = {f"{block}.factor": 1.0}
-        opened = _opened(constant, slope)
+        opened = _opened(by_itself, multiplied)
     remaining = []
     for scheduled in placed:
         is_opened = scheduled.block.name == block
@@ -267,11 +268,16 @@ def _opened(constant: Block, slope: Block) -> Block:
 
         x+ - x = E x + B u,   y = C x + D u + product,   factor = c x + d u
     """
-    parts = (getattr(constant, name) for name in "EBCD")
-    matrices = _with_product(*parts, slope.C, slope.D)
+    matrices = _with_product(constant.E, constant.B, constant.C, constant.D, slope.C, slope.D)
     terms = constant.terms and _with_product(*constant.terms, *slope.terms[2:])
-    ports = {"inputs": ("u", PRODUCT), "outputs": ("y", "factor")}
-    return replace(constant, **ports, **matrices._asdict(), terms=terms, at_rest=None)
+    return replace(
+        constant,
+        inputs=("u", PRODUCT),
+        outputs=("y", "factor"),
+        **matrices._asdict(),
+        terms=terms,
+        at_rest=None,
+    )
 
 
 def _with_product(
@@ -286,16 +292,16 @@ def _with_product(
 
 
 def _factor(
-    terms: tuple[tuple[str, Tree], ...], known: dict[str, np.ndarray | int], out: str
-) -> dict[str, float]:
+    terms: tuple[tuple[str, Tree], ...], known: dict[str, Any], out: str
+) -> dict[str, np.ndarray | float]:
     """The signals that a number of a wire multiplies, with their factors."""
     slopes = {signal: _parts(gain, known, out)[1] for signal, gain in terms}
     return {signal: slope for signal, slope in slopes.items() if np.any(slope)}
 
 
 def _parts(
-    gain: Tree, known: dict[str, np.ndarray | int], out: str
-) -> tuple[np.ndarray | float, float]:
+    gain: Tree, known: dict[str, Any], out: str
+) -> tuple[np.ndarray | float, np.ndarray | float]:
     """The constant part g(0) of a gain that is linear in a number, and the factor of the number,
     g(1) - g(0)."""
     constant = gain.with_number(out, 0.0)
@@ -304,7 +310,7 @@ def _parts(
 
 
 def twins(
-    drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = ""
+    drawing: Drawing, values: Mapping[str, Any], out: str = "", beside: str = ""
 ) -> tuple[MultirateLoop, MultirateLoop]:
     """Return two loops of a batch, in which drift is searched for, or one loop twice if no number
     varies.
@@ -377,14 +383,15 @@ class Ports:
     @staticmethod
     def of_hand(drawing: Drawing) -> Ports:
         """The port of a hand that the drawing has."""
-        reaction = REACTION if drawing.hand[2] is not None else ""
-        return Ports(drawing.hand[0], POSITION, reaction)
+        force, _, reaction = drawing.hand  # type: ignore[misc]  # it has one
+        return Ports(force, POSITION, REACTION if reaction is not None else "")
 
     @staticmethod
     def of_axes(drawing: Drawing) -> Ports:
         """The port of a hand with all its axes, without reactions."""
         further = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
-        return Ports(drawing.hand[0], POSITION, others=further)
+        force, *_ = drawing.hand  # type: ignore[misc]  # it has one
+        return Ports(force, POSITION, others=further)
 
     @property
     def forces(self) -> list[str]:

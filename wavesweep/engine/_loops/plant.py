@@ -19,7 +19,7 @@ def plant_of(
     plant: Plant,
     keys: Mapping[str, dict[str, Any]],
     gains: Mapping[str, Mapping[str, np.ndarray | float]],
-    period: float,
+    period: np.ndarray | float,
     known: dict[str, np.ndarray | int],
     shares: dict[str, np.ndarray],
 ) -> Block:

@@ -230,9 +230,9 @@ class LoopModel:
 
     def _closed(self, L: Polynomials, R: Polynomials) -> Polynomials:
         """The solution of `u = L u + R`; without a loop in L it takes no inverse."""
-        acts = (L.whole > 0).reshape(-1, *L.rest.shape[-2:]).any(0)
+        acts = np.any((L.whole > 0).reshape(-1, *L.rest.shape[-2:]), 0)
         steps = 0
-        reached = np.eye(len(acts), dtype=bool)
+        reached: np.ndarray = np.eye(len(acts), dtype=bool)
         while reached.any() and steps <= len(acts):
             steps += 1
             reached = (reached.astype(float) @ acts) > 0
@@ -275,6 +275,7 @@ class _Evaluation:
         for at, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
             low = cells[..., 0, at]
             high = cells[..., 1, at]
+            value: TaylorModel | arb
             if at in wide:
                 number = int(np.searchsorted(wide, at))
                 value = TaylorModel.side(number, low, high, wide.size, loop.order)
@@ -357,7 +358,7 @@ class _Evaluation:
 
     def value(self, tree: Tree) -> Any:
         """The value of a tree: a model, or an arb if it reads none of the sides."""
-        numbers = {constant: arb(constant) for constant in tree.constants}
+        numbers: dict[Any, Any] = {constant: arb(constant) for constant in tree.constants}
         for name in tree.names:
             numbers[name] = self.values[name] if name in self.values else arb(self.loop.known[name])
         try:
@@ -416,7 +417,7 @@ class _Evaluation:
         return self._discrete(num, den, [None] * len(den))
 
     def _in_names(self, tree: Tree, numbers: dict[str, TaylorModel | arb]) -> TaylorModel | arb:
-        constants = {constant: arb(constant) for constant in tree.constants}
+        constants: dict[Any, Any] = {constant: arb(constant) for constant in tree.constants}
         try:
             return tree.in_names.evaluate({**numbers, **constants}, self.library)
         except ZeroDivisionError:
@@ -434,11 +435,13 @@ class _Evaluation:
             self._matrix(equations.D, (p, m)),
         )
 
-    def _matrix(self, rows: list[list[arb | int]], shape: tuple[int, int]) -> Polynomials:
+    def _matrix(self, rows: list[list[Any]], shape: tuple[int, int]) -> Polynomials:
         cells = (1,) * len(self.cells)
         return Polynomials.of_entries(rows, shape, self.numbers, self.order, cells)
 
-    def _discrete(self, num: list[TaylorModel], den: list[arb], written: list[float]) -> BlockModel:
+    def _discrete(
+        self, num: list[Any], den: list[Any], written: Sequence[float | None]
+    ) -> BlockModel:
         """A transfer function in z in the realisation of `blocks.tf`. written: coefficients of
         den that are plain numbers."""
         delays, centre = realisation(written)
@@ -477,7 +480,9 @@ class _Evaluation:
                 B.append([input_gain * D])
             C = [*(through * entry for entry in C), *c[0]]
             D = through * D
-        return self._arranged(definitions.Equations(tuple(range(len(E))), E, B, [C], [[D]]))
+        return self._arranged(
+            definitions.Equations(tuple(map(str, range(len(E)))), E, B, [C], [[D]])
+        )
 
     def _held(
         self, A: Polynomials, B: Polynomials, period: TaylorModel | arb
@@ -502,7 +507,7 @@ class _Evaluation:
         for block in plant.members:
             members.append(self._arranged(definitions.continuous(block.type, self._keys(block))))
         A, B, C, D = (_diagonal(matrices) for matrices in zip(*members, strict=True))
-        gains = [[0] * len(outputs) for _ in inputs]
+        gains: list[list[Any]] = [[0] * len(outputs) for _ in inputs]
         for port, terms in plant.couplings:
             for signal, gain in terms:
                 gains[inputs.index(port)][outputs.index(signal)] = self.value(gain)
