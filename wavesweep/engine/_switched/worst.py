@@ -14,7 +14,6 @@ from wavesweep.engine._switched.boxes import Box, Covering, OwnForms, Rule, cove
 from wavesweep.engine._switched.brackets import Bracket, Refuted, driven
 from wavesweep.engine._switched.climb import OPERATIONS_OF_CLIMB, Growth
 from wavesweep.engine._switched.frames_over import FramesOver
-from wavesweep.engine._switched.graph import Family
 from wavesweep.engine._switched.left_open import INWARD, left_open
 from wavesweep.engine._switched.mean_square import nearest_growing
 from wavesweep.engine._switched.norms import first_centre
@@ -80,7 +79,7 @@ class LoopsOver:
     refute other loops of the same symbols, to which those that are found are added.
     """
 
-    family: Callable[[tuple[float, ...]], Family]
+    family: Callable[[tuple[float, ...]], Any]
     frames: FramesOver
     box: Box
     sides: Sides
@@ -112,7 +111,7 @@ class LoopsOver:
         work: float,
         up: bool = True,
         words: Sequence[Word] = (),
-        *beyond: object,
+        *beyond: Any,
     ) -> Covering:
         """What is known of a box of sides, see `cover`; its words, and those that are given, are
         of symbols."""
@@ -151,28 +150,31 @@ def bracket_over(
     units = None
     if not (first.zero or loops.gain):
         units = units_of(loops.frames, _layer(loops, start / UNITS, start), loops.follows)
+    told: Report = report  # type: ignore[assignment]  # called if there is one
     rounds = 3  # rounds of the search for refutations, after the proof has met one
     spent = 0.0
     open_ = None
 
-    def proved(bottom, top, most, up, words):
+    def proved(
+        bottom: float, top: float, most: float, up: bool, words: Sequence[Word]
+    ) -> tuple[Covering, float]:
         """What is proved from a number to another, and the number that is reached."""
         nonlocal spent
 
-        def reached(side, share):
+        def reached(side: float, share: float) -> None:
             end = float(first.number(side))
-            report(min(start, end), max(bottom if up else high, end), 100 * share)
+            told(min(start, end), max(bottom if up else high, end), 100 * share)
 
         layer = _layer(loops, bottom, top)
         frames = replace(loops.frames, units=units, about=layer.mean(0))
-        told = reached if report else None
+        tell = reached if report else None
         gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
         stretches = 1 if first.zero else _stretches(layer)
-        found = loops.covered(frames, layer, most - spent, up, words, told, gain, stretches)
+        found = loops.covered(frames, layer, most - spent, up, words, tell, gain, stretches)
         spent += found.used
         return found, float(first.number(found.end - INWARD if up else found.end + INWARD))
 
-    def upwards(reached, goal, refuted):
+    def upwards(reached: float, goal: float, refuted: Refuted) -> tuple[float, Refuted]:
         nonlocal open_, rounds
         met = Refuted()
         if reached < goal and spent < UPWARD * work:
@@ -185,7 +187,7 @@ def bracket_over(
                 open_ = left_open(found, loops.sides, _layer(loops, lowest, limits[1]), up=True)
         return reached, met
 
-    def downwards(reached, goal, _refuted):
+    def downwards(reached: float, goal: float, _: Refuted) -> tuple[float, Refuted]:
         nonlocal below, open_
         goal = max(goal, lowest)
         if goal < reached < high:
@@ -207,19 +209,19 @@ def bracket_over(
     return Bracket(low, high, below, above, open=open_)
 
 
-def _from_zero(limits, above, zero):
+def _from_zero(limits: tuple[float, float], above: Refuted, zero: float) -> float:
     """The lower limit without the least part of what is refuted, for a number that begins at 0."""
     reached = above.x if above.word else limits[1]
     return max(limits[0], zero + FROM_ZERO * (reached - zero))
 
 
-def _stretches(layer):
+def _stretches(layer: Box) -> int:
     """The number of equal stretches of the logarithm of the number with which a proof begins."""
     wide = max(float(np.ptp(layer[:, 0])), STRETCH)  # 0 where ends differ by their rounding alone
     return 2 ** int(np.ceil(np.log2(wide / STRETCH)))
 
 
-def _layer(loops, low, high):
+def _layer(loops: LoopsOver, low: float, high: float) -> Box:
     """The sides of all loops from a number to another."""
     return loops.sides.places(np.column_stack([[low, high], loops.box]))
 
@@ -232,7 +234,7 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     """
     best = Refuted()
     tried = np.concatenate([loops.starts, loops.extremes()])
-    searched = []
+    searched: list[tuple[float, ...]] = []
     for _, x in places_between(start, limit):
         ahead = min(x, limit) if limit > start else max(x, limit)
         if (loops.growth.of(np.insert(tried, 0, ahead, axis=1)) >= 1).any():
@@ -266,7 +268,7 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     return best
 
 
-def _alike(loops, point, other, x):
+def _alike(loops: LoopsOver, point: tuple[float, ...], other: tuple[float, ...], x: float) -> bool:
     """Whether two points have nearly the same frames at a number."""
     if loops.on_average or loops.gain:
         return point == other
@@ -281,7 +283,7 @@ def _alike(loops, point, other, x):
     return bool(np.abs(centre.in_basis(frames - others)).max() <= SAME_FRAMES)
 
 
-def _moved(loops, point, start, best):
+def _moved(loops: LoopsOver, point: tuple[float, ...], start: float, best: Refuted) -> Refuted:
     """What the best word refutes at a point, if it is closer to the start there."""
     if not best.word:
         return best
@@ -289,14 +291,17 @@ def _moved(loops, point, start, best):
     return best if at is None else Refuted(at, best.word, tuple(point))
 
 
-def _refuted_at(loops, point, start, limit, best):
+def _refuted_at(
+    loops: LoopsOver, point: tuple[float, ...], start: float, limit: float, best: Refuted
+) -> Refuted:
     """What is refuted at a point if it is closer to the start than the best."""
     limit = best.x if best.word else limit
     family = loops.family(point)
     if loops.on_average:
         found = nearest_growing(family, start, limit)
     elif loops.gain:
-        found = loops.patterns.nearest_pattern(family, start, limit)
+        patterns: Patterns = loops.patterns  # type: ignore[assignment]  # beside a gain
+        found = patterns.nearest_pattern(family, start, limit)
     else:
         known = [*loops.known, best.word] if best.word else loops.known
         found = nearest_refuted(family, start, limit, BRACKET_TOLERANCE, known)
@@ -305,7 +310,9 @@ def _refuted_at(loops, point, start, limit, best):
     return best
 
 
-def _beyond(loops, point, word, start, end):
+def _beyond(
+    loops: LoopsOver, point: tuple[float, ...], word: Word, start: float, end: float
+) -> float | None:
     """The refuted number closest to the start of a word that grows at `end` at a point; None if
     it does not."""
     family = loops.family(tuple(point))
@@ -317,10 +324,11 @@ def _beyond(loops, point, word, start, end):
     return begins(family, word, start, end)
 
 
-def _met(loops, found, start, above):
+def _met(loops: LoopsOver, found: Covering, start: float, above: Refuted) -> Refuted:
     """What is refuted at a place that a proof has met."""
-    x, *point = loops.sides.numbers(found.point)
-    point = tuple(np.clip(point, *loops.box))
+    place: np.ndarray = found.point  # type: ignore[assignment]  # of the word that it has met
+    x, *numbers = loops.sides.numbers(place)
+    point = tuple(np.clip(numbers, *loops.box))
     at = _beyond(loops, point, found.word, start, x)
     if at is None or (above.word and at >= above.x):
         return above
@@ -339,7 +347,8 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
         soon = loops.covered(loops.frames, sides, most)
         if not soon.open and not loops.growth.contradicts(loops.box):
             return (), (), True
-    for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
+    begun: tuple[Callable[[], np.ndarray], ...] = (lambda: loops.starts, loops.extremes)
+    for starts in begun:  # extremes take longer to find
         point, word = _worst_member(loops, loops.box, starts())
         if word:
             return point, word, False
@@ -347,7 +356,8 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
         return (), (), False
     found = loops.covered(loops.frames, sides, work)
     if found.word:
-        point = tuple(np.clip(loops.sides.numbers(found.point), *loops.box).tolist())
+        place: np.ndarray = found.point  # type: ignore[assignment]  # of its word
+        point = tuple(np.clip(loops.sides.numbers(place), *loops.box).tolist())
         if _is_refuted(loops, loops.family(point), found.word):
             return point, found.word, False
     if found.open:
@@ -358,16 +368,17 @@ def decide_over(loops: LoopsOver, work: float) -> tuple[tuple[float, ...], Word,
     return point if word else (), word, not found.open
 
 
-def _worst_member(loops, box, starts):
+def _worst_member(loops: LoopsOver, box: Box, starts: np.ndarray) -> tuple[tuple[float, ...], Word]:
     """A point of a box and a word that grows there, () without: those that a climb finds first."""
     points = loops.growth.climb(box, starts).points[:POINTS_LOOKED_AT].tolist()
     for point in map(tuple, points):
         family = loops.family(point)
-        words = [(0,)]
+        words: list[Word] = [(0,)]
         if loops.gain:
             first = point == tuple(points[0])  # at others long patterns are not looked for
-            periods = loops.patterns.PERIODS if first else loops.patterns.SHORT
-            words = [loops.patterns.growing_pattern(family, 0.0, periods=periods)[1]]
+            patterns: Patterns = loops.patterns  # type: ignore[assignment]  # beside a gain
+            periods = patterns.PERIODS if first else patterns.SHORT
+            words = [patterns.growing_pattern(family, 0.0, periods=periods)[1]]
         elif not loops.on_average:
             A = family.at(0.0)
             words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
@@ -377,7 +388,7 @@ def _worst_member(loops, box, starts):
     return (), ()
 
 
-def _is_refuted(loops, family, word):
+def _is_refuted(loops: LoopsOver, family: Any, word: Word) -> bool:
     """Whether a word, or the mean square, of a loop without a number grows."""
     if loops.on_average:
         return family.refuted(0.0)
