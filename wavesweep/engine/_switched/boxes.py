@@ -27,7 +27,7 @@ from wavesweep.engine._switched.average import (
     forms_on_average,
 )
 from wavesweep.engine._switched.frames_over import constant_frames
-from wavesweep.engine._switched.graph import Family
+from wavesweep.engine._switched.graph import Family, Graph
 from wavesweep.engine._switched.norm_check import outside_each, shrink_over
 from wavesweep.engine._switched.norms import CALLS, Centre, find_norms, recentred, sloped
 from wavesweep.engine._switched.patterns import Word, growing, growth
@@ -101,6 +101,10 @@ class OwnForms(Protocol):
 
 
 Rule = np.ndarray | OnAverage | OwnForms
+# the same, with the graph and the weights of a chain in place of what is on average
+OneRule = np.ndarray | OwnForms | tuple[Graph, np.ndarray]
+# whether a box is proved, how much each side moves the slack, the errors as shares of it, operations
+Judged = tuple[bool, np.ndarray, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,7 +240,7 @@ class _Queue:
     def of(box: Box, up: bool, stretches: int, kept: Kept | None) -> "_Queue":
         """The queue at the begin of a proof, of equal stretches of the first side."""
         queue = _Queue(box, up, [], count(), kept)
-        ends = np.linspace(*box[:, 0], 1 + stretches).tolist()
+        ends = np.linspace(box[0, 0], box[1, 0], 1 + stretches).tolist()
         for low, high in pairwise(ends if up else ends[::-1]):
             each = box.copy()
             each[:, 0] = sorted((low, high))
@@ -308,7 +312,7 @@ class _Trials:
     enclosed: dict[int, InBox | int] = field(default_factory=dict)
     norms: Centre | None = None
     divided: set[tuple[float, ...]] = field(default_factory=set)
-    sides: dict[tuple, np.ndarray] = field(default_factory=dict)
+    sides: dict[tuple[bool, float, bytes], np.ndarray] = field(default_factory=dict)
     width: float = np.inf
     in_a_row: int = 0
 
@@ -331,7 +335,7 @@ class _Trials:
         del self.outcomes[number]
         self.enclosed.pop(number, None)
 
-    def _as_before(self, part):
+    def _as_before(self, part: _Part) -> list[_Part]:
         """The parts of a part as others of its shape, of other values of the first side, had to be
         divided."""
         pieces = [part]
@@ -342,7 +346,7 @@ class _Trials:
             return pieces
         return [smaller for piece in pieces for smaller in self._as_before(piece)]
 
-    def _ready(self, queue):
+    def _ready(self, queue: _Queue) -> dict[int, _Part]:
         """The parts of a queue to be tried next, in order, one of each shape, but for those whose
         halves will be.
 
@@ -369,7 +373,7 @@ class _Trials:
             self.outcomes[later.number] = _Outcome(self._as_before(later.part), 0.0)
             queue.go_on(self)
 
-    def _try(self, queue):
+    def _try(self, queue: _Queue) -> None:
         """Enclose the parts that are next, and try them all, or the first one if a trial takes
         long."""
         ahead = self._ready(queue)
@@ -387,7 +391,7 @@ class _Trials:
         self.used += sum(outcome.used for outcome in found.values())
         self.outcomes |= found
 
-    def _tried_alone(self, number, part):
+    def _tried_alone(self, number: int, part: _Part) -> _Outcome:
         """The outcome of a part, from the norms of the one before if it has none."""
         begun = replace(part, start=part.start or self.norms)
         rest = self.work - self.used
@@ -405,11 +409,12 @@ class _Trials:
         return tried
 
 
-def _stretch(part):
-    return tuple(part.box[:, 0].tolist())
+def _stretch(part: _Part) -> tuple[float, float]:
+    low, high = part.box[:, 0].tolist()
+    return low, high
 
 
-def _shape(part):
+def _shape(part: _Part) -> tuple[bool, float, bytes]:
     """The width of a part along the first side, and its box of the others."""
     width = part.box[1, 0] - part.box[0, 0]
     return (
@@ -419,18 +424,18 @@ def _shape(part):
     )
 
 
-def _alone(follows):
+def _alone(follows: Rule) -> bool:
     """Whether it is about a single matrix, whose powers decay."""
     return isinstance(follows, OnAverage) and follows.graph is ALONE
 
 
-def _share(part, box):
+def _share(part: Box, box: Box) -> float:
     """Which share of a box a part is."""
     wide = box[0] < box[1]
     return float(((part[1] - part[0])[wide] / (box[1] - box[0])[wide]).prod())
 
 
-def _enclose(frames, parts, enclosed):
+def _enclose(frames: Frames, parts: dict[int, _Part], enclosed: dict[int, InBox | int]) -> float:
     """Enclose the parts, by their numbers, of which no box around is known well enough; return
     the operations."""
     new = []
@@ -443,7 +448,9 @@ def _enclose(frames, parts, enclosed):
     return ENCLOSED * len(new)
 
 
-def _tried_together(parts, enclosed, narrow) -> dict[int, _Outcome]:
+def _tried_together(
+    parts: dict[int, _Part], enclosed: dict[int, InBox | int], narrow: np.ndarray
+) -> dict[int, _Outcome]:
     """The outcomes of parts of single matrices, by their numbers."""
     outcomes = {}
     around = {}
@@ -459,10 +466,11 @@ def _tried_together(parts, enclosed, narrow) -> dict[int, _Outcome]:
     found, spent = forms_of_each(A)
     decaying = []
     for i, (at, known) in enumerate(around.items()):
-        if found[i] is None:
+        own_forms = found[i]
+        if own_forms is None:
             outcomes[at] = _Outcome(None, spent, (0,))
         else:
-            decaying.append((i, at, known, found[i]))
+            decaying.append((i, at, known, own_forms))
     if not decaying:
         return outcomes
     seen = A.of([i for i, *_ in decaying])
@@ -474,26 +482,26 @@ def _tried_together(parts, enclosed, narrow) -> dict[int, _Outcome]:
     return outcomes
 
 
-def _without_bound(part, side, narrow):
+def _without_bound(part: _Part, side: int, narrow: np.ndarray) -> _Outcome:
     """The outcome of a part that has to be divided along a side first."""
     if part.box[1, side] - part.box[0, side] <= narrow[side]:
         return _Outcome(None, 0.0)
     return _Outcome([replace(part, box=half) for half in _halves(part.box, side)], 0.0)
 
 
-def _side_by_side(matrices):
+def _side_by_side(matrices: list[Polynomials]) -> Polynomials:
     """Single matrices `(1, n, n)` of several parts as one array of them, `(parts, n, n)`."""
     terms = np.concatenate([each.terms for each in matrices], 1)
     rest = np.concatenate([each.rest for each in matrices])
     return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
 
 
-def _judged_each(A, found):
+def _judged_each(A: Polynomials, found: list[Forms]) -> list[Judged]:
     """`_judged` of single matrices `(parts, n, n)`, each with a form of its own."""
-    P = []
+    of_each = []
     for centre, further in found:
-        P.append(np.concatenate([centre.P[None], further]))
-    P = np.concatenate(P, 1)
+        of_each.append(np.concatenate([centre.P[None], further]))
+    P = np.concatenate(of_each, 1)
     forms = Polynomials((P + P.mT) / 2, np.zeros(P.shape[1:]), A.numbers, A.order)
     basis = np.stack([centre.basis for centre, _ in found])
     inverse = np.stack([centre.inverse for centre, _ in found])
@@ -510,18 +518,27 @@ def _judged_each(A, found):
     return judged
 
 
-def _largest_sum(terms, axis):
+def _largest_sum(terms: np.ndarray, axis: int) -> np.ndarray:
     """The largest sum of sizes along an axis of matrices."""
     return np.abs(terms).sum(axis).max(-1)
 
 
-def _tried(part, enclosed, follows, work, narrow, words, search) -> _Outcome:
+def _tried(
+    part: _Part,
+    enclosed: InBox | int | None,
+    follows: Rule,
+    work: float,
+    narrow: np.ndarray,
+    words: Sequence[Word],
+    search: float,
+) -> _Outcome:
     """The outcome of a part of which several matrices occur."""
-    known = part.known or enclosed
+    known: InBox | int = part.known or enclosed  # type: ignore[assignment]  # one is there
     if isinstance(known, int):
         return _without_bound(part, known, narrow)
     A = known.within(part.box)
     wide = np.flatnonzero(part.box[0] < part.box[1])
+    rule: OneRule
     if isinstance(follows, OnAverage):
         rule = (follows.graph, follows.weight)
     else:
@@ -537,9 +554,10 @@ def _tried(part, enclosed, follows, work, narrow, words, search) -> _Outcome:
         return _Outcome(None, used, (0,))
     basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
     # Without a pole on a rim.
-    looked_at = np.isfinite(A.terms).all() and isinstance(follows, np.ndarray)
-    if looked_at and (words := growing(A.terms[0], follows, basis)):
-        return _Outcome(None, used, words[0])
+    if isinstance(follows, np.ndarray) and np.isfinite(A.terms).all():
+        grow = growing(A.terms[0], follows, basis)
+        if grow:
+            return _Outcome(None, used, grow[0])
     # Parts of parts without norms for each side, after which a proof ends.
     if part.barren > 4 * wide.size:
         return _Outcome(None, used)
@@ -551,7 +569,16 @@ def _tried(part, enclosed, follows, work, narrow, words, search) -> _Outcome:
     return _Outcome(_parts_of(part, part.known, moves, left, narrow, None), used)
 
 
-def _judgement(part, known, A, found, judged, narrow, *, alone=False):
+def _judgement(
+    part: _Part,
+    known: InBox,
+    A: Polynomials,
+    found: Forms,
+    judged: Judged,
+    narrow: np.ndarray,
+    *,
+    alone: bool = False,
+) -> _Outcome:
     """The outcome of a part with forms, which were judged so. alone: whether they are those of a
     single matrix."""
     proved, moves, errors, used = judged
@@ -569,7 +596,14 @@ def _judgement(part, known, A, found, judged, narrow, *, alone=False):
     return _Outcome(_parts_of(part, known if keep else None, moves, left, narrow, slopes), used)
 
 
-def _parts_of(part, known, moves, left, narrow, slopes):
+def _parts_of(
+    part: _Part,
+    known: InBox | None,
+    moves: np.ndarray,
+    left: tuple[float, np.ndarray],
+    narrow: np.ndarray,
+    slopes: np.ndarray | None,
+) -> list[_Part] | None:
     """The parts into which a part is divided; None if it cannot be. slopes: of its norms, which
     lead to those of its halves."""
     box = part.box
@@ -583,14 +617,14 @@ def _parts_of(part, known, moves, left, narrow, slopes):
         for piece in pieces:
             for half, move in zip(_halves(piece.box, int(wide[side])), (-0.5, 0.5), strict=True):
                 start = piece.start
-                if slopes is not None:
+                if start is not None and slopes is not None:
                     start = replace(start, P=start.P + move * slopes[side])
                 halves.append(replace(piece, box=half, start=start))
         pieces = halves
     return pieces[::-1]
 
 
-def _divided(moves, left):
+def _divided(moves: np.ndarray, left: tuple[float, np.ndarray]) -> list[int]:
     """Return the sides along which a part is halved: the one that moves the slack most, and the
     next ones as long as the errors without those before would be far too large.
 
@@ -598,8 +632,8 @@ def _divided(moves, left):
     have.
     """
     errors, shares = left
-    sides = []
-    for side in np.argsort(-moves):
+    sides: list[int] = []
+    for side in np.argsort(-moves).tolist():
         if sides and (errors < HOPELESS_ERRORS or moves[side] < 0 or shares[side] > OF_SIDE):
             break
         sides.append(side)
@@ -640,21 +674,29 @@ def units_of(frames: Frames, box: Box, follows: Rule) -> np.ndarray | None:
     return units
 
 
-def _log_of_forms(A, follows):
+def _log_of_forms(A: Polynomials, follows: Rule) -> np.ndarray | None:
     """Half the logarithm of what forms for the middle of a box have on their diagonal; None
     without forms."""
     if isinstance(follows, OnAverage):
         found = forms_on_average(A, follows.graph, follows.weight)[0]
         centre = found and found[0]
     else:
-        centre, factor = find_norms(A.terms[0], follows, None, OPERATIONS_OF_CENTRE)
+        symbols: np.ndarray = follows  # type: ignore[assignment]  # what has forms itself has no units
+        centre, factor = find_norms(A.terms[0], symbols, None, OPERATIONS_OF_CENTRE)
         centre = centre if factor == 1 else None
     if centre:
         return np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2
     return None
 
 
-def _forms(A, follows, start, work, words=(), search=OPERATIONS_OF_CENTRE):
+def _forms(
+    A: Polynomials,
+    follows: OneRule,
+    start: Centre | None,
+    work: float,
+    words: Sequence[Word] = (),
+    search: float = OPERATIONS_OF_CENTRE,
+) -> tuple[Forms | None, float]:
     """Norms for the middle of a box and their slopes, None if none are found; and the work.
     follows: or a chain. search: see `cover`."""
     if isinstance(follows, tuple):
@@ -676,7 +718,7 @@ def _forms(A, follows, start, work, words=(), search=OPERATIONS_OF_CENTRE):
     grown = (1 + most_room) * at_middle
     enough = (1 + least_room) / (1 + most_room)
     room = _room_of(start, at_middle, least_room, most_room) if start else 0.0
-    if room:
+    if start and room:
         centre = replace(start, work=0.0)
     else:
         centre, factor = find_norms(grown, follows, start, min(work, most), enough)
@@ -690,7 +732,7 @@ def _forms(A, follows, start, work, words=(), search=OPERATIONS_OF_CENTRE):
     return (centre, slopes), spent + centre.work
 
 
-def _room_of(start, A, least, most):
+def _room_of(start: Centre, A: np.ndarray, least: float, most: float) -> float:
     """The margin that known norms have for matrices if they keep BACK of it, at most so much; 0 if
     it is below the least one."""
     room = most
@@ -701,7 +743,7 @@ def _room_of(start, A, least, most):
     return 0.0
 
 
-def _judged(A, found, follows):
+def _judged(A: Polynomials, found: Forms, follows: OneRule) -> Judged:
     """Whether a box is proved, how much each side moves the slack, the errors as shares of that,
     and the work."""
     centre, slopes = found
@@ -714,11 +756,13 @@ def _judged(A, found, follows):
     n = A.terms.shape[-1]
     pairs = monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**2
+    weight = None
+    after = None
     if isinstance(follows, tuple):
-        rule = None, follows[1]
+        weight = follows[1]
     else:
-        rule = (follows if isinstance(follows, np.ndarray) else follows.whole.follows,)
-    proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, *rule)
+        after = follows if isinstance(follows, np.ndarray) else follows.whole.follows
+    proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, after, weight)
     if proved:
         return True, np.zeros(0), 0.0, spent
     size = np.sqrt(np.abs(terms).sum(-1).max(-1) * np.abs(terms).sum(-2).max(-1))
@@ -729,7 +773,7 @@ def _judged(A, found, follows):
     return False, moves, float(errors.max()), spent
 
 
-def _left_out(A, found):
+def _left_out(A: Polynomials, found: Forms) -> tuple[float, np.ndarray]:
     """Which part of the errors are terms of products beyond the order of A, and the shares of
     these that are gone if a side is halved."""
     centre, further = found
@@ -751,7 +795,7 @@ def _left_out(A, found):
     return share if np.isfinite(share) else 0.0, 1 - np.array(halved) / max(whole, NEXT_TO_ZERO)
 
 
-def _halves(box, side):
+def _halves(box: Box, side: int) -> list[Box]:
     lower = box.copy()
     upper = box.copy()
     middle = box[:, side].mean()
