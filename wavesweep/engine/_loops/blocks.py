@@ -275,20 +275,26 @@ def _bound_on_roots(sizes: np.ndarray) -> float:
     return np.max((sizes[1:] / sizes[0]) ** (1 / np.arange(1, len(sizes))), initial=0.0)
 
 
-def recentred(at: int, coefficients: Sequence[Any], rests: list[float] | None = None) -> list[Any]:
-    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it
-    again and again.
+def recentred(
+    centre: int, coefficients: Sequence[Any], rests: list[float] | None = None
+) -> list[Any]:
+    """Return the coefficients d of a polynomial in powers of z - c, c = 1 or -1, from its
+    coefficients a in powers of z, both in descending order:
 
-    rests: the parts of the coefficients that rounding has taken; none if they are absent. Those of
-    the sums are kept too (D. E. Knuth, TAOCP 2, 4.2.2, theorem B).
+        p(z) = sum_k a_k z^(n - k) = sum_k d_k (z - c)^(n - k).
+
+    For c = 1, Horner's scheme divides p by z - 1, then the quotient, and so on: each division is a
+    row of sums, a_i + a_(i - 1), and leaves one more d_k, the last one first. The roundings of all
+    sums are computed (D. E. Knuth, TAOCP 2, 4.2.2, theorem B), and added in the end. rests: what
+    rounding took from the coefficients a before, 0 if absent.
     """
     rests = rests or [0] * len(coefficients)
-    if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
-        signs = [(-1.0) ** i for i in reversed(range(len(coefficients)))]
-        mirrored = [sign * number for sign, number in zip(signs, coefficients, strict=True)]
-        of_mirrored = [sign * number for sign, number in zip(signs, rests, strict=True)]
-        about_one = recentred(1, mirrored, of_mirrored)
-        return [sign * number for sign, number in zip(signs, about_one, strict=True)]
+    if centre < 0:  # of q(w) = p(-w), w = -z, since z + 1 = -(w - 1)
+        signs = [(-1.0) ** power for power in reversed(range(len(coefficients)))]
+        mirrored = [sign * a for sign, a in zip(signs, coefficients, strict=True)]
+        mirrored_rests = [sign * rest for sign, rest in zip(signs, rests, strict=True)]
+        about_one = recentred(1, mirrored, mirrored_rests)
+        return [sign * d for sign, d in zip(signs, about_one, strict=True)]
     sums = list(coefficients)
     lost = list(rests)
     for end in range(len(sums), 1, -1):

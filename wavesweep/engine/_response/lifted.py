@@ -144,14 +144,15 @@ def _joined(first: Stretch, second: Stretch) -> Stretch:
     forced_first, impulse_first = first.own_maps
     forced_second, impulse_second = second.own_maps
     of_first = _padded(forced_first, second.ticks)
-    forced = of_first + _padded(forced_second, first.ticks) + _over_lags(later)
+    forced = of_first + _padded(forced_second, first.ticks) + _sums_by_lag(later)
     across = later.part(..., -1, slice(None), slice(None))
     impulse = Bounded(*map(_triangular, impulse_first, across, impulse_second))
     return Stretch(E, observability, controllability, forced, impulse)
 
 
 def _triangular(first: np.ndarray, across: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the map of two stretches from those of both, and from the first to the second."""
+    """Return the map of two stretches one after the other, `[[first, 0], [across, second]]`, with
+    `across` from the forces of the first to the outputs of the second."""
     batch = np.broadcast_shapes(*(block.shape[:-2] for block in (first, across, second)))
     rows = first.shape[-1]
     joint = np.zeros((*batch, rows + second.shape[-1], rows + second.shape[-1]))
@@ -162,29 +163,30 @@ def _triangular(first: np.ndarray, across: np.ndarray, second: np.ndarray) -> np
 
 
 def _padded(forced: Bounded, count: int) -> Bounded:
+    """The sums of one stretch by lag, and 0 for `count` lags that are longer than it."""
     return forced.each(
         lambda sums: np.concatenate([sums, np.zeros((*sums.shape[:-1], count))], axis=-1)
     )
 
 
-def _over_lags(later: Bounded) -> Bounded:
-    """Return sums over equal numbers of ticks between a force in the first stretch, and an output
-    in the second.
+def _sums_by_lag(later: Bounded) -> Bounded:
+    """Return the sums of an impulse response along its diagonals, one for each lag from force to
+    output:
 
-    later: `(..., second, first)`. Their ticks together are the length of the result.
+        s_l = sum of h_ij over all i, j with first + i - j = l,   l = 0 ... first + second - 1.
+
+    later: h `(..., second, first)`, the output in tick i of the second stretch for a force in tick
+    j of the first. These are at least a tick apart, so `s_0 = 0`.
     """
     second, first = later.value.shape[-2:]
-    pair = []
-    for impulse in (later.value, later.with_rounding(second)):
-        batch = impulse.shape[:-2]
-        wide = np.zeros(
-            (*batch, second, first + second)
-        )  # each row, put into shorter ones, is shifted by one more
-        wide[..., :first] = impulse[..., ::-1]
-        wide = wide.reshape(*batch, -1)[..., : second * (first + second - 1)]
-        sums = wide.reshape(*batch, second, first + second - 1).sum(-2)
-        pair.append(np.concatenate([np.zeros((*sums.shape[:-1], 1)), sums], axis=-1))
-    return Bounded(*pair)
+    sums_and_errors = []
+    for h in (later.value, later.with_rounding(second)):
+        sums = np.zeros((*h.shape[:-2], first + second))
+        for i in range(second):
+            least_lag = i + 1  # of the last force
+            sums[..., least_lag : least_lag + first] += h[..., i, ::-1]
+        sums_and_errors.append(sums)
+    return Bounded(*sums_and_errors)
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +220,11 @@ class Sums:
 
 
 def _of_leaf(stretch: Stretch, sums: Bounded, points: Any) -> Sums:
+    """The sums of a stretch whose outputs are kept as matrices: with O_i of the observability, G_i
+    of the controllability and F_l the forced outputs over the lag l,
+
+        rows = sum_i z^-i O_i,   forced = sum_l z^-l F_l,   driven = sum_i z^i G_i.
+    """
     z = points.ladder(stretch.ticks)
     terms = stretch.ticks + TURN_ROUNDINGS * stretch.ticks.bit_length()
     # contiguous, as BLAS wants them
@@ -237,6 +244,13 @@ def _of_leaf(stretch: Stretch, sums: Bounded, points: Any) -> Sums:
 
 
 def _of_halves(stretch: Stretch, points: Any, memo: dict[int, Sums]) -> Sums:
+    """The sums of a stretch from those of its halves a and b, with a turn by z^m for the m ticks
+    of a:
+
+        rows = rows_a + z^-m rows_b (I + E_a),
+        forced = forced_a + forced_b + z^-m rows_b driven_a,
+        driven = (I + E_b) driven_a + z^m driven_b.
+    """
     first, second = stretch.halves
     a = Sums.of(first, points, memo)
     b = Sums.of(second, points, memo)

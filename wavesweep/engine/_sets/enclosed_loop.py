@@ -574,13 +574,13 @@ def _function(name: str) -> Callable[..., Any]:
     return applied
 
 
-def _recentred(at: int, coefficients: list[TaylorModel | arb]) -> list[TaylorModel | arb]:
-    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it
-    again and again."""
+def _recentred(centre: int, coefficients: list[TaylorModel | arb]) -> list[TaylorModel | arb]:
+    """Return the coefficients of a polynomial in descending powers of z - c, c = 1 or -1, from those
+    of z: Horner's scheme divides by z - c again and again, and each remainder is one of them."""
     sums = list(coefficients)
     for end in range(len(sums), 1, -1):
         for i in range(1, end):
-            sums[i] = sums[i] + at * sums[i - 1]
+            sums[i] = sums[i] + centre * sums[i - 1]
     return sums
 
 

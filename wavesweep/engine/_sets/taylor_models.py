@@ -361,12 +361,13 @@ class TaylorModel:
     def _bounded(
         self, found: TaylorModel, low: np.ndarray | float, high: np.ndarray, informed: bool
     ) -> TaylorModel:
-        """The model of a function of it: `found`, or where what that leaves out is no better the
-        interval of all values, about the value in the middle of the cell, or one that is nearer to
-        0 so that its size is not more than theirs.
+        """The model of a function f of it, in each cell the narrower of two: the series `found`, or
+        the interval of all values of f as a constant with a rest.
 
-        low, high: of these, which hold for all arguments; informed: where the interval may stand
-        for it. Errors: UnresolvedError for cells in which there is neither.
+        low, high: ends of that interval, which hold for all arguments in the cell. informed: the
+        cells in which the interval may stand for f. The constant is the series' value in the middle
+        of the cell, or one that is nearer to 0, so that its size is not more than that of f. Errors:
+        UnresolvedError for cells in which there is neither.
         """
         with np.errstate(invalid="ignore"):
             half = (low + high) / 2
@@ -485,12 +486,12 @@ class TaylorModel:
             coefficients.append(own)
             sizes.append(float((arb(c) + arb(r)).exp().abs_upper()) * OUTWARD)
         largest = np.reshape(sizes, np.shape(centre))
-        last = self._last(radius)
+        rest = self._taylor_rest(radius)
         with np.errstate(all="ignore"):
-            found = self._composed(coefficients, np.where(last > 1, np.inf, largest * last))
+            series = self._composed(coefficients, np.where(rest > 1, np.inf, largest * rest))
         low, high = self._monotonic(lambda x: x.exp(), -np.inf)
-        far = (last > 1) & (largest < GONE_EXPONENTIAL)  # from the peak of a Gaussian
-        return self._bounded(found, low, high, self._informed() | far)
+        far = (rest > 1) & (largest < GONE_EXPONENTIAL)  # from the peak of a Gaussian
+        return self._bounded(series, low, high, self._informed() | far)
 
     def _monotonic(
         self, function: Callable[..., Any], least: float
@@ -509,31 +510,39 @@ class TaylorModel:
 
     def sin(self) -> TaylorModel:
         """Return the sine, of which no derivative exceeds 1."""
-        return self._turned(arb(0))
+        return self._sine_of_sum(arb(0))
 
     def cos(self) -> TaylorModel:
         """Return the cosine, of which no derivative exceeds 1."""
-        return self._turned(arb.pi() / 2)
+        return self._sine_of_sum(arb.pi() / 2)
 
-    def _turned(self, by: arb) -> TaylorModel:
-        """The sine of it and an angle."""
+    def _sine_of_sum(self, angle: arb) -> TaylorModel:
+        """Return `sin(x + angle)` of the model `x = c + d`, `|d| <= r`.
+
+        It is `sum_k f_k d^k/k!` for k up to the order, f_k being the derivatives of the sine at `c +
+        angle`: sin, cos, -sin, -cos, and these again. None exceeds 1, so the rest is at most
+        `r^(order + 1)/(order + 1)!`. In cells where that is more than 1, [-1, 1] says more.
+        """
         centre, radius = self._about()
         coefficients = []
         for c in _each(centre):
-            sine = (arb(c) + by).sin()
-            cosine = (arb(c) + by).cos()
-            coefficients.append(_derivatives((sine, cosine, -sine, -cosine), self.order))
-        last = self._last(radius)
-        found = self._composed(coefficients, last)
-        one = np.ones(np.shape(self.rest))
-        return self._bounded(found, -one, one, last > 1)
+            sine = (arb(c) + angle).sin()
+            cosine = (arb(c) + angle).cos()
+            cycle = (sine, cosine, -sine, -cosine)
+            own = [cycle[k % len(cycle)] / factorial(k) for k in range(self.order + 1)]
+            coefficients.append(own)
+        rest = self._taylor_rest(radius)
+        series = self._composed(coefficients, rest)
+        highest = np.ones(np.shape(self.rest))
+        return self._bounded(series, -highest, highest, rest > 1)
 
     def tan(self) -> TaylorModel:
         """Return the tangent. Errors: UnresolvedError if the cosine may be 0."""
         return self.sin() / self.cos()
 
-    def _last(self, radius: float) -> float:
-        """A bound on `r^(order + 1)/(order + 1)!`."""
+    def _taylor_rest(self, radius: float) -> float:
+        """A bound on `r^(order + 1)/(order + 1)!`, the rest of a Taylor series at a distance r per
+        unit of the next derivative."""
         with np.errstate(over="ignore"):
             return np.float64(radius) ** (self.order + 1) / factorial(self.order + 1) * OUTWARD
 
@@ -595,11 +604,6 @@ def _by_degree(size: np.ndarray, numbers: int, order: int) -> np.ndarray:
     for degree in range(order + 1):
         sums[degree] = size[begins[degree] : begins[degree + 1]].sum(0)
     return sums
-
-
-def _derivatives(four: tuple[arb, arb, arb, arb], order: int) -> list[arb]:
-    """The coefficients of a function whose derivatives are these four in turn."""
-    return [four[k % 4] / factorial(k) for k in range(order + 1)]
 
 
 class Sizes(NamedTuple):

@@ -313,19 +313,26 @@ class ReducedEquation:
 
 
 def _terms(nonzero: np.ndarray, lines: DelayLines) -> np.ndarray:
-    """Terms of S: row, column, the delayed states that are entered and read, and the lag,
-    `(terms,)` each."""
+    """Return the terms of `sum_m G_m z^-m`: row, column, the delayed states that are entered and
+    read, and the lag m, `(terms,)` each.
+
+    The solved state `column` enters a line at one state, and `row` reads it at the same one, a frame
+    later, or at one behind it, a frame later for each:
+
+        G_m[row, column] = sum of C[row, read] B[entered, column].
+
+    nonzero: which entries of the frame, `(n, n)`, may be other than 0 on some panel.
+    """
     solved = lines.solved
     terms = []
     for line in lines.lines:
         states = line.tolist()
         for first, entered in enumerate(states):
             for column in np.flatnonzero(nonzero[entered, solved]).tolist():
-                for later in range(first, len(states)):
-                    read = states[later]
+                for lag, read in enumerate(states[first:], start=1):
                     for row in np.flatnonzero(nonzero[solved, read]).tolist():
-                        terms.append((row, column, entered, read, 1 + later - first))
-    return np.array(terms, int).reshape(-1, 5).T
+                        terms.append((row, column, entered, read, lag))
+    return np.array(terms, int).reshape(-1, 5).T  # five rows also if there is no term
 
 
 def _trace(matrices: np.ndarray) -> np.ndarray:
