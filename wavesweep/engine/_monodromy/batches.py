@@ -53,19 +53,22 @@ def sparse(A: np.ndarray) -> Any:
 def in_parts(
     work: Callable[..., Any], batch: tuple[int, ...], size: int, kind: type | np.dtype[Any]
 ) -> np.ndarray:
-    """Return `work(index)` for all of a batch, in one array, a few matrices at a time.
+    """Return `work(index)` for a whole batch in one array, called for portions of CACHED bytes.
 
-    index: of the first axis, which is that of the result as well. size: of the matrices; kind: type
-    of their numbers. work must treat each matrix by itself, so that the division changes no bit.
+    batch: the shape of the leading axes; portions divide the first one. work: makes what belongs
+    to an index of the first axis, which is also the first one of the result. It must treat each
+    matrix by itself, so that the division changes no bit. size: rows of the matrices, which are
+    about square. kind: type of their entries.
     """
-    few = max(1, CACHED // max(size * size * np.dtype(kind).itemsize * prod(batch[1:]), 1))
-    if not batch or batch[0] <= few:
+    bytes_of_one = size * size * np.dtype(kind).itemsize * prod(batch[1:])
+    portion = max(1, CACHED // max(bytes_of_one, 1))
+    if not batch or batch[0] <= portion:
         return work(...)
-    head = work(slice(few))
-    result = np.empty((batch[0], *head.shape[1:]), head.dtype)
-    result[:few] = head
-    for start in range(few, batch[0], few):
-        index = slice(start, start + few)
+    first = work(slice(portion))
+    result = np.empty((batch[0], *first.shape[1:]), first.dtype)
+    result[:portion] = first
+    for start in range(portion, batch[0], portion):
+        index = slice(start, start + portion)
         result[index] = work(index)
     return result
 

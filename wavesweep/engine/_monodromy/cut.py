@@ -118,32 +118,36 @@ class LinearFractional:
 
     def open_in(self, along: str, fixed: np.ndarray) -> StateSpace:
         """Return the loop with one number closed and the other open, from the open number's product
-        to its factor.
+        u to its factor y.
+
+        With the rows c of the closed number k and o of the open one:
+
+            E + B g c,   B/(1 - k D_c),   C = o + D_o g c,   D = D_o/(1 - k D_c),   g = k/(1 - k D_c).
 
         along: the open number, FIRST or SECOND; fixed: value of the other one, an array that
         broadcasts with the batch.
         """
-        A, B, x, v = self.with_integrator()
-        of_x = self.D[..., OFFSET, 0]
-        of_v = self.D[..., VELOCITY, 0]
+        E, B, x, v = self.with_integrator()
+        D_x = self.D[..., OFFSET, 0]
+        D_v = self.D[..., VELOCITY, 0]
         if along == SECOND:
             closed = x
-            through = of_x
-            open_ = v
-            direct = of_v
+            D_closed = D_x
+            opened = v
+            D_opened = D_v
         else:
             closed = v
-            through = of_v
-            open_ = x
-            direct = of_x
-        left = (1 - fixed * through)[..., None, None]
-        gain = fixed[..., None, None] / left
-        direct = direct[..., None, None]
+            D_closed = D_v
+            opened = x
+            D_opened = D_x
+        return_difference = (1 - fixed * D_closed)[..., None, None]
+        gain = fixed[..., None, None] / return_difference
+        D_opened = D_opened[..., None, None]
         return StateSpace(
-            E=A + B * gain * closed,
-            B=B / left,
-            C=open_ + direct * gain * closed,
-            D=direct / left,
+            E=E + B * gain * closed,
+            B=B / return_difference,
+            C=opened + D_opened * gain * closed,
+            D=D_opened / return_difference,
         )
 
     def open_late(self, along: str) -> StateSpace:
@@ -159,21 +163,28 @@ class LinearFractional:
         return StateSpace(E, B, C, D)
 
     def with_integrator(self) -> SignalRows:
-        """Return the loop with the integrator as the last state."""
+        """Return the loop with the integrator s as the last state, which sums up the row ADVANCE. E,
+        B and the rows x and v of the two signals are
+
+            [E    0]      [B  ]
+            [C_a  0],     [D_a],     [C_o  1],     [C_v  0]
+
+        with the rows a, o and v of C and D: ADVANCE, OFFSET and VELOCITY.
+        """
         x = self.C[..., OFFSET : OFFSET + 1, :]
         v = self.C[..., VELOCITY : VELOCITY + 1, :]
         if not self.integrates:
             return SignalRows(self.E, self.B, x, v)
         advance = self.C[..., ADVANCE : ADVANCE + 1, :]
-        step = self.D[..., ADVANCE : ADVANCE + 1, :]
-        unit = np.ones((*self.batch, 1, 1))
-        zero = 0 * unit
-        A = np.concatenate([self.E, advance], axis=-2)
-        A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
-        B = np.concatenate([self.B, step], axis=-2)
-        x = np.concatenate([x + zero, unit], axis=-1)
+        advance_direct = self.D[..., ADVANCE : ADVANCE + 1, :]
+        one = np.ones((*self.batch, 1, 1))
+        zero = 0 * one  # added to a row, it gives one to each loop of the batch
+        E = np.concatenate([self.E, advance], axis=-2)
+        E = np.concatenate([E, np.zeros((*E.shape[:-1], 1))], axis=-1)
+        B = np.concatenate([self.B, advance_direct], axis=-2)
+        x = np.concatenate([x + zero, one], axis=-1)
         v = np.concatenate([v + zero, zero], axis=-1)
-        return SignalRows(A, B, x, v)
+        return SignalRows(E, B, x, v)
 
     def of_errors(self) -> "LinearFractional":
         """Return the cut with bounds on the errors of the entries in place of the entries."""

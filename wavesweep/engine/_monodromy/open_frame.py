@@ -56,67 +56,73 @@ def open_frame(
     *,
     per_loop: bool = False,
 ) -> OpenFrame | None:
-    """Return the frame without a number that is one scalar gain of it; None if it is not one.
+    """Return the frame without a number k that is one scalar gain of it; None if it is not one.
 
-    drawn: the loop whose last input `force` is the number's product. drift: its drift with the
-    signals watched. read: the signal that the number multiplies, and perhaps the one that another
-    number of the same sum multiplies. The number is one scalar of the frame if the product reaches
-    the loop in a single tick of a frame, or if what it multiplies changes in a single one and is
-    held in between. hand: another input. shown: more signals, which need no state that would hold
-    them. per_loop: see `product_with_errors`.
+    The loop is cut where `u = k y`, y being the signal that the number multiplies. The number is
+    one scalar of the frame if u reaches the loop in a single tick of it, or if y changes in a
+    single one and is held in between. From that tick on frame j is
+
+        x[j+1] - x[j] = E x[j] + B u[j],   y[j] = C x[j] + D u[j],
+
+    I + E being the product of the ticks' `I + E_i`. drawn: the loop whose last input `force` is u.
+    drift: its drift with the signals watched. read: y, and perhaps the signal that another number
+    of the same sum multiplies. hand: another input. shown: more signals, which need no state that
+    would hold them. per_loop: see `product_with_errors`.
     """
     ticks = Ticks.of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
-    w = drawn.inputs.index(force)
-    at = _only_tick(ticks, w, len(read))
-    if at is None:
+    product_input = drawn.inputs.index(force)
+    begin = _only_tick(ticks, product_input, len(read))
+    if begin is None:
         return None
     if ticks.states != drift.states:
         raise ValueError(
             f"the drift is that of other states: {drift.states}, expected {ticks.states}"
         )
-    from_there = replace(ticks, kind=np.roll(ticks.kind, -at))
-    ticks, groups = drift.relative_ticks(from_there)
-    inputs = [w]
+    from_there = replace(ticks, kind=np.roll(ticks.kind, -begin))
+    ticks, relative = drift.relative_ticks(from_there)
+    inputs = [product_input]
     if hand:
         inputs.append(drawn.inputs.index(hand))
     changes = []
     sizes = []
     for block in ticks.maps:
-        B = _with_moment(block.B[..., inputs])
-        size_of_B = _with_moment(block.terms[1][..., inputs])
-        changes.append(concatenated((block.E, B), -1))
-        sizes.append(concatenated((block.terms[0], size_of_B), -1))
+        size_E, size_B, *_ = block.terms
+        changes.append(concatenated((block.E, _with_ramp(block.B[..., inputs])), -1))
+        sizes.append(concatenated((size_E, _with_ramp(size_B[..., inputs])), -1))
     EB, dEB = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), per_loop=per_loop)
     n = len(ticks.states)
-    head = ticks.maps[ticks.kind[0]]
+    first = ticks.maps[ticks.kind[0]]
+    *_, size_C, size_D = first.terms
     return OpenFrame(
         ticks,
-        groups,
+        relative,
         E=EB[..., :n],
         B=EB[..., n:],
-        C=head.C,
-        D=_with_moment(head.D[..., inputs]),
+        C=first.C,
+        D=_with_ramp(first.D[..., inputs]),
         dE=dEB[..., :n],
         dB=dEB[..., n:],
-        dC=ENTRY_ROUNDING * head.terms[2],
-        dD=ENTRY_ROUNDING * _with_moment(head.terms[3][..., inputs]),
+        dC=ENTRY_ROUNDING * size_C,
+        dD=ENTRY_ROUNDING * _with_ramp(size_D[..., inputs]),
         period=np.asarray(drawn.period) * drawn.ticks,
     )
 
 
-def _only_tick(ticks: Ticks, w: int, read: int) -> int | None:
-    """The tick in which the frame begins, the only one in which the product reaches the loop or
-    what is read changes.
+def _only_tick(ticks: Ticks, product_input: int, read: int) -> int | None:
+    """The tick in which the frame begins: the only one in which the product reaches the loop, or
+    else the only one in which what is read changes; None if there are several.
 
-    None if there is none. w: index of the product among the inputs. read: number of signals that
-    are read.
+    product_input: index of the product among the inputs. read: number of signals that are read.
     """
-    reached = [np.any(block.B[..., w]) or np.any(block.D[..., :read, w]) for block in ticks.maps]
-    where = np.flatnonzero(np.array(reached)[ticks.kind])
-    if where.size > 1:
+    is_reached = []
+    for block in ticks.maps:
+        reaches_states = np.any(block.B[..., product_input])
+        is_reached.append(reaches_states or np.any(block.D[..., :read, product_input]))
+    candidates = np.flatnonzero(np.array(is_reached)[ticks.kind])
+    if candidates.size > 1:
         changing = np.array(_changing(ticks, read), int)
-        where = np.flatnonzero(np.isin(ticks.kind, changing))
-    return int(where[0]) if where.size == 1 else None
+        candidates = np.flatnonzero(np.isin(ticks.kind, changing))
+    return int(candidates[0]) if candidates.size == 1 else None
 
 
 def _changing(ticks: Ticks, read: int) -> list[int]:
@@ -147,9 +153,9 @@ def _alike(a: np.ndarray, b: np.ndarray, size: np.ndarray) -> bool:
     return bool((np.abs(a - b) <= CANCELLED_SUM * size).all())
 
 
-def _with_moment(columns: np.ndarray) -> np.ndarray:
-    """Columns of the number's product and perhaps of a hand's force, and then a third for one
-    that is 0 in the first tick."""
+def _with_ramp(columns: np.ndarray) -> np.ndarray:
+    """Columns of the number's product and perhaps of a hand's constant force, and then a third for
+    a force that grows from 0, and so does nothing in a first tick."""
     return np.concatenate([columns, np.zeros_like(columns[..., 1:])], axis=-1)
 
 

@@ -138,6 +138,8 @@ def _of_steps(
 
 
 def _in_sequence(factors: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """The product of the factors `I + E_k`, less identity, and a bound on its error: the sum of
+    `|I + T_k| (d_k |I + S_k| + r_k)` of `product_with_tight_errors`."""
     nothing = np.zeros_like(factors[0][0])
     n = nothing.shape[-1]
     eye = np.eye(n)
@@ -194,19 +196,24 @@ def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
 
 @lru_cache(maxsize=256)
 def _components(pattern: bytes, n: int) -> tuple[tuple[int, ...], ...]:
+    """The components of a pattern `(n, n)`, given as its bytes, for `blocks_of`.
+
+    They are sorted by the number of states that act on each, through others too and its own
+    included, then by their first states. A component that acts on another has fewer, so it comes
+    first, and the order depends on no walk through the pattern.
+    """
     acts = np.frombuffer(pattern, bool).reshape(n, n)
     component_of = np.zeros(n, int)
-    reaching: list[
-        int
-    ] = []  # of each component, the states that act on it, itself included, as bits
+    states_acting_on: list[int] = []  # per component, as a set of bits
     blocks: list[tuple[int, tuple[int, ...]]] = []
-    for block in strong_components(acts):
-        component_of[block] = len(blocks)
+    for block in strong_components(acts):  # after all that act on it
+        this = len(blocks)
+        component_of[block] = this
         acting = sum(1 << state for state in block)
-        for before in different(component_of[acts[block].any(0)]).tolist():
-            if before < len(blocks):
-                acting |= reaching[before]
-        reaching.append(acting)
+        for component in different(component_of[acts[block].any(0)]).tolist():
+            if component != this:
+                acting |= states_acting_on[component]
+        states_acting_on.append(acting)
         blocks.append((acting.bit_count(), tuple(block)))
     return tuple(block for _, block in sorted(blocks))
 
@@ -214,7 +221,9 @@ def _components(pattern: bytes, n: int) -> tuple[tuple[int, ...], ...]:
 def _after(
     ramp: bool, first: tuple[np.ndarray, int], second: tuple[np.ndarray, int]
 ) -> tuple[np.ndarray, int]:
-    """One stretch of ticks after another, each as its change and its ticks."""
+    """One stretch of ticks after another, each as its change and its ticks: `P + Q + Q P`, as
+    `(I + Q) (I + P)` is I and that. A ramp has grown by the ticks of the first when the second
+    begins."""
     P, ticks = first
     Q, more_ticks = second
     E = P + Q
@@ -231,7 +240,8 @@ def _after_with_errors(
     second: tuple[tuple[np.ndarray, int], np.ndarray, np.ndarray, np.ndarray],
 ) -> tuple[tuple[np.ndarray, int], np.ndarray, np.ndarray, np.ndarray]:
     """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound
-    on their errors."""
+    on their errors, to first order `|I + Q| dP + dQ |I + P| + u (|P| + |Q| + |Q| |P|)`, u being the
+    rounding of a sum of so many terms."""
     P, size_P, whole_P, dP = first
     Q, size_Q, whole_Q, dQ = second
     both = _after(ramp, P, Q)

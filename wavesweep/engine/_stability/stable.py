@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import ERRORS, FIRST, MATRICES, CutColumns, LinearFractional
+from wavesweep.engine._monodromy.cut import (
+    ERRORS,
+    FIRST,
+    MATRICES,
+    SECOND,
+    CutColumns,
+    LinearFractional,
+)
 from wavesweep.engine._monodromy.periodic import size_of
 from wavesweep.engine._monodromy.radius import cut_within
 from wavesweep.engine._monodromy.rounding import UNEVEN, uneven_units
@@ -17,7 +24,13 @@ from wavesweep.engine._stability.crossings import (
     sampled_polynomial,
     warp_scale,
 )
-from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of, without_any
+from wavesweep.engine._stability.intervals import (
+    Intervals,
+    by_slice,
+    doubts_of,
+    intervals_of,
+    without_any,
+)
 from wavesweep.engine._stability.regions import Regions, regions
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine.doubles import EPS
@@ -69,7 +82,7 @@ def stable_intervals(
     """
     fixed = np.asarray(fixed, float)
     if along != FIRST and cut.integrates and np.any(fixed == 0):
-        return _along_second(cut, along, span, fixed, radius)
+        return _along_second(cut, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
     flat = fixed.reshape(-1)
     owner = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
@@ -269,24 +282,23 @@ def _is_rough(cut: LinearFractional) -> np.ndarray:
 
 
 def _along_second(
-    cut: LinearFractional,
-    along: str,
-    span: tuple[float, float],
-    fixed: np.ndarray,
-    radius: np.ndarray | None,
+    cut: LinearFractional, span: tuple[float, float], fixed: np.ndarray, radius: np.ndarray | None
 ) -> Intervals:
-    """Return the intervals along the second number if the first is 0 in some columns.
+    """Return `stable_intervals` along the second number if the first, K, is 0 in some columns.
 
-    Nothing reads the integrator in these columns, and z = 1 is no pole.
+    Where K = 0 nothing reads the integrator, so its eigenvalue z = 1 is none of the loop's: these
+    columns are those of loops without it.
     """
-    flat = fixed.reshape(-1)
-    owner = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    K = fixed.reshape(-1)
+    loop_of = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    without_integrator = replace(cut, integrates=False)
     intervals = []
-    for loop, mask in ((cut, flat != 0), (replace(cut, integrates=False), flat == 0)):
-        names = np.flatnonzero(mask)
-        if names.size:
-            radii = None if radius is None else radius[owner[names]]
-            piece = stable_intervals(loop.at(owner[names]), along, span, flat[names, None], radii)
-            intervals.append(replace(piece, column=names[piece.column]))
-    joined = Intervals.join(intervals)
-    return joined.take(np.argsort(joined.column, kind="stable"))
+    for loops, mask in ((cut, K != 0), (without_integrator, K == 0)):
+        columns = np.flatnonzero(mask)
+        if not columns.size:
+            continue
+        index = loop_of[columns]
+        radii = None if radius is None else radius[index]
+        found = stable_intervals(loops.at(index), SECOND, span, K[columns, None], radii)
+        intervals.append(replace(found, column=columns[found.column]))
+    return by_slice(intervals)
