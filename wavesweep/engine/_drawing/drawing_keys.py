@@ -189,20 +189,20 @@ class KeyReader:
         texts: path and leaf of each name. signals: whether they are linear in signals; otherwise
         they are numbers.
         """
-        rest = {}
+        left: dict[str, Tree] = {}  # of names that stand for nothing yet
         for name, (path, leaf) in texts.items():
             tree = self.read_text(path, leaf, signals)
             if tree is not None:
-                rest[name] = tree
-        beyond: set[str] = set()
-        while ready := [name for name, tree in rest.items() if rest.keys().isdisjoint(tree.names)]:
+                left[name] = tree
+        mistaken: set[str] = set()
+        while ready := [name for name, tree in left.items() if left.keys().isdisjoint(tree.names)]:
             for name in ready:
-                tree = rest.pop(name)
-                if not beyond.isdisjoint(tree.names) or not self._define_name(
-                    name, tree, texts[name], signals
-                ):  # whose mistake is the same
-                    beyond.add(name)
-        for name in rest:
+                tree = left.pop(name)
+                # A mistake is told once, and not again for each name that reads it.
+                reads_mistake = not mistaken.isdisjoint(tree.names)
+                if reads_mistake or not self._define_name(name, tree, texts[name], signals):
+                    mistaken.add(name)
+        for name in left:  # each reads another one of them
             path, leaf = texts[name]
             expected = "an expression whose names do not stand for each other in a circle"
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)

@@ -519,17 +519,18 @@ class Tree:
         numbers that are exact.
 
         Where digits are lost, as in sums that cancel, the value is computed again in ball
-        arithmetic. shared: of trees at the same numbers. Errors: those of `evaluate`.
+        arithmetic. shared: what is known of the parts of trees at the same numbers, to which those
+        of this tree are added. Errors: those of `evaluate`.
         """
         shared = SharedParts() if shared is None else shared
 
-        def watch(part: Tree, *values: Any) -> None:
-            if part.lost_digits(*values):
+        def note_lost_digits(part: Tree, *terms_and_value: Any) -> None:
+            if part.lost_digits(*terms_and_value):
                 shared.lost[id(part)] = True
 
-        rough = self.evaluate(numbers, watch=watch, shared=shared)
+        in_doubles = self.evaluate(numbers, watch=note_lost_digits, shared=shared)
         if not shared.lost_in(self):
-            return rough
+            return in_doubles
         return self.exactly({name: numbers[name] for name in self.names})
 
     def finite_value(

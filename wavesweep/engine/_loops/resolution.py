@@ -280,29 +280,33 @@ class _BoxedExpression:
         self.names = names
         self.sides = sides
         self.used = 0
-        self.own = [at for at, name in enumerate(names) if name in expression.reads]
+        self.read = [at for at, name in enumerate(names) if name in expression.reads]
         self.bent = [at for at, name in enumerate(names) if name in expression.bent]
-        self.shown = np.zeros((0, 2, len(self.own)))  # boxes of own sides that are resolved
+        self.resolved = np.zeros((0, 2, len(self.read)))  # boxes, of the sides that it reads alone
         self.known: dict[float | str, Any] = {
             constant: constant for constant in expression.constants
         }
-        for name in expression.reads - {names[at] for at in self.own}:
+        for name in expression.reads - {names[at] for at in self.read}:
             self.known[name] = float(known[name])
 
     def unresolved(self, box: np.ndarray) -> np.ndarray:
-        """See `Resolution`: all sides along which the expression is bent, since it may be too
-        large for any of them."""
+        """Return along which sides a box may have to be divided, `(sides,)`: none if the expression
+        is resolved on it, and otherwise all that are wide and in which it is bent, since any of them
+        may be why it is too large on an ellipse.
+
+        box: low and high ends, `(2, sides)`.
+        """
         along = np.zeros(len(self.sides), bool)
-        wide = [at for at in self.bent if box[0, at] < box[1, at]]
+        low, high = box
+        wide = [side for side in self.bent if low[side] < high[side]]
         if not wide:
             return along
-        # The ellipse about a part is within that about the whole.
-        own_box = box[:, self.own]
-        contained = (self.shown[:, 0] <= own_box[0]) & (own_box[1] <= self.shown[:, 1])
-        if contained.all(-1).any():
+        # A part of a resolved box is resolved: its ellipse is within that about the whole.
+        is_part = (self.resolved[:, 0] <= low[self.read]) & (high[self.read] <= self.resolved[:, 1])
+        if is_part.all(-1).any():
             return along
-        if self._resolved(box, wide):
-            self.shown = np.concatenate([self.shown, own_box[None]])
+        if self._is_resolved(box, wide):
+            self.resolved = np.concatenate([self.resolved, box[None, :, self.read]])
         else:
             along[wide] = True
         return along
@@ -324,7 +328,7 @@ class _BoxedExpression:
             points.append(places)
         return np.concatenate(points)
 
-    def _resolved(self, box: np.ndarray, wide: list[int]) -> bool:
+    def _is_resolved(self, box: np.ndarray, wide: list[int]) -> bool:
         """Whether the rest of the series is small along all of these sides."""
         middle = box.mean(0)
         half = (box[1] - box[0]) / 2
@@ -337,7 +341,7 @@ class _BoxedExpression:
         """The values at points, real or complex, `(points,)`."""
         numbers = dict(self.known)
         with np.errstate(all="ignore"):
-            for at in self.own:
+            for at in self.read:
                 side = self.sides[at]
                 number = points[:, at]
                 if side.scale:
@@ -365,7 +369,7 @@ class _BoxedExpression:
     ) -> tuple[complex, float]:
         """The value in the middle, and the largest difference from it at places about each side,
         with others at three each; in their middles if there are many."""
-        wide_sides = [at for at in self.own if half[at] > 0]
+        wide_sides = [at for at in self.read if half[at] > 0]
         middle = middle[None].astype(complex)
         points = [middle]
         for at in wide:
@@ -392,7 +396,7 @@ class _BoxedExpression:
         # of the expression itself, what counts as no change.
         allowed = 0.3 * change + 1e-10 * abs(centre)
         balls = {name: acb(v) for name, v in self.known.items()}
-        for side in self.own:
+        for side in self.read:
             anywhere = acb(_span(middle[side], half[side], -1.0, 1.0))
             balls[self.names[side]] = self._number(side, anywhere)
         for larger in (6.0, 9.0):  # ellipses on which expressions are enclosed, one after the other

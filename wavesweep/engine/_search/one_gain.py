@@ -25,27 +25,28 @@ def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
 
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
-    """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the
-    rest is asked."""
+    """The intervals from cuts.
+
+    Slices in doubt are cut once more, each as a loop of its own, with its own bounds on rounding in
+    place of those of the largest entries of all loops. What stays in doubt, or has no cut then, is
+    left to the rest.
+    """
     loops = slices.loops
     opened: Opened = slices.opened  # type: ignore[assignment]  # else it does not apply
     intervals = of_cut(opened, question.span, question.bound)
-    doubtful = different(intervals.column[intervals.doubt != Doubt.NONE])
-    if not doubtful.size:
+    in_doubt = different(intervals.column[intervals.doubt != Doubt.NONE])
+    if not in_doubt.size:
         return intervals
     if opened.alone or slices.size == 1:
-        return in_place(
-            intervals, doubtful, rest(question, Slices(loops.some(doubtful), doubtful.size))
-        )
-    for alike in by_zeros(loops, doubtful):
-        columns = doubtful[alike]
-        few = loops.some(columns)
-        find_port = question.find_port if opened.loops.port else None
-        alone = Slices(
-            few,
-            columns.size,
-            Opened.of_each(few, question.number, columns.size, find_port=find_port),
-        )
+        remaining = Slices(loops.some(in_doubt), in_doubt.size)
+        return in_place(intervals, in_doubt, rest(question, remaining))
+    find_port = question.find_port if opened.loops.port else None
+    # A number that is 0 in one of several `Loops` is 0 in all: it may make them drift.
+    for alike in by_zeros(loops, in_doubt):
+        columns = in_doubt[alike]
+        own_loops = loops.some(columns)
+        own_cuts = Opened.of_each(own_loops, question.number, columns.size, find_port=find_port)
+        alone = Slices(own_loops, columns.size, own_cuts)
         answer = find(question, alone, rest) if applies(question, alone) else rest(question, alone)
         intervals = in_place(intervals, columns, answer)
     return intervals

@@ -40,9 +40,9 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     loops = slices.loops
     drawings = subloops_along(question, loops)
     # A cut would leave out a mode that grows and that the number does not see.
-    if not _drift_alike(question, loops, drawings):
+    if not _have_all_drifts(question, loops, drawings):
         return rest(question, Slices(loops, slices.size))
-    # Of what leads from one subloop to another, too.
+    # UsageError if a divisor, a root or a mass vanishes, in what is between subloops as well.
     domains(*loops, question.along, question.span, slices.size)
     answers = []
     for drawing in drawings:
@@ -52,7 +52,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
             frames = loops.drawn().ticks // subloop.drawn().ticks
             of_subloop = replace(question, bound=question.bound.over(frames))
         opened = None
-        # It may have no solution at 0 of the number, which may be beyond the range.
+        # Where the number is 0, which need not be in the range, it may have no solution.
         with suppress(IllPosedLoopError):
             opened = Opened.of(subloop, question.number, slices.size)
         answers.append(rest(of_subloop, Slices(subloop, slices.size, opened)))
@@ -65,27 +65,30 @@ def subloops_along(question: Question, loops: Loops) -> tuple[Drawing, ...]:
     return subloops(loops.drawing, without, every=question.bound is not None)
 
 
-def _drift_alike(question: Question, loops: Loops, drawings: tuple[Drawing, ...]) -> bool:
-    """Whether as many shifts of the subloops are opposed by nothing as of all together, and nothing
-    else is left out of them.
+def _have_all_drifts(question: Question, loops: Loops, drawings: tuple[Drawing, ...]) -> bool:
+    """Whether the subloops drift as the whole loop does: they have as many marginal modes together,
+    and no state is unobserved in a subloop alone.
 
-    A block that reads a subloop, or a hand that moves it, may make a shift of it a mode that grows
-    with time.
+    A marginal mode is a shift of a loop at rest that nothing opposes. A block that reads a subloop,
+    or a hand that moves it, may make of its shift a mode of the whole that grows with time.
     """
     values = loops.changed({question.along: np.array(question.span)}).values
-    of_all = Loops(loops.drawing, values).drift_of_frames()
-    shifts = 0
-    left_out: set[str] = set()
+    of_whole = Loops(loops.drawing, values).drift_of_frames()
+    marginal = 0
+    unobserved: set[str] = set()
     for drawing in drawings:
-        drift = Loops(drawing, values).drift_of_frames()
-        shifts += len(drift.constant) + len(drift.varying)
-        left_out |= _left_out(drift)
-    alike = shifts == len(of_all.constant) + len(of_all.varying)
-    return alike and left_out <= _left_out(of_all)
+        of_subloop = Loops(drawing, values).drift_of_frames()
+        marginal += _number_of_modes(of_subloop)
+        unobserved |= _unobserved(of_subloop)
+    return marginal == _number_of_modes(of_whole) and unobserved <= _unobserved(of_whole)
 
 
-def _left_out(drift: MarginalModes) -> set[str]:
-    """The names of the states that a frame leaves out."""
+def _number_of_modes(drift: MarginalModes) -> int:
+    return len(drift.constant) + len(drift.varying)
+
+
+def _unobserved(drift: MarginalModes) -> set[str]:
+    """The names of the states that nothing reads, which a frame leaves out."""
     return {drift.states[state] for state in drift.unobserved}
 
 
