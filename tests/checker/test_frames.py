@@ -17,7 +17,7 @@ from wavesweep.checker.reader import loop_of, unknown_key, with_numbers
 def enclosed(text: str, values: dict, sides: dict) -> tuple[list[str], np.ndarray, np.ndarray]:
     """States, middles and radii of a frame in the middle of a cell."""
     tables = tomllib.loads(text, parse_float=balls.decimal)
-    loop = loop_of(with_numbers(tables, values | {name: balls.side(name) for name in sides}), balls)
+    loop = loop_of(with_numbers(tables, values | {name: balls.side(name, ends) for name, ends in sides.items()}), balls)
     frames = Frames(steps_of({"": loop.schedule()}))
     assert unknown_key(tables, loop) is None
     A = frames.matrix("", balls.Cell(sides))
@@ -67,7 +67,7 @@ def test_a_cell_encloses_its_members(number):
     text = spec_text(number, quick=True)
     tables = tomllib.loads(text, parse_float=balls.decimal)
     low, high = Fraction(90), Fraction(110)
-    loop = loop_of(with_numbers(tables, {"K_VE": balls.side("K_VE")}), balls)
+    loop = loop_of(with_numbers(tables, {"K_VE": balls.side("K_VE", (low, high))}), balls)
     frames = Frames(steps_of({"": loop.schedule()}))
     cell = balls.Cell({"K_VE": (low, high)})
     whole = frames.matrix("", cell)

@@ -19,5 +19,8 @@ def exact(value) -> Fraction:
     return value if isinstance(value, Fraction) else Fraction(str(value))
 
 
+time = least = exact
+
+
 def at_least(value: float, other: float) -> bool:
     return value >= other

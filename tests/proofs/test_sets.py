@@ -45,6 +45,19 @@ FRAMES = VALVE + "n = { values = [1, 2, 3], varying = true }"
 BOX = VALVE + "a = { start = 0.5, stop = 2.0 }"
 MEMBERS = VALVE + "a = [0.5, 2.0]"
 BOTH = FRAMES + "\na = { start = 0.5, stop = 2.0 }"
+WHOLE = VALVE + "n = { start = 1, stop = 3 }"
+LATE = """
+rates.tick_hz = 10
+numbers = { k = 1.0, tau = 0.05 }
+[block]
+tank = { type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }
+line = { type = "delay", seconds = "tau" }
+[wire]
+"tank.u" = "line.y"
+"line.u" = "-k*tank.y"
+[for_all]
+tau = { start = 0.04, stop = 0.06 }
+"""
 CHANCES = VALVE + "n = { values = [1, 3], varying = true, shares = [3, 1] }"
 
 
@@ -52,10 +65,13 @@ def along(low, high):
     return "k", low, high
 
 
-# what is proved of x' = -a k x with steps of 0.1 n s: k below 20/(a n); at random below where the mean square grows
+# what is proved of x' = -a k x with steps of 0.1 n s: k below 20/(a n); at random below where the mean square grows;
+# with a dead time of tau within a step, z^2 - (1 - k (0.1 - tau)) z + k tau, k below 1/tau
 SETS = {
     "frames": (FRAMES, "for all", 6.66, 6.67),
     "a range": (BOX, "for all", 4.99, 5.01),
+    "whole numbers": (WHOLE, "for all", 6.66, 6.67),
+    "a dead time": (LATE, "for all", 16.66, 16.67),
     "values": (MEMBERS, "for all", 4.99, 5.01),
     "frames beside a range": (BOTH, "for all", 3.33, 3.34),
     "frames at random": (CHANCES, "mean square", 9.9, 10.1),
@@ -85,6 +101,54 @@ def test_the_own_numbers_are_a_set_too(tmp_path):
         assert checked(tmp_path, spec, lines)[0] == 0
         other = spec.replace("k = 1.0", "k = 7.0")
         assert checked(tmp_path, other, lines)[0] == 1
+
+
+BEHIND = LATE.replace('"-k*tank.y"', '"law.y"\n"law.u" = "-k*tank.y"').replace("line =", 'law = { type = "hold" }\nline =')
+
+
+@pytest.mark.parametrize("spec", [LATE, BEHIND], ids=["before", "behind"])
+def test_a_dead_time_has_any_value_of_its_range(spec, tmp_path):
+    lines = claim_of_set(spec_of(spec.encode()), "for all", {"k": "16.6"}, None)
+    code, words = checked(tmp_path, spec, lines)
+    assert (code, "tau from 0.04 to 0.06" in words) == (0, True), words
+    wider = spec.replace("stop = 0.06", "stop = 0.061")
+    assert checked(tmp_path, wider, lines)[0] == 1
+    longer = spec.replace('"tau" }', '"tau + 0.001" }')
+    assert checked(tmp_path, longer, lines)[0] == 1
+    lines[0]["sides"]["tau"][1] = "0.061"
+    assert checked(tmp_path, wider, lines)[0] == 1
+
+
+@pytest.mark.parametrize("ends", ["start = 0.06, stop = 0.14", "start = 0.1, stop = 0.14", "start = 0.06, stop = 0.1"])
+def test_a_dead_time_that_may_reach_a_tick_has_no_proof(ends, tmp_path):
+    spec = LATE.replace("start = 0.04, stop = 0.06", ends)
+    lines = claim_of_set(spec_of(LATE.encode()), "for all", {}, None)
+    low, high = (each.split(" = ")[1] for each in ends.split(", "))
+    lines[0]["sides"]["tau"] = [low, high]
+    code, words = checked(tmp_path, spec, lines)
+    assert (code, "in the whole of a range of dead times" in words) == (2, True), words
+
+
+@pytest.mark.parametrize("seconds", ["0.002/tau", "0.2*sqrt(tau)", "tau**2 + 0.05"])
+def test_a_dead_time_that_is_no_sum_of_ranges_has_no_proof(seconds, tmp_path):
+    lines = claim_of_set(spec_of(LATE.encode()), "for all", {}, None)
+    code, words = checked(tmp_path, LATE.replace('"tau" }', f'"{seconds}" }}'), lines)
+    assert (code, "has to be plain" in words) == (2, True), words
+
+
+def test_a_range_of_how_often_a_block_runs_is_that_of_whole_numbers(tmp_path):
+    """Of x+ = (1 - 0.1 n k) x, with a form of each n."""
+    member = {"drifts": [], "states": ["@tank x0"]}
+    form = {"L": [["1"]], "signs": "+"}
+    lines = [{"claim": "for all", "numbers": {"k": "6.6"}, "sides": {}}]
+    for n in "123":
+        lines += [{"member": {"n": n}, **member}, form]
+    code, words = checked(tmp_path, WHOLE, lines)
+    assert code == 0, words
+    assert checked(tmp_path, WHOLE, lines[:-2])[0] == 1
+    assert checked(tmp_path, WHOLE.replace("stop = 3 }", "stop = 4 }"), lines)[0] == 1
+    lines[0]["numbers"]["k"] = "6.7"
+    assert checked(tmp_path, WHOLE, lines)[0] == 1
 
 
 REFUTERS = {

@@ -422,8 +422,17 @@ def _exactly(total: dict):
     return Number({monomial: share for monomial, share in total.items() if share})
 
 
-def side(name: str) -> Number:
-    return Number({((name, 1),): Fraction(1)})
+class Side(str):
+    """The name of a side, which knows its ends."""
+
+    __slots__ = ("ends",)
+    ends: tuple[Fraction, Fraction]
+
+
+def side(name: str, ends: tuple[Fraction, Fraction]) -> Number:
+    known = Side(name)
+    known.ends = ends
+    return Number({((known, 1),): Fraction(1)})
 
 
 def number(given) -> Number:
@@ -441,10 +450,27 @@ def number(given) -> Number:
 
 
 def exact(value) -> Fraction:
-    found = number(value)
-    if found.exact is None or found.moves:
-        raise Unreadable("a number that has to be plain is computed, or no single one here")
-    return found.exact.get((), Fraction(0))
+    if number(value).moves:
+        raise Unreadable("a number that has to be plain is no single one here")
+    return least(value)
+
+
+time = number
+
+
+def least(value) -> Fraction:
+    """The least value of a sum of sides in the whole of them."""
+    total = Fraction(0)
+    exactly = number(value).exact
+    for monomial, share in ({None: 0} if exactly is None else exactly).items():
+        match monomial:
+            case ():
+                total += share
+            case ((name, 1),):
+                total += min(share * end for end in name.ends)
+            case _:
+                raise Unreadable("a number that has to be plain is computed")
+    return total
 
 
 def whole(value) -> int:

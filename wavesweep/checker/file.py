@@ -144,7 +144,11 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
 
 def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     """Schedules of all kinds of frames, what may follow what, and the state in which a run begins."""
-    values = {**claim.numbers, **member, **{name: balls.side(name) for name in claim.sides}}
+    values = {
+        **claim.numbers,
+        **member,
+        **{name: balls.side(name, ends) for name, ends in claim.sides.items()},
+    }
 
     def loop_with(more: dict):
         return loop_of(with_numbers(tables, values | more), balls)

@@ -4,8 +4,6 @@ A map is {memory: {memory: coefficient}}, a row for each memory that it changes;
 steps, each a map. Those that depend on no side of a cell are multiplied once.
 """
 
-from fractions import Fraction
-
 from wavesweep.checker.balls import (
     BITS,
     POINT,
@@ -14,6 +12,7 @@ from wavesweep.checker.balls import (
     Number,
     Refused,
     add,
+    least,
     number,
 )
 from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
@@ -93,7 +92,7 @@ class Flow:
     then k times (1 + E)^2 - 1 = 2 E + E E. What is 1 or 0 by the structure of G stays so.
     """
 
-    def __init__(self, motion: dict[str, dict[str, Number]], duration: Fraction):
+    def __init__(self, motion: dict[str, dict[str, Number]], duration: Number):
         self.motion = {
             name: {k: c * duration for k, c in row.items()} for name, row in motion.items()
         }
@@ -215,8 +214,10 @@ class Frames:
     def matrix(self, name: str, cell: Cell) -> dict[str, dict[str, tuple]]:
         """The rows of a frame's matrix over all memory."""
         total: dict[str, dict[str, tuple]] = {}
+        moving = {step for step, _ in self.words[name] if not isinstance(step, dict)}
+        maps = {step: step.map(cell) for step in moving}
         for step, after in self.words[name]:
-            now = step if isinstance(step, dict) else step.map(cell)
+            now = step if isinstance(step, dict) else maps[step]
             total = _after(cell, total, now, after)
         return {row: total.get(row, {row: UNIT}) for row in self.live}
 
@@ -265,14 +266,20 @@ def steps_of(schedules: dict[str, Schedule]) -> dict[str, list[Written | Flow]]:
 def _in_order(schedule: Schedule, maps, motion, silent) -> list[Written | Flow]:
     instants = {kind: Written(_without(rows, silent)) for kind, rows in maps.items()}
     motion = _without(motion, silent)
-    flows: dict[Fraction, Flow] = {}
+    flows: dict[frozenset, Flow] = {}
     found: list[Written | Flow] = []
     ends = [time for time, _ in schedule.times[1:]] + [schedule.period]
     for (time, kind), until in zip(schedule.times, ends, strict=True):
         found.append(instants[kind])
-        if until > time and motion:
-            flows.setdefault(until - time, Flow(motion, until - time))
-            found.append(flows[until - time])
+        duration = number(until - time)
+        if duration and least(duration) <= 0:
+            raise Unreadable(
+                "instants whose order is not the same in the whole of a range of dead times"
+            )
+        if duration and motion:
+            key = frozenset(duration.exact.items())
+            flows.setdefault(key, Flow(motion, duration))
+            found.append(flows[key])
     return found
 
 

@@ -55,7 +55,10 @@ def _fates(told: str) -> list[int | None]:
 
 def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
     """Return the letters of the frames of a refuter. Errors: Refused if the checker knows none."""
-    values = {**claim.numbers, **{name: balls.side(name) for name in claim.sides}}
+    values = {
+        **claim.numbers,
+        **{name: balls.side(name, ends) for name, ends in claim.sides.items()},
+    }
     loop = loop_of(with_numbers(tables, values), balls)
     if refuter.messages:
         return list(_messages(loop, refuter.messages))

@@ -2,6 +2,7 @@
 
 import math
 from fractions import Fraction
+from typing import Any
 
 from wavesweep.checker.reader import filters
 from wavesweep.checker.reader.loops import (
@@ -109,8 +110,10 @@ class Controller:
         self.stiffness = self.number("operator.stiffness", 0)
         self.velocity = self.choice("device.velocity", "exact", "exact", "difference")
         exact = self.arithmetic.exact
-        dead = exact(key("device.dead_time", 0)) + exact(key("device.delay", 0)) * self.T
-        self.late_ticks = bounded(math.floor(dead / self.T), "a delay in ticks")
+        time = self.arithmetic.time(key("device.dead_time", 0))
+        dead = time + exact(key("device.delay", 0)) * self.T
+        least = self.arithmetic.least(dead)
+        self.late_ticks = bounded(math.floor(least / self.T), "a delay in ticks")
         self.late_rest = dead - self.late_ticks * self.T
 
     # When things happen
@@ -141,7 +144,7 @@ class Controller:
             arrives.setdefault(shown % ticks, []).append(event)
         kinds: dict[object, Instant] = {}
         times: list[tuple[Fraction, object]] = []
-        rank: list[tuple[Fraction, int, object]] = []
+        rank: list[tuple[Any, int, object]] = []
         for tick in range(ticks):
             come = tuple(
                 event for event in arrives.get(tick, []) if not self.at_once(event, aligned, tick)
@@ -156,7 +159,7 @@ class Controller:
         for place, event in between:
             kinds["slow", event] = self.slow_between(event)
             rank.append((place * self.T, 3, ("slow", event)))
-        rank.sort(key=lambda row: row[:2])
+        rank.sort(key=lambda row: (self.arithmetic.least(row[0]), row[1]))
         ticks_at = {}
         for at, (time, order, kind) in enumerate(rank):
             if order == 1:

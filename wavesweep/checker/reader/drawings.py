@@ -5,6 +5,7 @@ Variables of a tick are outputs of blocks, "block.port", and inputs of plants, "
 
 import math
 from fractions import Fraction
+from typing import Any
 
 from wavesweep.checker.reader import devices, filters
 from wavesweep.checker.reader.classes import written_out
@@ -409,7 +410,7 @@ class Drawing:
 
     # Dead times
 
-    def dead_time(self, name: str) -> tuple[int, Fraction]:
+    def dead_time(self, name: str) -> tuple[int, Any]:
         given = self.word(name, "seconds")
         if (
             isinstance(given, str)
@@ -417,8 +418,9 @@ class Drawing:
             and not isinstance(self.numbers[given], str)
         ):
             given = self.numbers[given]  # a decimal number, and not the double nearest to it
-        seconds = self.arithmetic.exact(self.number(given) if isinstance(given, str) else given)
-        whole = bounded(math.floor(seconds / self.T), f"block.{name}.seconds in ticks")
+        seconds = self.arithmetic.time(self.number(given) if isinstance(given, str) else given)
+        least = self.arithmetic.least(seconds)
+        whole = bounded(math.floor(least / self.T), f"block.{name}.seconds in ticks")
         return whole, seconds - whole * self.T
 
     def late_rows(self, name, equations, writes):
@@ -441,7 +443,7 @@ class Drawing:
             writes[f"@{name} given 0"] = given
             for at in range(whole):
                 writes[f"@{name} given {at + 1}"] = {f"@{name} given {at}": 1}
-            instant = Instant({}, {f"@{name} arrived": {f"@{name} given {whole}": 1}})
+            arrival = {f"@{name} arrived": {f"@{name} given {whole}": 1} if given else {}}
             look = Instant({}, {})
             for part in seen:
                 plant = self.owner(part)
@@ -453,7 +455,11 @@ class Drawing:
             look.writes[f"@{name} seen 0"] = dict(seen)
             for at in range(whole):
                 look.writes[f"@{name} seen {at + 1}"] = {f"@{name} seen {at}": 1}
-            return [(rest, f"{name} arrives", instant), (self.T - rest, f"{name} looks", look)]
+            extra = [(self.T - rest, f"{name} looks", look)] if seen else []
+            if given:
+                return [(rest, f"{name} arrives", Instant({}, arrival)), *extra]
+            writes |= arrival
+            return extra
         equations[f"{name} now"] = form(seen, given)
         fifo(equations, writes, name, f"{name} now", [(f"{name}.y", whole)])
         return []
@@ -730,8 +736,8 @@ class Drawing:
         ]
         period = self.frame_ticks()
         kinds: dict[object, Instant] = {}
-        rank: list[tuple[Fraction, int, object]] = []
-        extra: list[tuple[Fraction, str, Instant]] = []
+        rank: list[tuple[Any, int, object]] = []
+        extra: list[tuple[Any, str, Instant]] = []
         for tick in range(period):
             active = tuple(
                 name for name in running if (tick - self.phase(name)) % self.every(name) == 0
@@ -744,7 +750,7 @@ class Drawing:
             for later, kind, instant in extra:
                 kinds[kind] = instant
                 rank.append((tick * self.T + later, 2, kind))
-        rank.sort(key=lambda row: row[:2])
+        rank.sort(key=lambda row: (self.arithmetic.least(row[0]), row[1]))
         times = []
         ticks = {}
         for at, (time, order, kind) in enumerate(rank):

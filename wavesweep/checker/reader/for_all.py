@@ -20,6 +20,7 @@ DELAY = "environment.delay"
 WHOLE = {RATIO, DELAY, "device.delay", "local_model.delay"} | {
     f"filters.{name}.order" for name in ("lp1", "hp", "lp2")
 }
+COUNTS = {"every", "phase", "steps"}  # of blocks: a number that one of them is, is whole
 MOST = 256  # combinations of listed values, and kinds of frames
 MOST_STATES = 10_000  # of what receivers have
 
@@ -51,6 +52,8 @@ class ForAll:
 def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
     """The table [for_all] of a spec."""
     found = ForAll()
+    blocks = tables.get("block", {}).values()
+    whole = WHOLE | {keys[key] for keys in blocks for key in COUNTS & keys.keys()}
     for name, given in tables.get("for_all", {}).items():
         path = SYMBOLS.get(name, name) if "controller" in tables else name
         if name == "contact":
@@ -60,19 +63,19 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
         elif name == "loss":
             found.loss = given
         elif isinstance(given, list):
-            _of_number(found, path, {"values": given}, exact)
+            _of_number(found, path, {"values": given}, exact, whole)
         elif not isinstance(given, dict) or name == "tick":
             raise Unreadable(f"for_all.{name} has no proof here")
         elif given.get("varying") and path not in (RATIO, DELAY) and "controller" in tables:
             raise Unreadable(f"{name} varies from frame to frame, of which there is no proof here")
         else:
-            _of_number(found, path, given, exact)
+            _of_number(found, path, given, exact, whole)
     if len(found.members) > MOST:
         raise Unreadable(f"{len(found.members)} combinations of values; at most {MOST}")
     return found
 
 
-def _of_number(found: ForAll, name: str, given: dict, exact):
+def _of_number(found: ForAll, name: str, given: dict, exact, whole):
     unknown = given.keys() - {"start", "stop", "values", "varying", "shares", "next"}
     if unknown:
         raise Unreadable(f"the key for_all.{name}.{min(unknown)} is not known")
@@ -81,7 +84,7 @@ def _of_number(found: ForAll, name: str, given: dict, exact):
         values = [value if value == "frame" else exact(value) for value in given["values"]]
     else:
         low, high = exact(given["start"]), exact(given["stop"])
-        if not varying and name not in WHOLE:
+        if not varying and name not in whole:
             found.ranges[name] = low, high
             return
         values = [Fraction(each) for each in range(_whole(low), _whole(high) + 1)]
@@ -382,7 +385,9 @@ def _stretch(loop: Drawing, channels, first: int, until: int, gets) -> Schedule:
     times = [(time + again * whole.period, kind) for again in (0, 1) for time, kind in whole.times]
     begin = first * loop.T
     end = until * loop.T
-    times = [(time - begin, kind) for time, kind in times if begin <= time < end]
+    times = [
+        (time - begin, kind) for time, kind in times if begin <= loop.arithmetic.least(time) < end
+    ]
     return Schedule(end - begin, whole.kinds, times, {}, whole.motion, {})
 
 
