@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag, expm
 from support.forms import form_of, matrix_of
 from support.proofs import checked
 
@@ -134,6 +135,42 @@ def test_a_member_is_one_of_the_spec(tmp_path):
         code, words = checked(tmp_path, masses, [claim | {"numbers": numbers}])
         assert code == 1
         assert "device.mass" in words
+
+
+def test_results_at_once_or_later_are_those_of_a_march_by_hand():
+    """Of x'' = -15 x' - 10 f, f = K x of the last sample so many ticks later: eigenvalues of frames in any order."""
+    delays = '[for_all]\n"environment.delay" = { values = [0, 1, 4], varying = true }'
+    spec = SPEC.partition("[for_all]")[0].replace("step", "B_VE = 0\nstep") + delays
+    flow = expm(1e-3 * np.array([[0, 1, 0], [0, -15, -10], [0, 0, 0]]))
+
+    def frame(late):
+        whole = np.eye(4)
+        for tick in range(5):
+            step = np.eye(4)
+            if tick == 0:
+                step[3] = [400, 0, 0, 0]
+            if tick == late:
+                step[2] = step[3]
+            whole = block_diag(flow, 1) @ step @ whole
+        return whole
+
+    for word in ([0], [1], [4, 0], [0, 4, 1, 0]):
+        letters = [f"environment.delay={late}" for late in word]
+        claim = file.Claim("refuted", {"K_VE": Fraction(400)}, outside=1, word=letters)
+        family = file.family_of(file.spec_of(spec.encode()), claim)
+        (found,) = spectra(family, [""])
+        sizes = np.sort(abs(np.linalg.eigvals(found)))
+        march = np.linalg.multi_dot([np.eye(4), *(frame(late) for late in word[::-1]), np.eye(4)])
+        expected = np.sort(abs(np.linalg.eigvals(march)))[-2:]
+        assert sizes[-2:] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("values", "kind"), [("0, 4", "dc-slow"), ('0, "frame"', "dc-slow"), ("0, 1", "pmw")])
+def test_results_at_once_that_depend_on_the_frame_before_have_no_proof(values, kind, tmp_path):
+    states, graph = graph_of(SPEC, "K_VE", "400", LETTERS)
+    spec = SPEC.replace("dc-slow", kind) + f'"environment.delay" = {{ values = [{values}], varying = true }}'
+    code, words = checked(tmp_path, spec, [about(states), graph])
+    assert (code, "results at once, beside others of the next sample" in words) == (2, True), words
 
 
 DRAWN = """

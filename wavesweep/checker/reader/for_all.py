@@ -1,7 +1,8 @@
 """What [for_all] and channels allow: numbers that are not known, and kinds of frames with what may follow.
 
 A frame goes from the tick after a sample of the slow environment to its next sample. Then all in it depends on its own length:
-the step of this sample is the time since the last one, or the nominal one.
+the step of this sample is the time since the last one, or the nominal one. Where some results are in place at once, and others
+are not, a frame goes from its sample to the tick before the next one, which no step may depend on.
 """
 
 from collections.abc import Callable
@@ -143,8 +144,7 @@ def frames_of(
     schedules: dict[str, Schedule] = {}
     for values in kinds:
         for lost in fates:
-            schedule = of_kind(found, loop_with, values, lost)
-            schedules[letter_of(values, lost)] = _from_sample_to_sample(schedule)
+            schedules[letter_of(values, lost)] = of_kind(found, loop_with, values, lost)
     if random:
         return schedules, _at_random(found, kinds, fates, loop_with({}).arithmetic), None
     moves: Moves = {losses: {} for losses in range(found.lost + 1)}
@@ -209,17 +209,21 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
         raise Unreadable(
             f"frames of {loop.kind} that vary, or do not last whole ticks, have no proof here"
         )
-    if loop.delay != "frame" and (
-        loop.delay > loop.ratio or (loop.delay == 0 and len(found.varying.get(DELAY, "0")) > 1)
-    ):
-        raise Unreadable(
-            "results that come after their frame, or at once or later, have no proof here"
-        )
+    if loop.delay != "frame" and loop.delay > loop.ratio:
+        raise Unreadable("results that come after their frame have no proof here")
     step = loop.choice("environment.step", "", "", "elapsed", "nominal")
     if not step and loop.kind not in ("dc-slow", "dc-lm") and RATIO in found.varying:
         raise Unreadable("environment.step is missing, where frames vary")
     if step == "nominal":
         loop.Ts = nominal.Ts
+    delays = found.varying.get(DELAY, [])
+    if 0 not in delays or len(delays) == 1:
+        return _from_sample_to_sample(loop.schedule(lost))
+    elapsed = step != "nominal" and RATIO in found.varying
+    if loop.delay in (loop.ratio, "frame") or (elapsed and loop.kind not in ("dc-slow", "dc-lm")):
+        raise Unreadable(
+            "results at once, beside others of the next sample or steps that elapse, have no proof here"
+        )
     return loop.schedule(lost)
 
 
@@ -439,7 +443,7 @@ def _drawing(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
         )
         if stepped or name in read or (block in slow and keys["type"] not in STEPPED | STEADY):
             raise Unreadable(f"the block {block} has no rule here for steps that vary")
-    return loop.schedule()
+    return _from_sample_to_sample(loop.schedule())
 
 
 def _names(loop, given) -> set[str]:
