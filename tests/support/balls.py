@@ -48,6 +48,8 @@ class Arithmetic:
     def exact(self, value):
         return fmpq(*float(value).as_integer_ratio())
 
+    time = least = exact
+
     def __getattr__(self, name):
         return lambda value: getattr(value, name)()
 
