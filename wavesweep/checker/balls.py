@@ -29,6 +29,7 @@ LONGEST = 60  # characters of a number
 EXPONENT = 100  # of a number: a key has sizes from 1e-60 to 1e60
 LARGEST = 8192  # bits of exact numbers; those beyond are enclosed
 POWER = 64
+COMPUTED = "a number that has to be plain is computed"
 DIGITS = "[0-9](?:_?[0-9])*"
 DECIMAL = re.compile(rf"[+-]?(?:{DIGITS}(?:\.(?:{DIGITS})?)?|\.{DIGITS})(?:[eE]([+-]?{DIGITS}))?")
 
@@ -459,17 +460,19 @@ time = number
 
 
 def least(value) -> Fraction:
-    """The least value of a sum of sides in the whole of them."""
-    total = Fraction(0)
+    """The least value of a sum of sides, `c + sum of share * side`, in the whole of them."""
     exactly = number(value).exact
-    for monomial, share in ({None: 0} if exactly is None else exactly).items():
+    if exactly is None:
+        raise Unreadable(COMPUTED)
+    total = Fraction(0)
+    for monomial, share in exactly.items():
         match monomial:
             case ():
                 total += share
             case ((name, 1),):
                 total += min(share * end for end in name.ends)
             case _:
-                raise Unreadable("a number that has to be plain is computed")
+                raise Unreadable(COMPUTED)
     return total
 
 

@@ -120,12 +120,12 @@ class Stretch:
     @property
     def halves(self) -> tuple[Stretch, Stretch]:
         """`first` and `second`, of a stretch that has them."""
-        return self.first, self.second  # type: ignore[return-value]
+        return self.first, self.second  # type: ignore[return-value]  # asked of joined ones alone
 
     @property
     def own_maps(self) -> tuple[Bounded, Bounded]:
         """`forced` and `impulse`, of a stretch of no more than LEAF ticks."""
-        return self.forced, self.impulse  # type: ignore[return-value]
+        return self.forced, self.impulse  # type: ignore[return-value]  # asked of short ones alone
 
 
 def _joined(first: Stretch, second: Stretch) -> Stretch:
