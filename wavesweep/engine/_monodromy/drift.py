@@ -435,12 +435,12 @@ def without_drift(
     """
     index = sorted({*drift.varying, *drift.remaining})
     if len(index) < E.shape[-1]:
-        column = np.array(index)[:, None]
+        column = np.array(index, int)[:, None]
         (E,) = relative_to_leads((E,), drift)
-        E = E[..., column, index]
+        E = E[..., column, column.T]
         if sizes is not None:
             (sizes,) = relative_to_leads((sizes,), drift, 1)
-            sizes = sizes[..., column, index]
+            sizes = sizes[..., column, column.T]
     if not drift.varying:
         return E if sizes is None else sizes
     leads = np.searchsorted(index, drift.varying)
