@@ -32,10 +32,8 @@ from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.number_words import span_around
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import loops_of
-from wavesweep.program.tables.refuters import Refuters
+from wavesweep.program.tables.refuters import LEFT_OPEN, TEXT, Refuters
 
-TEXT = 1000  # characters of a counterexample
-LEFT_OPEN = 100  # the same of what is left open
 LINEAR = "the linear wall, in contact all the time"
 NOWHERE = f"{LINEAR}, is stable at none"
 ON_CIRCLE = (

@@ -39,6 +39,7 @@ from wavesweep.program.analyses.claims import (
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN
+from wavesweep.program.sweep.estimates import SLOW_SLICE
 from wavesweep.program.sweep.grid import keys_of, make_grid, own_loop
 from wavesweep.program.sweep.job import Chunks, Job, JobKind
 from wavesweep.program.sweep.running import (
@@ -62,12 +63,10 @@ NEARLY_THE_SAME = 0.01  # of a number's range: designs that differ by less are p
 RUNNERS_UP = 3  # further designs next to a single best one
 RANKED_ALONE = 8  # designs that rank one by one before these are chosen, at either distance
 FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
-MOST_SCENARIOS = 4096  # combinations that a search holds for at most
-MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
-# designs from which the time is estimated, up to the first ones that take longer than that; half as
+MOST_SCENARIOS = 4096  # combinations that a search holds for, and that a design of the front is checked over, at most
+# designs from which the time is estimated, up to the first ones that take a second; half as
 # many as the last cost nearly as much together
 TIMED = 2, 2, 16
-LONG = 1.0  # s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -347,7 +346,7 @@ def job_of(spec: Spec) -> Job:
         expected = f"at most {MOST_SCENARIOS} combinations of values; list fewer"
         raise UsageError(f"[for_all]: expected {expected}, found {count_of(grid.spec)}")
     often = _between(grid.spec, 20)  # of those that the search looks at from time to time
-    finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= MOST_CHECKED))
+    finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= MOST_SCENARIOS))
     finest = finer
     one_by_one = any(wish.kind.seen for wish in wanted.wishes)
     between = _between(grid.spec, 256)
@@ -553,7 +552,7 @@ def seconds_of(job: Job) -> float:
         started = time.process_time()
         evaluation.records(few, number)
         seconds = time.process_time() - started
-        if seconds > LONG:
+        if seconds > SLOW_SLICE:
             break
     return seconds / number * (job.chunks.loops - 1) * spec.design.settings["population"]
 
@@ -653,7 +652,7 @@ def _notices(job):
             share = spec.for_all.proof(spec).from_share
             yield f"walls are proved from {100 * share:g} % of z_width on"
     if not _checked(job):
-        yield f"values between the ends of the ranges were not tried: with them there are more than {MOST_CHECKED} combinations"
+        yield f"values between the ends of the ranges were not tried: with them there are more than {MOST_SCENARIOS} combinations"
     if all(wish.kind.reads for wish in spec.design.wishes):
         alone = " and ".join(wish.name for wish in spec.design.wishes)
         yield f"{alone} depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"

@@ -11,7 +11,7 @@ from wavesweep.engine.drawing import path_of
 from wavesweep.engine.keys import Key, Leaf, Mistakes, show
 from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis
-from wavesweep.program.reading.keys import BAND_EDGES
+from wavesweep.program.reading.keys import BAND_EDGES, MOST_VARYING
 from wavesweep.program.reading.tables import Section, SpecTable
 from wavesweep.program.spec.resolving import is_frame
 
@@ -55,7 +55,6 @@ PARTS = {
     "next": ROWS,
 }
 CHANCES = ("shares", "next")
-MOST_VARYING = 64  # values of a number that varies
 
 
 class ForAll(ForAllRanges):

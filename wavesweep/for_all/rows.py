@@ -56,7 +56,7 @@ from wavesweep.program.number_words import (
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
-from wavesweep.program.tables.refuters import Refuters, in_a_sentence
+from wavesweep.program.tables.refuters import LEFT_OPEN, TEXT, Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
@@ -69,8 +69,6 @@ FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as 
 BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it"
 FACTORS = "; of margins the factor of the signal at the cut is one of these numbers"
-TEXT = 2000  # characters of a counterexample, whose pattern is whole so that it can be run
-LEFT_OPEN = 160  # characters about what is left open
 
 FOR_ALL_RECORD = record_type(
     *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),

@@ -17,14 +17,13 @@ from wavesweep.frame_times.times import MeasuredFrames, read_run
 from wavesweep.program.columns import Columns
 from wavesweep.program.number_words import rounded_up, span_around
 from wavesweep.program.platform_compat import versions
-from wavesweep.program.reading.keys import HIGHEST_RATIO
+from wavesweep.program.reading.keys import HIGHEST_RATIO, MOST_VARYING
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.kind import Line, Numbers, count, whole_kind
 from wavesweep.program.tables.table import Table
 
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
 LENGTHS_SHOWN = 8  # lengths in a summary, and lengths after each
-MOST_FRAME_LENGTHS = 64  # values of a number that varies in [for_all]
 # lengths of a chain: of a loop of eight states these have 720 second moments, and a proof takes 800
 MOST_NEXT = 20
 
@@ -56,9 +55,9 @@ def identified(
             f"--every {every}: expected at most {shortest}, the ticks of the shortest frame, found {every}"
         )
     run = _in_steps(run, [every] if every else range(1, shortest + 1))
-    if len(run.values) > MOST_FRAME_LENGTHS:
+    if len(run.values) > MOST_VARYING:
         raise UsageError(
-            f"{path}: expected at most {MOST_FRAME_LENGTHS} lengths of frames, which [for_all] takes, found {measured}, from {shortest} "
+            f"{path}: expected at most {MOST_VARYING} lengths of frames, which [for_all] takes, found {measured}, from {shortest} "
             "ticks on; cut out the part of the recording that has such frames, or take slower ticks"
         )
     lengths = run.lengths
@@ -102,7 +101,7 @@ def _in_steps(run: MeasuredFrames, steps: Iterable[int]) -> MeasuredFrames:
     takes all lengths, or the last one."""
     for every in steps:
         run = replace(run, every=every)
-        if len(run.values) <= MOST_FRAME_LENGTHS:
+        if len(run.values) <= MOST_VARYING:
             break
     return run
 

@@ -10,13 +10,13 @@ from scipy.special import stdtrit
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import UsageError
+from wavesweep.identification.explained import NAMED_SHARE
 from wavesweep.identification.model import OWN, Model, euler, reach, step
 from wavesweep.identification.points import FrequencyResponse
 
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
 RARE_ODDS = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
 RESONANCES_TRIED = 80  # frequencies of a resonance that are tried
-NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,9 +28,8 @@ from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.number_words import in_all_digits, span_around
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
-from wavesweep.program.tables.refuters import Refuters, in_a_sentence
+from wavesweep.program.tables.refuters import TEXT, Refuters, in_a_sentence
 
-TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 MOST_FRAME_PLACES = 256  # ticks in a frame
 
 

@@ -29,6 +29,7 @@ from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
+from wavesweep.engine.switched import INWARD
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
@@ -47,7 +48,6 @@ from wavesweep.program.spec import Axis, Spec
 
 TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proof is tried
 MOST_FRAMES = 32  # of delay that are proved one by one
-INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
 SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec
 LOGARITHM = Side(path_of(GAIN), 0.0)
 SIZE_AND_ANGLE = {"p": Tree.name(SIZE), "psi": Tree.name(ANGLE)}

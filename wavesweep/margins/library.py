@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from wavesweep.margins import table
 from wavesweep.program import api
 from wavesweep.program.analyses.asked import Numbers, axes_asked
+from wavesweep.program.api import MOST_ANSWERS
 from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.tables.frame import framed
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.table import Table
-
-MOST_ANSWERS = 16  # that are kept: a figure asks again
 
 
 @lru_cache(MOST_ANSWERS)

@@ -11,12 +11,12 @@ from wavesweep.engine.drawing import GAIN, path_of
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import Peak
 from wavesweep.program.analyses.interval_jobs import records_of_loop
+from wavesweep.program.columns import SPARED
 
 # times more or less gain, up to which a limit is looked for; also the value of a margin and of a
 # peak without a limit, as columns.csv and docs/margins.md say
 LARGEST_GAIN_FACTOR = 1e6
 SPANS = 16.0, 1e3, LARGEST_GAIN_FACTOR  # of the gain; a short span is known better
-SPARED = 1e-6  # relative error of a margin up to which there is no doubt
 BESIDE_ZERO = 1e-7  # rad; stands for the angle 0, at which an integrator has no response
 
 

@@ -13,9 +13,9 @@ from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
+from wavesweep.program.analyses.claims import SETTLED_WITHIN
 from wavesweep.program.number_words import in_all_digits
 
-GAP_OF_MARGIN = 1e-2  # of a margin: what may lie between what is checked and what is refuted
 ENVIRONMENT = tuple(
     f"environment.{path.partition('.')[2]}" for path in HAND
 )  # the numbers of what is at the second port
@@ -35,7 +35,7 @@ class PairMargin(NamedTuple):
     damping: N*s/m that both ports may lose, NaN of an unstable loop; if negative, the loop is
     stable with all terminations that have so much each. omega: the frequency that decides, rad/s.
     stable: with every pair of passive terminations. certified: that is checked or refuted for all
-    frequencies, and the damping checked but for GAP_OF_MARGIN. counterexample: terminations, in
+    frequencies, and the damping checked but for SETTLED_WITHIN. counterexample: terminations, in
     words.
     """
 
@@ -55,7 +55,7 @@ def pair_margin(loop: HeldLoop) -> PairMargin:
     if shunt == -np.inf:
         return PairMargin(np.nan, np.nan)
     damping = float(shunt) * period
-    less = pairs_of(loop, "", ALONE, damping - GAP_OF_MARGIN * abs(damping))
+    less = pairs_of(loop, "", ALONE, damping - SETTLED_WITHIN * abs(damping))
     certified, words = Pair(less).open_in(0.0, 0.0, cover) == [], ""
     if damping < 0:
         sign, _, error, _ = Pair(pairs).witness(0.0, 0.0).values(np.zeros((1, 1)), None)

@@ -16,8 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 ROW = 0.19  # inch, of a row of ports
-TRACK = 0.1  # inch, between two tracks or lanes
-SPACE = 0.1  # inch, at both sides of the tracks between two columns
+TRACK = 0.1  # inch, between two tracks or lanes, and beside the tracks of two columns
 LINES_APART = 0.04  # inch, at which two lines can be told apart
 
 Line = tuple[str, float, float, float, float]  # net, and x and y of both ends (inch); y goes down
@@ -99,7 +98,7 @@ def _bands(boxes, width):
         need = (
             _widest_label(boxes, column)
             + _widest(boxes, column)
-            + 2 * SPACE
+            + 2 * TRACK
             + TRACK * len(nets_before)
         )
         if used + need + TRACK * len(outputs) > width:
@@ -355,14 +354,14 @@ def _across(columns, band, boxes, top, left):
     lefts = {}
     x = left
     for column, between in zip([*columns, []], band, strict=True):
-        x += SPACE
+        x += TRACK
         for track in between:
             track.x = x
             rows = _rows_at_left(track, top) | _rows_at_right(track, top)
             is_straight = len(rows) <= 1 and not track.lane
             if not is_straight:
                 x += TRACK
-        x += SPACE + _widest_label(boxes, column)
+        x += TRACK + _widest_label(boxes, column)
         wide = _widest(boxes, column)
         for i in column:
             lefts[i] = x + (wide - boxes[i].width) / 2

@@ -20,7 +20,7 @@ from wavesweep.program.reading.units import is_unit
 
 LEAST, MOST = 1e-30, 1e30  # sizes of numbers, whose squares and products are then doubles
 MOST_COLUMNS = 10_000  # of a log, an export of everything has some hundreds
-LETTERS_SHOWN = 60  # letters of a file that a message repeats
+LETTERS_SHOWN = 60  # letters of a file, or of its name, that a message repeats
 MOST_ABOVE = 400  # lines above a header: what a program writes of itself
 ROWS_BELOW = 10  # rows of numbers by which a header is known
 ANDROID = "---PROFILEDATA---"  # above and below the rows of framestats, of each window

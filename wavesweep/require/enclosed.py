@@ -38,6 +38,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.engine.frames import Bounded, inverse, sum_rounding
+from wavesweep.engine.response import BAND
 from wavesweep.engine.rows import distinct
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
@@ -45,7 +46,6 @@ from wavesweep.require.disc_panels import SAFE
 ROWS_OF_BLOCK = 256  # outputs of a block of frames, at least
 MOST_DOUBLINGS = 48  # of frames in which noise has acted
 KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
-BAND = 0.02  # of the end of a step, in which it has settled
 # of the end of a step, which samples may be off; the first of these that their bound is below
 UNSURE = 10.0 ** np.arange(-13, -1.5, 0.25)
 

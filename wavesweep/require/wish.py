@@ -7,12 +7,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from wavesweep.engine.keys import Key
+from wavesweep.program.columns import SPARED
 from wavesweep.require.gain_bound import MEASURES, OVERSHOOT
 
 if TYPE_CHECKING:
     from wavesweep.engine.loop import Loops
 
-EXACT = 1e-6  # of a value, to which it is known if it is certified
 ENDS = {
     "from": Key.word("from", None, "input in [ports]"),
     "to": Key.word("to", None, "output in [ports], or a signal"),
@@ -41,7 +41,7 @@ def _seen(wish: str, loops: Loops, size: int, **ends: str):
 
 def _peak(loops: Loops, size: int, **ends: str):
     """The largest gain of sines of each loop, missing if it is not stable, and whether it is
-    certified, to EXACT."""
+    certified, to SPARED."""
     import numpy as np
 
     from wavesweep.require.disc_panels import GOOD
@@ -58,7 +58,7 @@ def _peak(loops: Loops, size: int, **ends: str):
     for at, loop in enumerate(np.flatnonzero(stable)):
         of_loop = [matrix.part(at) for matrix in maps]
         found = Panel(of_loop, 0.0, arc, at_rest=False).largest()
-        level = found * (1 + EXACT)
+        level = found * (1 + SPARED)
         value[loop] = level
         certified[loop] = Panel(of_loop, level, arc, at_rest=False).label() == GOOD
     return value, certified
@@ -66,7 +66,7 @@ def _peak(loops: Loops, size: int, **ends: str):
 
 def _measured(measure: str, loops: Loops, size: int, **ends: str):
     """A value of the response of each loop, missing if it is not stable, and whether it is
-    certified, to EXACT."""
+    certified, to SPARED."""
     import numpy as np
 
     from wavesweep.require.time_intervals import enclosed_value, refuse_long_frame
@@ -81,7 +81,7 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     value[stable] = np.where(known, found.high, np.nan)
     certified = ~np.isnan(loops.read.radii(size))
     size_of = found.high + (measure == OVERSHOOT)  # which is a share
-    certified[stable] = known & (found.high - found.low <= EXACT * size_of)
+    certified[stable] = known & (found.high - found.low <= SPARED * size_of)
     return value, certified
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.engine.response import BAND
 from wavesweep.program.columns import Columns, run_column
 from wavesweep.program.number_words import in_digits
 from wavesweep.program.reading.keys import DEVICES
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 FREQUENCIES_SHOWN = 5  # frequencies that a notice names
-SETTLED_WITHIN_VALUE = 0.02  # share of its final value within which an output counts as settled
 SETTLED_SINE = 0.01  # share of the slowest mode that may be left where a sine is measured
 METHODS = {
     "simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"
@@ -174,7 +174,7 @@ def _reached(ends: Mapping[str, float], columns: Columns) -> dict[str, float]:
     for name, end in ends.items():
         column = columns[run_column("outputs", name)]
         last = column[-1] if len(column) else np.nan
-        if abs(last - end) <= SETTLED_WITHIN_VALUE * abs(end):
+        if abs(last - end) <= BAND * abs(end):
             reached[name] = end
     return reached
 
@@ -335,7 +335,7 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         time_s = columns["time_s"]
         after = np.round(time_s - time_s[set_in(columns, start)], 12)
         peak = int(np.argmax(np.abs(values)))
-        outside = np.flatnonzero(np.abs(values - final) > SETTLED_WITHIN_VALUE * abs(final))
+        outside = np.flatnonzero(np.abs(values - final) > BAND * abs(final))
         settled = int(outside[-1]) + 1 if outside.size else 0
         numbers["outputs"][name] = {
             "settles_at": final,
@@ -449,17 +449,17 @@ def _output_line(name: str, output: Numbers) -> str:
     largest = abs(output["peak"])
     settled = output["settled_s"] is not None
     if not final:
-        settled = abs(output["ends_at"]) <= SETTLED_WITHIN_VALUE * largest
+        settled = abs(output["ends_at"]) <= BAND * largest
     if settled:
         line = f"{name} settles at {final:.6g}"
     else:
         line = f"{name} is {output['ends_at']:.6g} at the end, where the linear loop settles at {final:.6g}"
-    if largest > (1 + SETTLED_WITHIN_VALUE / 10) * abs(final):
+    if largest > (1 + BAND / 10) * abs(final):
         line += f", peak {output['peak']:.6g} reached {output['peak_s']:.4g} s after the step"
     if output["settled_s"] is None:
         return line
     after = "it" if " the step" in line else "the step"
-    return f"{line}, within {100 * SETTLED_WITHIN_VALUE:g} % from {output['settled_s']:.4g} s after {after} on"
+    return f"{line}, within {100 * BAND:g} % from {output['settled_s']:.4g} s after {after} on"
 
 
 def unstable(linear: Numbers) -> str:

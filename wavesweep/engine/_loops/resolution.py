@@ -45,7 +45,6 @@ RHO = 4.25
 RIM_DEGREE = 16  # N, as many as there are samples on a rim
 MOST_PARTS_OF_BOX = 400  # of a box, in which extremes of an expression are looked for
 MOST_SIDES = 3  # of an expression whose extremes are looked for, as places grow as a power of them
-COST = 1  # points of a loop that take as long as the balls of one rectangle
 
 
 def _places_about_side() -> np.ndarray:
@@ -94,7 +93,7 @@ class Resolution:
         for expression in self.parts:
             before = expression.used
             along |= expression.unresolved(box)
-            self.used += COST * (expression.used - before)
+            self.used += expression.used - before
         return along
 
     def extremes(self, box: np.ndarray) -> np.ndarray:

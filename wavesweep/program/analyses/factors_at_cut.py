@@ -25,7 +25,6 @@ CIRCLE = (
     "(1 + (c - 1)*p*cos(psi) - c*p*p)/(1 - 2*p*cos(psi) + p*p)",
     "(c + 1)*p*sin(psi)/(1 - 2*p*cos(psi) + p*p)",
 )
-HALF_A_TURN = 180.0
 TWO_VALUES = np.array([0.5, 2.0])  # of the factor: what differs with them depends on it
 
 
@@ -107,7 +106,7 @@ def _with_circle(
         raise UsageError(
             f"{PATH}.margins.{margin}: expected {expected} beside [for_all], found {cut}"
         )
-    turn = _range(f"{name} turned by deg", 0.0, HALF_A_TURN)
+    turn = _range(f"{name} turned by deg", 0.0, 180.0)
     sides = [turn]
     size = Tree.number(radius)
     if comes_back_at_once(loops, varied):

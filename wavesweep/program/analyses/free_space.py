@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from wavesweep.program.analyses.mode_in_the_way import SAME_EIGENVALUE
+
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
-
-ROUNDED = 1e-9  # by which a radius is more than 1 if that is no rounding
 
 
 def radius_without_wall(spec: Spec) -> float | None:
@@ -23,13 +23,13 @@ def radius_without_wall(spec: Spec) -> float | None:
     try:
         rough = radius_of(*loop.frames_with_reliability(loop.drift()))
         if not (
-            rough > 1 + ROUNDED
+            rough > 1 + SAME_EIGENVALUE
         ).all():  # also with drifts from frame to frame, which take longer to find
             return None
         radius = float(loop.radii()[0])
     except IllPosedLoopError:
         return None
-    return radius if 1 + ROUNDED < radius < float("inf") else None
+    return radius if 1 + SAME_EIGENVALUE < radius < float("inf") else None
 
 
 def without_wall_in_words(radius: float) -> str:

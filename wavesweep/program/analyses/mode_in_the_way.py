@@ -14,7 +14,7 @@ from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 from wavesweep.program.number_words import lasting
 
 SPAN_PLACES = 33  # inside a span, at which the modes are looked at, beside its ends
-STAYS = 1e-9  # distance of an eigenvalue from 1, up to which a mode neither grows nor decays
+SAME_EIGENVALUE = 1e-9  # distance of two, up to which they are one: 1 is that of a mode that stays
 
 Beyond = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 """By how much eigenvalues less 1 are outside of where they have to be, from these, what their
@@ -97,7 +97,7 @@ def _described(value: float, delta: complex, turned: float, period: float) -> di
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.log1p(delta) / period
         ratio = float(damping_ratio(delta, turned))
-    stays = abs(delta) <= STAYS
+    stays = abs(delta) <= SAME_EIGENVALUE
     return {
         "value": value,
         "z_re": 1 + delta.real,

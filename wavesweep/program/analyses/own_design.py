@@ -15,7 +15,7 @@ from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, ow
 from wavesweep.program.analyses.feel import felt_at_rest
 from wavesweep.program.analyses.free_space import radius_without_wall, without_wall_in_words
 from wavesweep.program.analyses.mode_in_the_way import (
-    STAYS,
+    SAME_EIGENVALUE,
     only_oscillates,
     stays_in_words,
     turns_of_modes,
@@ -34,7 +34,6 @@ USUAL = {
     "K_LM": 1000.0,
     "B_LM": 10.0,
 }  # followed up to FARTHEST_FACTOR times that, from 0
-SAME_MODE = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 
 
 def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
@@ -94,7 +93,7 @@ def own_design(spec: Spec, loop=None) -> dict:
             (
                 leading(names, share)
                 for mode, share in zip(delta, shares, strict=True)
-                if abs(mode) <= STAYS
+                if abs(mode) <= SAME_EIGENVALUE
             ),
             [],
         )
@@ -128,7 +127,8 @@ def _least_damped(
     ratios[lasting] = np.nan_to_num(of_lasting, nan=1.0)
     damped, slowest = modes[int(np.argmin(ratios))], modes[0][0]
     another = (
-        abs(damped[0] - slowest) > SAME_MODE and abs(damped[0] - slowest.conjugate()) > SAME_MODE
+        abs(damped[0] - slowest) > SAME_EIGENVALUE
+        and abs(damped[0] - slowest.conjugate()) > SAME_EIGENVALUE
     )
     return damped if another else None
 

@@ -15,7 +15,6 @@ from wavesweep.program.row_kinds import COMPUTED, row_kinds
 # What a person can still read in one figure.
 MOST_MEMBERS = 8
 MOST_PANELS = 6
-MOST_BARS = 8
 MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
 
 
@@ -110,7 +109,7 @@ def lay_out(
     held = others[1:]
     points = evenly(several, x, MOST_POINTS, best)
     panel_values = evenly(several, panels, MOST_PANELS, best)
-    members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS, best)
+    members = evenly(several, family, MOST_MEMBERS, best)
     beside = {name: several[name] for name in held}
     combinations = len(members) * prod(map(len, beside.values()))
     # Combinations of several axes, as bars of one panel.
@@ -176,7 +175,7 @@ def along_the_figure(
             return wall
     # A handful of values makes bars; a line needs more of them.
     longest = max(several, key=lambda name: len(several[name]), default=None)
-    if longest is not None and len(several[longest]) > MOST_BARS:
+    if longest is not None and len(several[longest]) > MOST_MEMBERS:
         return longest
     return None
 

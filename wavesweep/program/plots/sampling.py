@@ -9,7 +9,6 @@ import numpy as np
 
 from wavesweep.program.columns import Columns, axes_of, joined
 from wavesweep.program.plots.figure_layout import (
-    MOST_BARS,
     MOST_MEMBERS,
     MOST_POINTS,
     along_the_figure,
@@ -128,7 +127,7 @@ def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[fl
         x is None
     ):  # axes that have one value, or that are not read, repeat nothing here: a row is a dot
         rows = sum(sizes)
-        dots = np.linspace(0, rows - 1, min(rows, 2 * MOST_BARS)).round().astype(int)
+        dots = np.linspace(0, rows - 1, min(rows, 2 * MOST_MEMBERS)).round().astype(int)
         starts = accumulate(sizes, initial=0)
 
         def is_dot(block: Columns) -> np.ndarray:
@@ -146,11 +145,8 @@ def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[fl
     return rows_where(blocks, lambda block: having(block, roles)), roles, said
 
 
-POINTS_OF_A_LINE = 1600  # more than it has pixels along
-
-
 def extremes(
-    times: np.ndarray, values: np.ndarray, most: int = POINTS_OF_A_LINE
+    times: np.ndarray, values: np.ndarray, most: int = MOST_PLACES
 ) -> tuple[np.ndarray, np.ndarray]:
     """Keep the least and the largest value of each of many short stretches, in their order,
     which look the same."""

@@ -18,7 +18,7 @@ from wavesweep.capabilities import COMMAND_OF_FIGURE
 from wavesweep.engine.errors import UsageError
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
-TWO_COLUMNS = 7.0
+TWO_COLUMNS = 2 * ONE_COLUMN
 DOTS_PER_INCH = 200
 LINE_OF_NOTES = 0.12  # inches
 PANELS_APART = 8.0  # points, at least, between those of neighbouring panels

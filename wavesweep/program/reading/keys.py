@@ -173,6 +173,7 @@ STEPS = {
     "nominal": "always rates.ratio ticks",
 }
 SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
+MOST_VARYING = 64  # values of a number that varies in [for_all]
 HIGHEST_RATIO = 1000  # ticks of a frame of the two rates
 FILTERS = ("lp1", "hp", "lp2")
 MOST_SEED = 2**53 - 1  # the largest whole number that every reader of JSON keeps
