@@ -18,7 +18,7 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import LinearFractional, open_loops
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
-from wavesweep.haptics.felt import FELT
+from wavesweep.haptics.felt import FELT, felt_along
 from wavesweep.program.analyses.claims import (
     AT_REST,
     PUSHES,
@@ -63,11 +63,6 @@ class ContactGuarantee(Guarantee):
     status = Status.PROVED
 
     @property
-    def own_felt(self) -> bool:
-        """Whether the hand feels of all its loops what it feels of the spec's own."""
-        return not self.rules
-
-    @property
     def method(self) -> str:
         """How the intervals are found, in a line."""
         return IN_FRAMES if self.rules else ON_CIRCLE
@@ -86,6 +81,12 @@ class ContactGuarantee(Guarantee):
         if self.rules:
             return records_in_frames(self.rules, loop, along, span)
         return records_through_contact(loop, along, span)
+
+    def felt(self, loop: Loops, along: str, values: np.ndarray) -> np.ndarray:
+        """The least of all loops of the rules, with the stiffest wall of the class."""
+        if self.rules:
+            return offered("rules").felt_for_all(self.rules, loop, along, values)
+        return felt_along(loop, along, values)
 
 
 class Row(NamedTuple):

@@ -23,6 +23,7 @@ from wavesweep.for_all.rows import (
     Row,
     all_of,
     cases_of,
+    felt_for_all,
     recorded,
     text_of_part,
 )
@@ -48,7 +49,6 @@ class EveryHandGuarantee(Guarantee):
 
     rules: Rules
     dtype = FOR_ALL_RECORD
-    own_felt = False
     kind = "passive"
     method = (
         "stored energies at the nodes of an automaton of ticks, by a semidefinite program, proved by elimination in ball "
@@ -68,6 +68,10 @@ class EveryHandGuarantee(Guarantee):
         row = None if None in found else all_of(found)
         rows = [row] if row and row.low < row.high else []
         return recorded(rows, True, agreed=claims_hold(self.rules, cases, rows, FREE))
+
+    def felt(self, loop: Loops, along: str, values: np.ndarray) -> np.ndarray:
+        """The least of all loops of the rules."""
+        return felt_for_all(self.rules, loop, along, values)
 
 
 def refuse(spec: Spec, rules: Rules, along: str) -> None:

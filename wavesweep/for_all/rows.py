@@ -23,6 +23,7 @@ from wavesweep.engine.switched import (
     parts_that_decay,
 )
 from wavesweep.for_all.at_cut import of_required
+from wavesweep.for_all.at_rest import least_felt
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.members import claims_hold, nowhere
@@ -87,16 +88,6 @@ class ForAllGuarantee(Guarantee):
     status = Status.PROVED
 
     @property
-    def own_felt(self) -> bool:
-        """Whether the hand feels at rest what it feels of the spec's own loop: messages alone vary, and
-        a channel shows the last one."""
-        numbers = self.rules.for_all
-        if not self.rules.messages or self.rules.at_random or numbers.unknown or numbers.changing:
-            return False
-        channels = self.rules.drawing.channels
-        return all(dict(channel.keys)["missing"] != "zero" for channel in channels)
-
-    @property
     def kind(self) -> str:
         """The word of its rows in the column `guarantee`."""
         return GUARANTEES[self.rules.at_random]
@@ -136,6 +127,10 @@ class ForAllGuarantee(Guarantee):
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""
         return intervals_for_all(self.rules, loop, along, span)
+
+    def felt(self, loop: Loops, along: str, values: np.ndarray) -> np.ndarray:
+        """The least of all loops of the rules."""
+        return felt_for_all(self.rules, loop, along, values)
 
 
 def _unsuitable_ranges(spec, along):
@@ -277,6 +272,12 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
             for with_factor, sides in of_required(loops, rules.require, axes, varied):
                 cases.append(Case(with_factor, along, span, sides, fixed))
     return cases
+
+
+def felt_for_all(rules: Rules, loop: Loops, along: str, values: np.ndarray) -> np.ndarray:
+    """The least stiffness that the hand feels at rest of all loops of the rules, see `least_felt`."""
+    span = (float(values.min()), float(values.max()))
+    return least_felt(cases_of(rules, along, span, loop), values, vary=rules.vary)
 
 
 def own_cases(rules: Rules, spec: Spec) -> list[Case]:

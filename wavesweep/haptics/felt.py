@@ -49,17 +49,24 @@ def felt_of(loops: Loops, size: int) -> np.ndarray:
     return felt
 
 
-def _fill_felt(felt, loops):
-    """Write what is known of `felt_of` into the array."""
-    ports = Ports.of_hand(loops.drawing)
-    size = felt.size
-    drawn = loops.drawn()
+def dcgain_of(loops: Loops) -> DcGain | None:
+    """Loops at rest, whichever blocks run in a tick; None if something drifts at the hand, or a tick
+    in which all blocks run is not known."""
     drift = loops.drift_at_hand()
     if not (drift.constant or drift.varying):
         with suppress(
             IllPosedLoopError
         ):  # of direct terms through blocks that need not run together
-            felt[:] = tick_dcgain(drawn, ports).stiffness(np.arange(size), np.zeros(size))
+            return tick_dcgain(loops.drawn(), Ports.of_hand(loops.drawing))
+    return None
+
+
+def _fill_felt(felt, loops):
+    """Write what is known of `felt_of` into the array."""
+    size = felt.size
+    at_rest = dcgain_of(loops)
+    if at_rest:
+        felt[:] = at_rest.stiffness(np.arange(size), np.zeros(size))
     unknown = np.flatnonzero(np.isnan(felt))
     if not unknown.size:
         return

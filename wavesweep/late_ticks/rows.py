@@ -14,6 +14,7 @@ from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import Bracket
+from wavesweep.haptics.felt import dcgain_of, felt_of
 from wavesweep.late_ticks.bracket import bracket, decided
 from wavesweep.late_ticks.tick_curves import TWO_VALUES, late_ticks
 from wavesweep.program.analyses.claims import (
@@ -40,7 +41,6 @@ class LateTicksGuarantee(Guarantee):
     interval: tuple[float, float]
     kind = "for_all"
     own_ticks = True
-    own_felt = False
     status = Status.PROVED
     dtype: np.dtype = field(
         default_factory=lambda: offered("rules").FOR_ALL_RECORD, repr=False, compare=False
@@ -57,6 +57,13 @@ class LateTicksGuarantee(Guarantee):
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""
         return records_for_ticks(loop, along, span, self.interval)
+
+    def felt(self, loop: Loops, along: str, values: np.ndarray) -> np.ndarray:
+        """What is felt at rest whatever times the ticks take, NaN if something drifts."""
+        loops = loop.changed({along: values})
+        if dcgain_of(loops) is None:
+            return np.full(values.shape, np.nan)
+        return felt_of(loops, values.size)
 
 
 def refuse(spec: Spec, along: str) -> None:

@@ -66,9 +66,7 @@ class Guarantee:
     its own columns. method: how they are found, in a line. own_ticks: whether forces are held over
     the ticks of the spec, which are then not divided out. Of those for hands, word: what
     --for-hands has for it; order: of the rows in a table; replaces: whether other hands are in the
-    place of the spec's operator. own_felt: whether what the hand feels at rest of the spec's own
-    loop is what it feels of all that they hold for. status: how rows are known that are not in
-    doubt.
+    place of the spec's operator. status: how rows are known that are not in doubt.
     """
 
     __slots__ = ()
@@ -79,12 +77,16 @@ class Guarantee:
     order = 0
     replaces = False
     own_ticks = False
-    own_felt = True
     status = Status.CERTIFIED
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop along a number, as records of slice 0."""
         raise NotImplementedError
+
+    def felt(self, loop: Loops, along: str, values: np.ndarray) -> np.ndarray:
+        """The least stiffness (N/m) that the hand feels at rest of all loops that rows hold for, at
+        values of the number, `(n,)`; NaN where it is not known."""
+        return felt_along(loop, along, values)
 
     @property
     def what(self) -> Property:
@@ -199,10 +201,10 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guaran
                     for piece, built in pieces
                 ]
                 by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
-                if guarantee.own_felt and feels(loop.drawing) and records["intervals"][0]:
+                if feels(loop.drawing) and records["intervals"][0]:
                     p, omega = (np.stack([records[name] for name in pair]) for pair in _PAIRS)
                     felt = felt_at_ends(
-                        p, omega, lambda _, values, loop=loop: felt_along(loop, along, values)
+                        p, omega, lambda _, values, loop=loop: guarantee.felt(loop, along, values)
                     )
                     records[FELT[0]], records[FELT[1]] = felt
             except FAILURES as error:
