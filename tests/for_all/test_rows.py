@@ -15,8 +15,10 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep import UsageError
 from wavesweep.engine._switched import boxes as ranges_module
+from wavesweep.engine._switched.any_order import Decision, Verdict
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
+from wavesweep.for_all import varying
 from wavesweep.for_all.frame_families import SlowFrames
 from wavesweep.for_all.members import members
 from wavesweep.for_all.on_check import facts, lines
@@ -293,7 +295,7 @@ def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, v
         "refuted": row.fails_from,
         "beyond": 1.01 * row.fails_from,
     }
-    monkeypatch.setattr(for_all_module, "decided_over", lambda *_: ("unknown", {}))
+    monkeypatch.setattr(varying, "decide", lambda *_, **__: Decision(Verdict.UNKNOWN))
     spec = load(tables).with_values({"kp": value[place]})
     found = for_all_module.verdict(spec)
     expected = {"proved": "proved", "between": "unknown"}.get(place, "refuted")

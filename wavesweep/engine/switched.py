@@ -46,7 +46,6 @@ if TYPE_CHECKING:
         shrink_along,
     )
     from wavesweep.engine._switched.norms import (
-        OPERATIONS_OF_SEARCH,
         Centre,
         acting,
         recentred,
@@ -149,7 +148,6 @@ else:
             ),
             "_switched.norms": (
                 "Centre",
-                "OPERATIONS_OF_SEARCH",
                 "acting",
                 "recentred",
                 "units_of_places",

@@ -29,15 +29,15 @@ TOLERANCE = 0.01  # of what is refuted, how near to it a proof is aimed at
 BY_GAIN = "by a small gain"
 
 
-def decide_ring(family: RingFrames, x: float = 0.0) -> Decision:
-    """Decide whether all patterns decay at x; as `decide`, whose norms and errors it has."""
+def decide_ring(family: RingFrames, x: float = 0.0, work: float = WORK) -> Decision:
+    """Decide whether all patterns decay at x; as `decide`, whose norms, work and errors it has."""
     if family.gain.proved(x, x):
         return Decision(Verdict.PROVED, by=BY_GAIN)
     word = _refuting(family, x, SHORT)
     if word:
         return Decision(Verdict.REFUTED, word=word)
     search = None if family.few else RingSearch.at_mean(family, x)
-    centre = search and search.found(x, WORK)
+    centre = search and search.found(x, work)
     if centre is not None and search.proved((x, centre)):
         return Decision(Verdict.PROVED)
     word = _refuting(family, x, PERIODS)

@@ -597,9 +597,9 @@ def _decided(spec, rules, number, case):
         path = spec.along and spec.names.find(spec.along).path
     if not path or rules.at_random:
         return decided_over(*own)
-    said, by = decided_over(*own, SOON)
-    if said != Verdict.UNKNOWN or by:
-        return said, by
+    said, alone = decided_over(*own, SOON)
+    if said != Verdict.UNKNOWN:
+        return said, alone
     value = float(spec.values[path])
     axis = next((axis for axis in spec.sweep if axis.path == path), None)
     low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
@@ -613,8 +613,8 @@ def _decided(spec, rules, number, case):
             return decided_over(*own)
         said, by = decided_along(rules, along.values, path, along.ranges, value, found)
         if said != Verdict.UNKNOWN:
-            break
-    return said, by
+            return said, by
+    return said, alone
 
 
 def recorded(

@@ -21,7 +21,6 @@ from wavesweep.engine.sets import Side, Sides
 from wavesweep.engine.switched import (
     FROM_ZERO,
     OPERATIONS_OF_PROOFS,
-    OPERATIONS_OF_SEARCH,
     Bracket,
     Chances,
     Family,
@@ -403,10 +402,8 @@ def decided_over(
         if isinstance(family, Chances):
             verdict = decays(family)
             return verdict, {GROW if verdict == Verdict.REFUTED else "": None}
-        if isinstance(family, RingFrames):
-            found = decide_ring(family)
-        else:
-            found = decide(family, work=work or OPERATIONS_OF_SEARCH)
+        decide_one = decide_ring if isinstance(family, RingFrames) else decide
+        found = decide_one(family, **({"work": work} if work else {}))
         return found.verdict, {found.by or text_of_pattern(family, found.word): None}
     loops = _over(rules, values, "", ranges)
     point, word, proved = decide_over(loops, work or OPERATIONS_OF_PROOFS)

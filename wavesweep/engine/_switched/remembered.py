@@ -14,7 +14,7 @@ from wavesweep.engine._switched.norms import Centre, rough_basis
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 
 # of the largest singular value, below which a direction counts as one that is set to zero
-FORGOTTEN = 1e-9
+FORGOTTEN = 1e-12
 SLACK_SHARE = 0.1  # of the slack of norms that the directions which are forgotten may take
 
 
