@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.margins import lifted_margins
+from wavesweep.margins import broken_loops, lifted_margins
 from wavesweep.margins.broken_loops import broken_at
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.table import margins
@@ -77,6 +77,21 @@ def test_what_a_search_ranks_by_are_the_margins_that_are_proved(K, delayed):
         assert proved[name].certified.all()
         assert np.isfinite(proved[name].value).tolist() == [False, True, False]
         assert seen[name].value == pytest.approx(proved[name].value, rel=2e-6, nan_ok=True)
+
+
+def test_designs_of_a_generation_are_broken_at_a_cut_in_one_go(monkeypatch):
+    """By all wishes there."""
+    broken = []
+    proved = broken_loops.broken_in
+    monkeypatch.setattr(broken_loops, "broken_in", lambda *about: broken.append(about) or proved(*about))
+    wish = {name: TABLES["design"]["wish"][name] for name in ("gain", "phase_deg")}
+    tables = TABLES | {"design": TABLES["design"] | {"wish": wish}}
+    measured = found(tables, np.array([47.0, 71.0, 210.0]), ranked=True)
+    assert len(broken) == 1
+    s = np.array([0.47, 0.71])  # K T; |L| is 1 where s = 2 sin(t/2)
+    assert measured["gain"].value == pytest.approx([*(2 / s), np.nan], rel=1e-5, nan_ok=True)
+    left = 90 - np.degrees(np.arcsin(s / 2))
+    assert measured["phase_deg"].value == pytest.approx([*left, np.nan], rel=1e-5, nan_ok=True)
 
 
 def test_margins_are_proved_for_the_numbers_of_for_all_and_for_the_worst_between(monkeypatch):

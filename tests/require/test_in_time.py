@@ -15,10 +15,9 @@ import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.frames import Bounded
 from wavesweep.program.spec import load
-from wavesweep.require import enclosed
+from wavesweep.require import enclosed, maps
 from wavesweep.require.disc_panels import HALF_RIM
 from wavesweep.require.gain_bound import MEASURES
-from wavesweep.require.maps import over_frame
 from wavesweep.require.wish import WISHES
 
 T = 0.01  # s
@@ -195,6 +194,15 @@ def wished(tables, K, **wishes):
 
 
 @pytest.mark.asks("designs")
+def test_wishes_of_one_response_multiply_its_frame_once(monkeypatch):
+    made = []
+    whole = maps.over_frame
+    monkeypatch.setattr(maps, "over_frame", lambda *about: made.append(about) or whole(*about))
+    wished(INTEGRATOR, [21.0, 43.0], **{name: {"at_most": 1.0, **ENDS} for name in MEASURES})
+    assert len(made) == 1
+
+
+@pytest.mark.asks("designs")
 @pytest.mark.slow
 @pytest.mark.parametrize(("every", "phase"), [(1, 0), (3, 1)])
 def test_wishes_of_responses_in_time_are_those_of_marches(every, phase):
@@ -289,7 +297,7 @@ def test_bounds_of_the_maps_of_a_frame_hold_and_do_not_grow_from_tick_to_tick():
     e, b, c, d = (np.array(rows) for rows in ([[0.5, -1.0], [1.0, -1.5]], [[0.1], [0.3]], [[0.7, 0.2]], [[0.9]]))
     tick = (e, b, c, d)
     port = SimpleNamespace(kind=np.zeros(ticks, int), maps=[tick], sizes=[[0 * part for part in tick]])
-    found = over_frame(port, np.arange(n), (1,), np.arange(port.kind.size))
+    found = maps.over_frame(port, np.arange(n), (1,), np.arange(port.kind.size))
     exact = np.vectorize(Fraction)
     e, b, c, d = (exact(part) for part in tick)
     states = [np.hstack([np.eye(n, dtype=int), np.zeros((n, ticks), int)]) + Fraction(0)]

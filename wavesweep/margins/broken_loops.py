@@ -33,8 +33,8 @@ def broken_at(spec: Spec, signal: str) -> LiftedLoop:
 
 
 def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> LiftedLoop:
-    """Break a loop at the output of a block; named: names of signals that may have been meant.
-    Errors: see `broken_at`."""
+    """Break a loop, or a batch of the same frame, at the output of a block; named: names of signals
+    that may have been meant. Errors: see `broken_at`."""
     times = _times_per_frame(loop)
     if signal not in times:
         shown = [
@@ -56,7 +56,7 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> LiftedLo
     drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
     (gain,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
     places = np.flatnonzero(gain.runs(drawn.ticks)) / drawn.ticks
-    cut = open_loops(loop, GAIN).cut if times[signal] == 1 else None
+    cut = open_loops(loop, GAIN).cut if times[signal] == 1 and not loop.batch else None
     broken = LiftedLoop(loop, ticks, drift, float(drawn.period) * drawn.ticks, places, cut)
     if not broken.returns:
         raise UsageError(

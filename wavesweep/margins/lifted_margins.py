@@ -13,7 +13,7 @@ scalar (A. Packard, J. Doyle, Automatica 29, 1993). For one sample in a frame it
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -286,17 +286,18 @@ class LiftedLoop:
         met = distance.reshape(theta.shape) <= MODE_MET
         return np.where(met, size, 0.0)
 
-    def frames(self, k) -> Frames:
-        """Return the frames of the loop with the number k, `(n,)`, real or complex."""
-        E, pivot, condition = self.ticks.frames(np.zeros(k.size, int), k)
+    def frames(self, k, at=0) -> Frames:
+        """Return the frames of the loops `at` of a batch with the number k, `(n,)`, real or
+        complex."""
+        E, pivot, condition = self.ticks.frames(np.broadcast_to(at, k.shape), k)
         pivot = np.broadcast_to(pivot, k.shape)
         condition = np.broadcast_to(condition, k.shape)
         return Frames(self.drift.removed_from(E), pivot[:, None], condition)
 
-    def growth(self, k) -> np.ndarray:
+    def growth(self, k, at=0) -> np.ndarray:
         """By how much the spectral radius of these frames is beyond 1."""
         with np.errstate(all="ignore"):
-            E = self.frames(k).E
+            E = self.frames(k, at).E
         E = np.where(np.isfinite(E).all((-2, -1), keepdims=True), E, LARGEST_GAIN_FACTOR)
         return np.abs(1 + np.linalg.eigvals(E)).max(-1) - 1
 
@@ -383,38 +384,33 @@ def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[lis
     return [*found, *_peaks(loop, wanted)], doubt
 
 
-def seen_margins(loop: LiftedLoop, wanted: Collection[str]) -> tuple[list[Margin], int]:
-    """Return the margins that a search ranks loops by, of `margins_of` with nothing proved of gains
-    and phases of several samples: they are where the spectral radius is first seen to reach 1.
+def seen_margins(loops: LiftedLoop, size: int, name: str) -> np.ndarray:
+    """Return the margins "gain" or "phase" (degrees) of a batch of so many loops as a search ranks
+    them, NaN of one that is not stable, with nothing proved: they are where the spectral radius is
+    first seen to reach 1.
 
-    Accuracy: SEEN_TO of half a turn, or of the logarithm of LARGEST_GAIN_FACTOR, unless the loop is
+    Accuracy: SEEN_TO of half a turn, or of the logarithm of LARGEST_GAIN_FACTOR, unless a loop is
     unstable between two of SEEN_AT and at neither.
     """
-    from scipy.optimize import brentq
+    from scipy.optimize.elementwise import find_root
 
-    if loop.cut:
-        return margins_of(loop, wanted)
-
-    others = set(wanted) - SEEN.keys()
-    found, doubt = margins_of(loop, others) if others else ([], int(Doubt.NONE))
-
-    if loop.growth(np.ones(1)) >= 0:
-        return [], doubt
-    for name in SEEN.keys() & wanted:
-        least = 1.0
-        for limit in SEEN[name]:
-            first = int((loop.growth(limit**SEEN_AT) >= 0).argmax())
-            if first and SEEN_AT[first - 1] < least:
-                between = SEEN_AT[first - 1 : first + 1]
-                of_share = partial(_growth_along, loop, limit)
-                least = min(least, brentq(of_share, *between, xtol=SEEN_TO))
-        value = 180 * least if name == "phase" else LARGEST_GAIN_FACTOR**least
-        found.append(Margin(name, value, np.nan, np.nan, doubt))
-    return found, doubt
-
-
-def _growth_along(loop, limit, share):
-    return loop.growth(np.array([limit**share])).item()
+    number = np.arange(size)
+    stable = loops.growth(np.ones(size), number) < 0
+    least = np.where(stable, 1.0, np.nan)
+    for limit in SEEN[name]:
+        factors = np.tile(limit**SEEN_AT, size)
+        beyond = loops.growth(factors, np.repeat(number, SEEN_AT.size)) >= 0
+        first = beyond.reshape(size, -1).argmax(-1)
+        met = np.flatnonzero(stable & (first > 0))
+        between = SEEN_AT[first[met] - 1], SEEN_AT[first[met]]
+        found = find_root(
+            lambda share, at, limit=limit: loops.growth(limit**share, at.astype(int)),
+            between,
+            args=(met,),
+            tolerances={"xatol": SEEN_TO, "xrtol": 0.0},
+        )
+        least[met] = np.minimum(least[met], found.x)
+    return 180 * least if name == "phase" else LARGEST_GAIN_FACTOR**least
 
 
 def _gains(loop, *, nearer) -> tuple[list[Margin], int]:

@@ -17,31 +17,41 @@ CUT = {"cut": Key.word("cut", None, "signal BLOCK.PORT at which the loop is cut"
 
 @lru_cache(maxsize=256)  # several wishes ask about one design
 def _broken_at(drawing: Drawing, items: tuple, cut: str) -> LiftedLoop:
+    """One loop or a batch that is broken, remembered by its numbers."""
     from wavesweep.engine.loop import Loops
+    from wavesweep.engine.rows import values_of
     from wavesweep.margins.broken_loops import broken_in
 
-    return broken_in(Loops(drawing, dict(items)), cut)
+    return broken_in(Loops(drawing, values_of(items)), cut)
 
 
-def _measured(name: str, loops: Loops, size: int, cut: str, *, seen: bool):
-    """A margin of each loop, missing if it is not stable, and whether it is certified, or `seen`
-    alone."""
+def _measured(name: str, loops: Loops, size: int, cut: str):
+    """A margin of each loop, missing if it is not stable, and whether it is certified."""
     import numpy as np
 
-    from wavesweep.margins.lifted_margins import margins_of, seen_margins
+    from wavesweep.margins.lifted_margins import margins_of
 
-    margins_in = seen_margins if seen else margins_of
     value = np.full(size, np.nan)
     certified = np.zeros(size, bool)
     for number in range(size):
         one = loops.one(number)
-        margins, doubt = margins_in(_broken_at(one.drawing, one.items, cut), {name})
+        margins, doubt = margins_of(_broken_at(one.drawing, one.items, cut), {name})
         certified[number] = not doubt
         for margin in margins:
             if margin.name == name:
                 value[number] = margin.value
                 certified[number] = not doubt and not margin.doubt
     return value, certified
+
+
+def _seen(name: str, loops: Loops, size: int, cut: str):
+    """The same of margins that a search ranks by, which are seen alone."""
+    import numpy as np
+
+    from wavesweep.margins.lifted_margins import seen_margins
+
+    value = seen_margins(_broken_at(loops.drawing, loops.items, cut), size, name)
+    return value, np.ones(size, bool)
 
 
 def _wish(name: str, *, more: bool, title: str, description: str, unit: str):
@@ -53,8 +63,8 @@ def _wish(name: str, *, more: bool, title: str, description: str, unit: str):
         "description": description,
         "options": CUT,
         "ports": (),
-        "measure": partial(_measured, name, seen=False),
-        "seen": partial(_measured, name, seen=True),
+        "measure": partial(_measured, name),
+        "seen": partial(_seen if name in ("gain", "phase") else _measured, name),
     }
 
 

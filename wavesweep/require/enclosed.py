@@ -45,7 +45,7 @@ from wavesweep.require.disc_panels import SAFE
 
 ROWS_OF_BLOCK = 256  # outputs of a block of frames, at least
 MOST_DOUBLINGS = 48  # of frames in which noise has acted
-KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
+KNOWN = 1e-10  # of a mean square, and of 1 and a value of a step, to which they are known
 # of the end of a step, which samples may be off; the first of these that their bound is below
 UNSURE = 10.0 ** np.arange(-13, -1.5, 0.25)
 
@@ -68,7 +68,7 @@ class Enclosed(NamedTuple):
     def decided(self, level: float | None) -> np.ndarray:
         """Whether the values are on one side of the level, or known without one."""
         if level is None:
-            return np.isfinite(self.high) & (self.high - self.low <= KNOWN * self.high)
+            return np.isfinite(self.high) & (self.high - self.low <= KNOWN * (1 + self.high))
         return (self.high <= level) | (self.low > level)
 
 
@@ -303,15 +303,18 @@ class _Step:
             off = np.abs(middle - 1)
             least = off - moved
             most = off + moved
-            low = [np.where(least > BAND + each, since + 1, 0).max((-1, -2)) for each in UNSURE]
-            high = [np.where(most > BAND - each, since + 1, 0).max((-1, -2)) for each in UNSURE]
-            low = np.stack(low, -1)
-            high = np.stack(high, -1)
+            for values, size, band in (
+                (self.low, least, BAND + UNSURE),
+                (self.high, most, BAND - UNSURE),
+            ):
+                for at in np.flatnonzero(size.max() > band):  # the others are settled
+                    last = np.where(size > band[at], since + 1, 0).max((-1, -2))
+                    values[:, at] = np.maximum(values[:, at], last)
         else:
             low = (middle - moved).max((-1, -2))[:, None] - UNSURE - 1
             high = (middle + moved).max((-1, -2))[:, None] + UNSURE - 1
-        self.low = np.maximum(self.low, low)
-        self.high = np.maximum(self.high, high)
+            self.low = np.maximum(self.low, low)
+            self.high = np.maximum(self.high, high)
 
     def value(self, rest: _Rest) -> Enclosed:
         middle = np.tile(self.ends[:, 0].real, rest.largest.shape[-1] // self.frame)

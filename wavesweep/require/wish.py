@@ -3,7 +3,7 @@ out with."""
 
 from __future__ import annotations
 
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 from wavesweep.engine.keys import Key
@@ -11,6 +11,7 @@ from wavesweep.program.columns import SPARED
 from wavesweep.require.gain_bound import MEASURES, OVERSHOOT
 
 if TYPE_CHECKING:
+    from wavesweep.engine.drawing import Drawing
     from wavesweep.engine.loop import Loops
 
 ENDS = {
@@ -22,15 +23,24 @@ ENDS = {
 def _seen(wish: str, loops: Loops, size: int, **ends: str):
     """Which loops are stable, and their port between two ends with its maps, those of stable loops;
     no maps if none is, or if the output drifts."""
+    from wavesweep.program.analyses.signals import routed
+
+    drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{wish}")
+    return _seen_along(drawing, loops.items, route, size)
+
+
+@lru_cache(maxsize=1)  # several wishes ask about one response
+def _seen_along(drawing: Drawing, items: tuple, route: tuple[str, str], size: int):
+    """The same of loops that are remembered by their numbers, along a route."""
     import numpy as np
 
+    from wavesweep.engine.loop import Loops
     from wavesweep.engine.response import Port
-    from wavesweep.program.analyses.signals import routed
+    from wavesweep.engine.rows import values_of
     from wavesweep.require.between import needed
     from wavesweep.require.maps import over_frame
 
-    drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{wish}")
-    loops = loops._replace(drawing=drawing)
+    loops = Loops(drawing, values_of(items))
     stable = loops.read.radii(size) < 1
     port = Port.between(loops.drawn(), *route, loops.drift(watched=route[1:]))
     if port.outputs > 1 or not stable.any():
