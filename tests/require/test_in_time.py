@@ -184,13 +184,13 @@ def test_what_is_known_on_a_panel_holds_for_all_of_it(radius, rate, doublings, m
         assert found["noise"].high[0] - found["noise"].low[0] < 10 * radius * true["noise"]
 
 
-def wished(tables, K, **wishes):
+def wished(tables, K, *, ranked=False, **wishes):
     from wavesweep.designs.family import scenarios_of
     from wavesweep.designs.wishes import evaluate
 
     sweep = {"vary": {"K": {"start": 1, "stop": 250}}, "wish": wishes}
     spec = load({name: value for name, value in tables.items() if name != "sweep"} | {"design": sweep})
-    return evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": np.array(K)}, 1.0)
+    return evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": np.array(K)}, 1.0, ranked=ranked)
 
 
 @pytest.mark.asks("designs")
@@ -200,6 +200,20 @@ def test_wishes_of_one_response_multiply_its_frame_once(monkeypatch):
     monkeypatch.setattr(maps, "over_frame", lambda *about: made.append(about) or whole(*about))
     wished(INTEGRATOR, [21.0, 43.0], **{name: {"at_most": 1.0, **ENDS} for name in MEASURES})
     assert len(made) == 1
+
+
+@pytest.mark.asks("designs")
+@pytest.mark.parametrize("measure", ["overshoot", "step_settling"])
+def test_what_a_search_ranks_by_is_the_response_that_is_proved(measure, monkeypatch):
+    """A step's error falls to 1 - K T of itself in a tick: by itself, or to and fro. The last is unstable."""
+    gains = [21.0, 44.0, 152.0, 195.0, 210.0]
+    wish = {measure: {"at_most": 1.0, **ENDS}}
+    expected = [0.0, 0.0, 0.52, 0.95] if measure == "overshoot" else [0.17, 0.07, 0.06, 0.77]
+    proved = wished(INTEGRATOR, gains, **wish)
+    monkeypatch.setattr(enclosed, "_over_blocks", None)  # nothing is proved
+    for found in (proved, wished(INTEGRATOR, gains, ranked=True, **wish)):
+        assert found[measure].value == pytest.approx([*expected, np.nan], rel=1e-8, abs=1e-9, nan_ok=True)
+        assert found[measure].certified.all()
 
 
 @pytest.mark.asks("designs")
@@ -318,6 +332,6 @@ def test_ticks_until_a_response_stays_within_its_band_are_counted_from_the_step(
     """Frames of two ticks: half of the end at most in the first, 0.7 and 0.9 of it in the second, and the end from then on."""
     ends = Bounded(np.ones((1, 1, 2)), np.zeros((1, 1, 2)))
     T = np.array([[[[0.5, 0.0], [0.25, 0.25]]]])
-    found = enclosed._Step(Bounded(T, 0 * T), np.array([step]), ends, settling=True)
+    found = enclosed._Step(Bounded(T, 0 * T), np.array([step]), ends, settling=True, unsure=enclosed.UNSURE)
     found.look(np.array([-0.3, -0.1, 0.0, 0.0]).reshape(1, 1, 4, 1))
     assert found.low.tolist() == found.high.tolist() == [[settled] * len(enclosed.UNSURE)]

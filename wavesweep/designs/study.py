@@ -356,7 +356,7 @@ def job_of(spec: Spec) -> Job:
     rounds = wanted.settings["generations"]
     population = wanted.settings["population"]
     # Designs of a task, at most: those of one structure are the faster, the more they are.
-    chunks = Chunks(rounds + 1, max(population, FRONT), 1, 8 if one_by_one else 48)
+    chunks = Chunks(rounds + 1, max(population, FRONT), 1, 12 if one_by_one else 48)
     total = rounds * population
     return Job(
         DESIGNS,

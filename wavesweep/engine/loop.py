@@ -86,6 +86,12 @@ class Loops(NamedTuple):
         """The pairs of the numbers, by which a loop is remembered; arrays of one as tuples."""
         return items_of(self.values)
 
+    @classmethod
+    def remembered(cls, drawing: Drawing, items: tuple[tuple[str, Any], ...]) -> Self:
+        """The loops that are remembered by such pairs."""
+        values = {path: np.array(each) if isinstance(each, tuple) else each for path, each in items}
+        return cls(drawing, values)
+
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the arrays among the numbers."""

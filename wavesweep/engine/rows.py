@@ -84,11 +84,6 @@ def items_of(values: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
     )
 
 
-def values_of(items: tuple[tuple[str, Any], ...]) -> dict[str, Any]:
-    """The flat values of such pairs."""
-    return {path: np.array(each) if isinstance(each, tuple) else each for path, each in items}
-
-
 def selected(values: Mapping[str, Any], part: Any) -> dict[str, Any]:
     """The flat values of some of the loops; part: an index, a slice or an array of indices."""
     return {path: v[part] if np.ndim(v) else v for path, v in values.items()}

@@ -19,10 +19,9 @@ CUT = {"cut": Key.word("cut", None, "signal BLOCK.PORT at which the loop is cut"
 def _broken_at(drawing: Drawing, items: tuple, cut: str) -> LiftedLoop:
     """One loop or a batch that is broken, remembered by its numbers."""
     from wavesweep.engine.loop import Loops
-    from wavesweep.engine.rows import values_of
     from wavesweep.margins.broken_loops import broken_in
 
-    return broken_in(Loops(drawing, values_of(items)), cut)
+    return broken_in(Loops.remembered(drawing, items), cut)
 
 
 def _measured(name: str, loops: Loops, size: int, cut: str):

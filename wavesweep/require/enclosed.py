@@ -45,6 +45,8 @@ from wavesweep.require.disc_panels import SAFE
 
 ROWS_OF_BLOCK = 256  # outputs of a block of frames, at least
 MOST_DOUBLINGS = 48  # of frames in which noise has acted
+MOST_BLOCKS = 1024  # that are looked at
+LITTLE = 1e-5  # of a mode that is left when a step is no longer looked at, unless that is proved
 KNOWN = 1e-10  # of a mean square, and of 1 and a value of a step, to which they are known
 # of the end of a step, which samples may be off; the first of these that their bound is below
 UNSURE = 10.0 ** np.arange(-13, -1.5, 0.25)
@@ -256,7 +258,7 @@ def _last_blocks(E: np.ndarray, cost: int) -> tuple[np.ndarray, np.ndarray]:
         # Size at which a mode has grown.
         grown = np.where(rim > 1, np.log(1e6) / np.log(rim), np.inf)
     # Blocks that are looked at, and multiplications of a panel in all of them.
-    most = min(2**10, 4e9 / cost)
+    most = min(MOST_BLOCKS, 4e9 / cost)
     last = np.minimum(middle, grown)
     slow = (middle > most) & alike
     # Of these blocks, in which the value may be too large where panels of it rest too slowly.
@@ -269,11 +271,20 @@ class _Step:
     the mean of their ticks there.
 
     steps: the ticks. ends: of the ticks of a frame, each with a bound on its error. settling: whether the ticks are
-    looked for from the step until all samples are within BAND, in place of the overshoot.
+    looked for from the step until all samples are within BAND, in place of the overshoot. unsure: see UNSURE.
     """
 
-    def __init__(self, T: Bounded, steps: np.ndarray, ends: Bounded, *, settling: bool) -> None:
+    def __init__(
+        self,
+        T: Bounded,
+        steps: np.ndarray,
+        ends: Bounded,
+        *,
+        settling: bool,
+        unsure: np.ndarray,
+    ) -> None:
         self.settling = settling
+        self.unsure = unsure
         self.steps = steps
         self.final = ends[0].mean(-1)
         self.inverse = _largest_on(1 / self.final)
@@ -282,8 +293,8 @@ class _Step:
         self.off = ends[1][:, 0].max(-1)
         self.largest = np.ones(len(self.ends))
         self.most = np.zeros(len(self.ends))
-        self.low = np.zeros((len(self.ends), UNSURE.size))
-        self.high = np.zeros((len(self.ends), UNSURE.size))
+        self.low = np.zeros((len(self.ends), self.unsure.size))
+        self.high = np.zeros((len(self.ends), self.unsure.size))
         self.frame = self.ends.shape[-1]
         self.tick = 0
         self._take(T[0] @ np.tri(self.frame)[:, steps] / self.final[..., None, None])
@@ -304,15 +315,15 @@ class _Step:
             least = off - moved
             most = off + moved
             for values, size, band in (
-                (self.low, least, BAND + UNSURE),
-                (self.high, most, BAND - UNSURE),
+                (self.low, least, BAND + self.unsure),
+                (self.high, most, BAND - self.unsure),
             ):
                 for at in np.flatnonzero(size.max() > band):  # the others are settled
                     last = np.where(size > band[at], since + 1, 0).max((-1, -2))
                     values[:, at] = np.maximum(values[:, at], last)
         else:
-            low = (middle - moved).max((-1, -2))[:, None] - UNSURE - 1
-            high = (middle + moved).max((-1, -2))[:, None] + UNSURE - 1
+            low = (middle - moved).max((-1, -2))[:, None] - self.unsure - 1
+            high = (middle + moved).max((-1, -2))[:, None] + self.unsure - 1
             self.low = np.maximum(self.low, low)
             self.high = np.maximum(self.high, high)
 
@@ -338,10 +349,10 @@ class _Step:
         end, and whether it is known."""
         off = each_off.max(-1) + (1 + self.largest) * self.off
         share = off / np.abs(self.final[:, 0])
-        place = np.searchsorted(UNSURE, share)  # NaN is behind all
-        known = self.known & (place < UNSURE.size)
-        place = np.minimum(place, UNSURE.size - 1)
-        return values[np.arange(len(values)), place], UNSURE[place], known
+        place = np.searchsorted(self.unsure, share)  # NaN is behind all
+        known = self.known & (place < self.unsure.size)
+        place = np.minimum(place, self.unsure.size - 1)
+        return values[np.arange(len(values)), place], self.unsure[place], known
 
 
 class _SlowMode(NamedTuple):
@@ -442,13 +453,37 @@ def _with_slow_mode(
     return seen.value(_Rest(np.where(holds[:, None], later[..., 0], np.nan), off, off))
 
 
+def _seen_over_blocks(E: Bounded, O: Bounded, start: Bounded, seen: _Step) -> Enclosed:
+    """The same in doubles with no bound on what follows, until little is left of all modes."""
+    changed = E.value
+    rows = O.value
+    while rows.shape[-2] < ROWS_OF_BLOCK:
+        rows = np.concatenate([rows, rows + rows @ changed], -2)
+        changed = 2 * changed + changed @ changed
+    X = start.value
+    size = np.abs(1 + np.linalg.eigvals(changed[:, 0])).max(-1, initial=0.0)
+    blocks = np.log(LITTLE) / np.log(size)
+    known = seen.known & (blocks <= MOST_BLOCKS)
+    for _ in range(1 + int(blocks[known].max(initial=-1))):
+        seen.look(rows @ X)
+        X = X + changed @ X
+    low = seen.low[:, 0]
+    return Enclosed(low, np.where(known, low, np.inf))
+
+
 def step(
-    maps: Sequence[Bounded], level: float | None = None, *, settling: bool = False
+    maps: Sequence[Bounded],
+    level: float | None = None,
+    *,
+    settling: bool = False,
+    proved: bool = True,
 ) -> Enclosed:
     """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
     come; or the ticks from the step until all samples are within BAND of that value.
 
-    maps: see `mean_square`; level: about which it is asked, None if its value is. Without a final value, or next to 0, nothing is known.
+    maps: see `mean_square`; level: about which it is asked, None if its value is; proved: whether all
+    later samples are bounded, else it is what is seen of some loops, whose E is finite, in doubles. Without
+    a final value, or next to 0, nothing is known.
     """
     E, G, O, T = maps
     acts = np.zeros(T[0].shape[-1], bool)
@@ -466,7 +501,8 @@ def step(
         ends = ends.part(..., 0)
 
         def found(method: Callable[..., Any], at: np.ndarray, *more: Any) -> Enclosed:
-            seen = _Step(T.part(at), steps, ends.part(at), settling=settling)
+            unsure = UNSURE if proved else UNSURE[:1]
+            seen = _Step(T.part(at), steps, ends.part(at), settling=settling, unsure=unsure)
             seen.known &= regular[at]
             return method(*(each.part(at) for each in (E, O, starts)), seen, *more)
 
@@ -484,9 +520,14 @@ def step(
         open_ = np.flatnonzero(open_ & ~value.decided(level))
         if not open_.size:
             return value
-        by_blocks = found(_over_blocks, open_, level)
         slow = np.zeros(len(value.low), bool)
-        slow[open_] = by_blocks.slow
-        value.low[open_] = np.fmax(value.low[open_], by_blocks.low.real)
-        value.high[open_] = np.fmin(value.high[open_], by_blocks.high.real)
+        groups = [open_]
+        if level is None:  # loops that come to rest as late as each other
+            last = -1 / np.log(np.abs(1 + np.linalg.eigvals(E.value[open_, 0])).max(-1, initial=0))
+            groups = [open_[alike] for alike in distinct([np.ceil(np.log2(last))], open_.size)]
+        for at in groups:
+            by_blocks = found(_over_blocks, at, level) if proved else found(_seen_over_blocks, at)
+            slow[at] = by_blocks.slow
+            value.low[at] = np.fmax(value.low[at], by_blocks.low.real)
+            value.high[at] = np.fmin(value.high[at], by_blocks.high.real)
         return value._replace(slow=slow, looked_at=by_blocks.looked_at)

@@ -27,17 +27,23 @@ NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
 
 
 def enclosed_value(
-    measure: str, maps: Sequence[Bounded], rate: float, level: float | None = None
+    measure: str,
+    maps: Sequence[Bounded],
+    rate: float,
+    level: float | None = None,
+    *,
+    proved: bool = True,
 ) -> Enclosed:
     """What is known of a value of responses, one of MEASURES; maps: see `enclosed`; rate: of
     ticks, Hz.
 
-    level: about which it is asked, None if the value is.
+    level: about which it is asked, None if the value is. proved: see `step`.
     """
     if measure == OVERSHOOT:
-        return step(maps, level)
+        return step(maps, level, proved=proved)
     if measure == STEP_SETTLING:
-        ticks = step(maps, None if level is None else level * rate, settling=True)
+        level = None if level is None else level * rate
+        ticks = step(maps, level, settling=True, proved=proved)
         return ticks._replace(low=ticks.low / rate, high=ticks.high / rate)
     square = mean_square(maps)
     return Enclosed(np.sqrt(square.low), np.sqrt(square.high))

@@ -36,11 +36,10 @@ def _seen_along(drawing: Drawing, items: tuple, route: tuple[str, str], size: in
 
     from wavesweep.engine.loop import Loops
     from wavesweep.engine.response import Port
-    from wavesweep.engine.rows import values_of
     from wavesweep.require.between import needed
     from wavesweep.require.maps import over_frame
 
-    loops = Loops(drawing, values_of(items))
+    loops = Loops.remembered(drawing, items)
     stable = loops.read.radii(size) < 1
     port = Port.between(loops.drawn(), *route, loops.drift(watched=route[1:]))
     if port.outputs > 1 or not stable.any():
@@ -74,9 +73,9 @@ def _peak(loops: Loops, size: int, **ends: str):
     return value, certified
 
 
-def _measured(measure: str, loops: Loops, size: int, **ends: str):
+def _measured(measure: str, loops: Loops, size: int, *, proved: bool, **ends: str):
     """A value of the response of each loop, missing if it is not stable, and whether it is
-    certified, to SPARED."""
+    certified, to SPARED; proved: see `step`."""
     import numpy as np
 
     from wavesweep.require.time_intervals import enclosed_value, refuse_long_frame
@@ -86,7 +85,7 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     value = np.full(size, np.nan)
     if not maps:
         return value, stable
-    found = enclosed_value(measure, maps, port.rate)
+    found = enclosed_value(measure, maps, port.rate, proved=proved)
     known = np.isfinite(found.high)
     value[stable] = np.where(known, found.high, np.nan)
     certified = ~np.isnan(loops.read.radii(size))
@@ -114,7 +113,8 @@ WISHES = {
         "description": measure.description,
         "options": ENDS,
         "ports": (),
-        "measure": partial(_measured, name),
+        "measure": partial(_measured, name, proved=True),
+        "seen": partial(_measured, name, proved=False),
     }
     for name, measure in MEASURES.items()
 }
