@@ -7,14 +7,21 @@ import pytest
 from meaning.reading import machine_of, with_numbers
 from meaning.required import lifted_of, misjudged, value_of
 from meaning.responses import at_angle
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import wavesweep
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded
+from wavesweep.engine.loop import Loops
+from wavesweep.program.spec import load
 from wavesweep.require import factors
+from wavesweep.require.at_cut import seen_at_cut
+from wavesweep.require.between import needed, typical_between
 from wavesweep.require.frame_gain import of_tick, then
+from wavesweep.require.gain_bound import CutBound
+from wavesweep.require.maps import over_frame
 
 STRING = pathlib.Path(__file__).parents[2] / "sweeps" / "examples" / "vehicle-string.toml"
 T = 0.01  # s, the period of the integrator
@@ -71,6 +78,65 @@ def test_margins_at_a_cut_are_those_of_its_own_samples(every, slow, margins, end
     (row,) = loop.stable_intervals(require={"margins": {"cut": "c.y", **margins}}).itertuples()
     assert (row.certified, row.low, row.low_set_by, row.high_set_by) == (True, 0, "mode", "Ms at c.y")
     assert row.high == pytest.approx(end / T / every, rel=1e-8)
+
+
+RIGID, MODES = (1e6, 12.5), [(1.0, 0.05, 4000.0), (0.023, 0.005, 2200.0)]  # share, damping ratio, Hz
+FLEXIBLE = {
+    "rates": {"tick_hz": "1/7e-5"},
+    "numbers": {"g": 100.0},
+    "block": {
+        "rigid": {"type": "tf", "num": [RIGID[0]], "den": [1, RIGID[1], 0]},
+        "comp": {"type": "tf", "discrete": True, "num": [1, -1.926, 0.927369], "den": [1, -0.294, -0.706]},
+        **{
+            f"m{at}": {"type": "tf", "num": [f"{a}*(2*pi*{f})**2"], "den": [1, f"4*pi*{f}*{d}", f"(2*pi*{f})**2"]}
+            for at, (a, d, f) in enumerate(MODES)
+        },
+    },
+    "wire": {"comp.u": "-g*(m0.y + m1.y)", "m0.u": "rigid.y", "m1.u": "rigid.y", "rigid.u": "comp.y"},
+}
+
+
+def flexible(theta):
+    """The loop of FLEXIBLE with g = 1 at angles, by the exponential of its states: place and speed of each part."""
+    A, B, C = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    A[0, 1], A[1, 1], B[1] = 1, -RIGID[1], RIGID[0]
+    for at, (share, damping, hz) in zip((2, 4), MODES, strict=True):
+        w = 2 * np.pi * hz
+        A[at, at + 1], A[at + 1, at], A[at + 1, at + 1], A[at + 1, 0], C[at] = 1, -w * w, -2 * damping * w, w * w, share
+    over = expm(7e-5 * np.block([[A, B[:, None]], [np.zeros((1, 7))]]))
+    z = np.exp(1j * theta)
+    states = np.linalg.solve(z[:, None, None] * np.eye(6) - over[:6, :6], over[:6, 6:])[..., 0]
+    return states @ C * (z * z - 1.926 * z + 0.927369) / (z * z - 0.294 * z - 0.706)
+
+
+def test_a_frame_is_seen_in_units_in_which_its_states_are_alike():
+    """Those of FLEXIBLE are of sizes from 1e-11 to 1; and what is seen is the sensitivity."""
+    spec = load(FLEXIBLE)
+    loops, route, _ = seen_at_cut(Loops(spec.drawing, dict(spec.values)), CutBound("comp.y", 2.0, 0.0))
+    _, port, _, g = typical_between(loops, "numbers.g", (10, 40), 1, route, "margins")
+    E, G, O, T = (part.value for part in over_frame(port, needed(port.maps), g.shape, np.arange(1)))
+    assert max(np.abs(part).max() for part in (E, G, O, T)) < 100
+    z = np.exp(0.0621j)
+    seen = T + O @ np.linalg.solve((z - 1) * np.eye(E.shape[-1]) - E, G)
+    assert seen.ravel() == pytest.approx(1 / (1 + g * flexible(np.array([0.0621]))), rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("margins", "span", "least", "peak"),
+    [
+        ({"Ms": 2.0}, (18.231, 18.232), lambda L: abs(1 + L) - 0.5, (0.06, 0.065)),
+        ({"Ms": 2.0}, (38, 38.5), lambda L: abs(1 + L) - 0.5, (1.65, 1.7)),
+        ({"disk": 0.5}, (19, 20), lambda L: 2 - abs(1 / (1 + L) - 0.5), (0.03, 0.1)),
+    ],
+)
+def test_margins_end_beside_a_mode_with_little_damping_where_its_frequency_response_does(margins, span, least, peak):
+    required = {"margins": {"cut": "comp.y", **margins}}
+    (row,) = wavesweep.compile(FLEXIBLE).stable_intervals("g", span, require=required).itertuples()
+    assert row.certified
+    (end,) = {row.low, row.high} - set(span)
+    L = flexible(np.linspace(*peak, 2001))
+    assert brentq(lambda g: least(g * L).min(), *span) == pytest.approx(end, rel=1e-5)
 
 
 @pytest.mark.slow

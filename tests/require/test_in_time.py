@@ -306,9 +306,10 @@ def test_a_product_of_matrices_with_large_errors_holds_its_corners():
 
 
 def test_bounds_of_the_maps_of_a_frame_hold_and_do_not_grow_from_tick_to_tick():
-    """Ticks `A = [3/2, -1; 1, -1/2]` forget, with eigenvalues of 1/2, and the sizes of their entries grow by 2.1 each."""
+    """Ticks `A = [3/2, -1; 1, -1/2]` forget, with eigenvalues of 1/2, and the sizes of their entries grow by 2.1 each; their
+    states are in even units."""
     ticks, n = 40, 2
-    e, b, c, d = (np.array(rows) for rows in ([[0.5, -1.0], [1.0, -1.5]], [[0.1], [0.3]], [[0.7, 0.2]], [[0.9]]))
+    e, b, c, d = (np.array(rows) for rows in ([[0.5, -1.0], [1.0, -1.5]], [[0.7], [0.2]], [[0.7, 0.2]], [[0.9]]))
     tick = (e, b, c, d)
     port = SimpleNamespace(kind=np.zeros(ticks, int), maps=[tick], sizes=[[0 * part for part in tick]])
     found = maps.over_frame(port, np.arange(n), (1,), np.arange(port.kind.size))

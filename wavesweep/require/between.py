@@ -1,7 +1,7 @@
 """Loops along a number as they are seen between an input and a signal, on panels of the number
 that something is asked of."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,11 +15,9 @@ from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import connected
 from wavesweep.engine.response import Port
-from wavesweep.require.by_forms import ByForms
 from wavesweep.require.disc_panels import BAD, HALF_RIM, OPEN
 from wavesweep.require.maps import of_ticks, over_frame
 
-TRIED_ALONE = 1000  # panels of a column, after which forms are asked about those that are open
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where loops are looked at first
 
 
@@ -83,7 +81,7 @@ class Between:
 
     A judge of `panels`, of these columns, without what `labelled` and `worst_at` are. kept: states that
     the input reaches and the signal depends on. read: the ticks whose inputs are looked at. stable:
-    where loops may be stable, and nothing is looked for elsewhere. forms: of a margin.
+    where loops may be stable, and nothing is looked for elsewhere.
     """
 
     loops: Loops
@@ -95,7 +93,6 @@ class Between:
     read: np.ndarray
     columns: np.ndarray
     stable: Intervals
-    forms: ByForms | None = field(default=None, kw_only=True)
     many: ClassVar[int] = 1000
     smooth: ClassVar[bool] = False
 
@@ -118,9 +115,6 @@ class Between:
         port, _ = self.between(column, p)
         of_states = [e for e, *_ in of_ticks(port, self.kept, p.shape)]
         return in_a_row(port.kind.tolist(), of_states, Bounded.then).value
-
-    def struggles(self, tried: np.ndarray) -> np.ndarray:
-        return tried > TRIED_ALONE
 
     def label(
         self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]

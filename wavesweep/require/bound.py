@@ -143,7 +143,6 @@ class Bound:
         be stable."""
         from wavesweep.program.analyses.signals import routed
         from wavesweep.require.at_cut import seen_at_cut
-        from wavesweep.require.by_forms import ByForms
         from wavesweep.require.disc_panels import Domain
         from wavesweep.require.factors import along_factors
         from wavesweep.require.gain_intervals import along_gain
@@ -156,9 +155,7 @@ class Bound:
             return along_factors(loops, along, domain, gain, stable)
         if isinstance(gain, CutBound):
             seen, route, level = seen_at_cut(loops, gain)
-            margin, size = ("disk", 1 / gain.at_most) if gain.centre else ("Ms", gain.at_most)
-            forms = ByForms(loops, along, gain.cut, margin, size, span)
-            return along_gain(seen, along, domain, route, level, stable, forms)
+            return along_gain(seen, along, domain, route, level, stable)
         in_time = isinstance(gain, TimeBound)
         drawing, route = routed(
             loops.drawing, gain.source, gain.signal, f"sweep.require.{gain.word}"

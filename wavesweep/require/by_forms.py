@@ -1,5 +1,5 @@
-"""Margins at a cut on stretches of a number by forms that decrease, where panels would be many: next
-to a mode with little damping, or where a factor hardly moves a slow mode.
+"""Gain and phase margins at a cut on stretches of a number by forms that decrease, where panels would
+be many: where a factor hardly moves a slow mode.
 
 A form of the states, a polynomial in the number and in the factor of the signal at the cut, is shown
 to decrease in each cell of both, as [for_all] shows it of its numbers. So all loops of a stretch are
@@ -13,12 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Sides
 from wavesweep.engine.switched import Growth, cover_constant
 from wavesweep.program.analyses.factors_at_cut import with_factors
+from wavesweep.program.reading.axes import Axis
 from wavesweep.require.disc_panels import BAD, GOOD
 
 VALUES, LOOKED_AT = 17, 33  # of the number, and of each side of the factor, that are looked at
@@ -42,30 +42,26 @@ class ByForms:
     span: tuple[float, float]
 
     @cached_property
-    def _with_factor(self):
-        """The loops with the factor, and its ranges; None without one."""
-        try:
-            asked = {"cut": self.cut, self.margin: self.size}
-            return next(with_factors(self.loops, asked, {self.along: self.span}))
-        except UsageError:  # of a circle of factors several times in a frame
-            return None
+    def _with_factor(self) -> tuple[Loops, Axis]:
+        """The loops with the factor, and its range."""
+        asked = {"cut": self.cut, self.margin: self.size}
+        loops, (factor,) = next(with_factors(self.loops, asked, {self.along: self.span}))
+        return loops, factor
 
     def told(
         self, column: int, low: np.ndarray, high: np.ndarray
     ) -> list[tuple[float, float, int]]:
         """Stretches of the panels of a column, with GOOD or BAD of each."""
         told = []
-        if self._with_factor is None:
-            return told
-        loops, factors = self._with_factor
+        loops, factor = self._with_factor
         loops = loops.one(column) if loops.batch else loops
         order = np.argsort(low)
         at = order[np.unique(np.linspace(0, low.size - 1, VALUES).astype(int))]
         p = (low[at] + high[at]) / 2
-        growth = np.array([self._worst(loops, factors, each, zooms=1)[0] for each in p])
+        growth = np.array([self._worst(loops, factor, each, zooms=1)[0] for each in p])
         edges = [low.min()]
         for first in np.flatnonzero((growth[1:] < 0) != (growth[:-1] < 0)).tolist():
-            edges.append(self._end(loops, factors, *p[first : first + 2]))
+            edges.append(self._end(loops, factor, *p[first : first + 2]))
         edges.append(high.max())
         good = bool(growth[0] < 0)
         for start, stop in pairwise(edges):
@@ -73,27 +69,25 @@ class ByForms:
                 begun = (start + stop) / 2
                 low_end = start + NEAR * abs(start) * (start > edges[0])
                 high_end = stop - NEAR * abs(stop) * (stop < edges[-1])
-                down = self._reached(loops, factors, begun, low_end, up=False)
-                up = self._reached(loops, factors, begun, high_end, up=True)
+                down = self._reached(loops, factor, begun, low_end, up=False)
+                up = self._reached(loops, factor, begun, high_end, up=True)
                 told.append((down, up, GOOD))
             else:
                 for seen_at in (start, (start + stop) / 2, stop):
-                    found = self._unstable(loops, factors, seen_at, (start, stop))
+                    found = self._unstable(loops, factor, seen_at, (start, stop))
                     told += [(*ends, BAD) for ends in found]
             good = not good
         return told
 
-    def _worst(self, loops, factors, p, zooms=ZOOMS):
-        """The logarithm of the largest radius of the loop at a value with factors at the ends of all
-        ranges but the first, and the numbers of that factor."""
-        first, *others = factors
-        step = (first.stop - first.start) / (LOOKED_AT - 1)
-        places = np.linspace(first.start, first.stop, LOOKED_AT)
-        growth = Growth.of_loops(loops, [self.along, *(each.path for each in factors)])
+    def _worst(self, loops, factor, p, zooms=ZOOMS):
+        """The logarithm of the largest radius of the loop at a value with factors of the range, and
+        the number of that factor."""
+        step = (factor.stop - factor.start) / (LOOKED_AT - 1)
+        places = np.linspace(factor.start, factor.stop, LOOKED_AT)
+        growth = Growth.of_loops(loops, [self.along, factor.path])
 
         def radii(places):
-            fixed = np.tile([each.stop for each in others], (places.size, 1))
-            return growth.of(np.column_stack([np.full(places.size, p), places, fixed]))
+            return growth.of(np.column_stack([np.full(places.size, p), places]))
 
         found = radii(places)
         for _ in range(zooms):
@@ -101,28 +95,26 @@ class ByForms:
             peaks = np.flatnonzero((found >= beside[:-2]) & (found >= beside[2:]))
             peaks = peaks[np.argsort(-found[peaks])][:PEAKS]
             around = places[peaks, None] + np.linspace(-step, step, LOOKED_AT // 2)
-            places = np.unique(np.clip(np.append(around, places[peaks]), first.start, first.stop))
+            places = np.unique(np.clip(np.append(around, places[peaks]), factor.start, factor.stop))
             step *= 2 / (LOOKED_AT // 2 - 1)
             found = radii(places)
-        worst = [places[found.argmax()], *(each.stop for each in others)]
-        return float(np.log(found.max())), worst
+        return float(np.log(found.max())), places[found.argmax()]
 
-    def _end(self, loops, factors, first, second):
+    def _end(self, loops, factor, first, second):
         """Where between two values the loops begin to be unstable with some factor."""
         from scipy.optimize import brentq
 
         def growth(p: float) -> float:
-            return self._worst(loops, factors, p)[0]
+            return self._worst(loops, factor, p)[0]
 
         if growth(first) * growth(second) >= 0:  # the worst factor lies between those of the grid
             return first
         return brentq(growth, first, second, rtol=NEAR / 16)
 
-    def _unstable(self, loops, factors, seen_at, span):
+    def _unstable(self, loops, factor, seen_at, span):
         """Stretches of a span in which no loop is stable with the factor that is worst at a value."""
-        worst = self._worst(loops, factors, seen_at)[1]
-        fixed = {each.path: number for each, number in zip(factors, worst, strict=True)}
-        one = ((np.zeros(1, int), loops.changed(fixed)),)
+        _, worst = self._worst(loops, factor, seen_at)
+        one = ((np.zeros(1, int), loops.changed({factor.path: worst})),)
         records = Search(self.along, span, one, lines=False, checked=True).records()
         if not records["certified"].all():
             return []
@@ -131,10 +123,10 @@ class ByForms:
             stable = [*span]
         return zip(stable[::2], stable[1::2], strict=True)
 
-    def _reached(self, loops, factors, begun, end, *, up):
+    def _reached(self, loops, factor, begun, end, *, up):
         """Up to which value of the number all loops are shown, from one on towards an end."""
-        paths = [self.along, *(each.path for each in factors)]
-        box = np.array([sorted((begun, end)), *((each.start, each.stop) for each in factors)]).T
+        paths = [self.along, factor.path]
+        box = np.array([sorted((begun, end)), (factor.start, factor.stop)]).T
         sides = Sides.of(loops, paths, box, along=True)
         whole = sides.places(box)
         return float(sides[0].number(cover_constant(loops, sides, whole, up).end))

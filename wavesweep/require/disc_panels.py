@@ -133,8 +133,6 @@ def along_panels(
 class _Turned:
     """A judge of panels of the number with the other sign."""
 
-    forms = None
-
     def __init__(self, judge: Judge) -> None:
         self.judge = judge
 

@@ -108,7 +108,7 @@ def along_factors(
         factors = Range(0.0, float(np.radians(wanted.size)), turning=True)
     columns = np.arange(size)
     about = loops, along, route, 1.0, drift, needed(port.maps), runs, columns, stable
-    judge = Factors(*about, factors, span, np.zeros(size), forms=forms)
+    judge = Factors(*about, factors, span, np.zeros(size), forms)
     begun = np.maximum(begun_at_low_end(judge, span), END_EXACTNESS)
     # Ends are exact to 16 of the narrowest panels.
     ends = Accuracy(END_EXACTNESS, 16.0, END_EXACTNESS, begun, slow=True)
@@ -160,6 +160,7 @@ class Factors(Between):
     factors: Range
     span: tuple[float, float]
     work: np.ndarray
+    forms: ByForms
     kept_pieces: dict[tuple[int, str, float], np.ndarray] = field(default_factory=dict)
     smooth: ClassVar[bool] = True
 

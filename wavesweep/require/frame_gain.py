@@ -47,12 +47,12 @@ level, or below a lower one, decides as well.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
-from wavesweep.engine.frames import Bounded, balance, in_a_row, inverse, on_circle, solve
+from wavesweep.engine.frames import Bounded, in_a_row, inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
@@ -232,6 +232,7 @@ class BoundedGain(Between):
 
     arc: np.ndarray
     at_rest: bool
+    forms: ClassVar[None] = None
 
     @property
     def long(self) -> bool:
@@ -334,7 +335,7 @@ class BoundedGain(Between):
         are long."""
         if not self.long:
             return self._form(port, shape)
-        ticks = _in_even_units(of_ticks(port, self.kept, (np.prod(shape),)))
+        ticks = of_ticks(port, self.kept, (np.prod(shape),))
         square = (self.level * beside) ** 2
         with np.errstate(all="ignore"):
             eliminated = [of_tick(*each, square, shape[1]) for each in ticks]
@@ -404,26 +405,6 @@ class Sine(BoundedGain):
         ]
         delta, beyond = np.array(found).T
         return delta, beyond.real
-
-
-def _in_even_units(
-    ticks: list[tuple[Bounded, Bounded, Bounded, Bounded]],
-) -> list[tuple[Bounded, Bounded, Bounded, Bounded]]:
-    """Ticks with states in units, powers of two, in which their entries have similar sizes."""
-    n = ticks[0][0][0].shape[-1]
-    sizes = np.zeros((1, n + 1, n + 1))
-    for (e, _), (b, _), (c, _), _ in ticks:
-        sizes[0, :n, :n] += np.nan_to_num(np.abs(e)).max(0)
-        sizes[0, :n, n:] += np.nan_to_num(np.abs(b)).max(0)
-        sizes[0, n:, :n] += np.nan_to_num(np.abs(c)).max(0)
-    units = balance(sizes, thorough=True)[1][0]
-    u = units[:n] / units[n]
-    v = u[:, None]
-    in_units = []
-    for (e, de), (b, db), (c, dc), d in ticks:
-        among_states = Bounded(e * u / v, de * u / v)
-        in_units.append((among_states, Bounded(b / v, db / v), Bounded(c * u, dc * u), d))
-    return in_units
 
 
 def _angles(d: np.ndarray, arc: np.ndarray) -> np.ndarray:

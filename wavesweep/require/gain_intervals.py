@@ -14,7 +14,6 @@ from wavesweep.engine.frames import solve
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.require.between import needed, typical_between
-from wavesweep.require.by_forms import ByForms
 from wavesweep.require.disc_panels import Accuracy, Domain, along_panels
 from wavesweep.require.frame_gain import BoundedGain, Sine
 from wavesweep.require.gain_bound import GainBound, PeakBound
@@ -36,16 +35,14 @@ def along_gain(
     route: tuple[str, str],
     wanted: GainBound | PeakBound,
     stable: Intervals,
-    forms: ByForms | None = None,
 ) -> Intervals:
     """All intervals of a number in which the gain of loops stays below a level, within those in
     which they may be stable.
 
-    route: the input and the signal. forms: of the margin that the gain is of. The omegas of ends
-    are those at which the gain is largest, with a minus: no mode is on the circle there. A gain at
-    rest that is the level at all values is taken as it, and its neighbourhood decides. Accuracy:
-    ends to END_EXACTNESS. Errors: UsageError if the signal moves without end, and for a band or a
-    loop that the gain cannot be had of.
+    route: the input and the signal. The omegas of ends are those at which the gain is largest, with
+    a minus: no mode is on the circle there. A gain at rest that is the level at all values is taken
+    as it, and its neighbourhood decides. Accuracy: ends to END_EXACTNESS. Errors: UsageError if the
+    signal moves without end, and for a band or a loop that the gain cannot be had of.
     """
     first = np.nanmin(stable.low, initial=np.inf)
     if domain.span[0] < first == 0 < domain.span[1]:  # as is that of an integrator
@@ -67,7 +64,7 @@ def along_gain(
     else:
         kind = BoundedGain
         arc = _arc(wanted, ticks, period)
-    gain = kind(*about, np.arange(size), stable, arc, at_rest=False, forms=forms)
+    gain = kind(*about, np.arange(size), stable, arc, at_rest=False)
 
     few = max(1, 1_000_000 // ticks**2)  # frames at a time
     off = np.concatenate(

@@ -4,7 +4,7 @@ errors."""
 import numpy as np
 
 from wavesweep.engine.doubles import ENTRY_ROUNDING
-from wavesweep.engine.frames import Bounded, in_a_row, sum_rounding
+from wavesweep.engine.frames import Bounded, balance, in_a_row, sum_rounding
 from wavesweep.engine.response import Port
 
 
@@ -93,18 +93,36 @@ def _joined(
     return E_1.then(E_2), G, O, Bounded.block([[T_1, 0], [O_2 @ G_1, T_2]])
 
 
-def of_ticks(port: Port, kept: np.ndarray, batch: tuple[int, ...]) -> list[tuple[Bounded, ...]]:
+def of_ticks(
+    port: Port, kept: np.ndarray, batch: tuple[int, ...]
+) -> list[tuple[Bounded, Bounded, Bounded, Bounded]]:
     """E less identity, B, C and D of each kind of tick, of some states and the first output,
-    each with a bound on its error."""
+    each with a bound on its error.
+
+    States are in units, powers of two, in which entries of all loops have similar sizes: in those
+    of derivatives of a fast mode, pencils have no eigenvalues left but rounding.
+    """
     rows = kept[:, None]
     ticks = []
-    for matrices, sizes in zip(port.maps, port.sizes, strict=True):
+    n = kept.size
+    sizes = np.zeros((1, n + 1, n + 1))
+    for matrices, errors in zip(port.maps, port.sizes, strict=True):
         pairs = []
-        for matrix, size in zip(matrices, sizes, strict=True):
+        for matrix, size in zip(matrices, errors, strict=True):
             pair = Bounded(matrix, ENTRY_ROUNDING * np.abs(size))
             pairs.append(pair.each(lambda x: np.broadcast_to(x, (*batch, *x.shape[-2:]))))
         e, b, c, d = pairs
-        ticks.append(
-            (e.part(..., rows, kept), b.part(..., kept, slice(None)), c.part(..., kept), d)
-        )
-    return ticks
+        e = e.part(..., rows, kept)
+        b = b.part(..., kept, slice(None))
+        c = c.part(..., kept)
+        for part, at in ((e, np.s_[:n, :n]), (b, np.s_[:n, n:]), (c, np.s_[n:, :n])):
+            size = np.nan_to_num(np.abs(part.value))
+            sizes[0][at] += size.reshape(-1, *size.shape[-2:]).max(0)
+        ticks.append((e, b, c, d))
+    units = balance(sizes, thorough=True)[1][0]
+    u = units[:n] / units[n]
+    v = u[:, None]
+    return [
+        (e.each(lambda x: x * u / v), b.each(lambda x: x / v), c.each(lambda x: x * u), d)
+        for e, b, c, d in ticks
+    ]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -107,6 +108,7 @@ class InTime(Between):
     measure: str
     rate: float
     looked_at: np.ndarray
+    forms: ClassVar[None] = None
 
     @property
     def order(self) -> int:
