@@ -50,7 +50,11 @@ class Capability(NamedTuple):
 CAPABILITIES = (
     Capability("for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check", "rules")),
     Capability("late_ticks", tables=("for_all.tick",), offers=("guarantee", "keys", "on_check")),
-    Capability("contact", tables=("for_all.contact",), offers=("guarantee", "keys", "on_check")),
+    Capability(
+        "contact",
+        tables=("for_all.contact",),
+        offers=("guarantee", "keys", "on_check", "stretches"),
+    ),
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},

@@ -18,16 +18,23 @@ SCOPES = {
     "for all": "all that [for_all] and its channels allow",
     "refuted": "a member of [for_all] or of its channels",
     "mean square": "the chances of [for_all] and its channels",
+    "contact": "any wall that pushes and never pulls",
 }
+WALLS = (
+    "every motion comes to rest, if the wall's force is any function of stiffness times depth plus damping times speed that is 0 "
+    "at 0 and has slopes from 0 to 1, the same in all frames"
+)
 
 
 def in_words(claim: Claim) -> str:
     """What a claim says, from its data."""
+    points = {name: low for name, (low, high) in claim.sides.items() if low == high}
     where = [
         f"{name} from {_written(low)} to {_written(high)}"
         for name, (low, high) in claim.sides.items()
+        if name not in points
     ]
-    where += [f"{name} = {_written(value)}" for name, value in claim.numbers.items()]
+    where += [f"{name} = {_written(value)}" for name, value in (points | claim.numbers).items()]
     circle = "the unit circle"
     if claim.radius != 1:
         circle = f"the circle of radius {_written(claim.radius)}, in each frame"
@@ -43,6 +50,8 @@ def in_words(claim: Claim) -> str:
         words += "every motion decays"
     elif claim.claim == "mean square":
         words += "the mean of all squares decays"
+    elif claim.claim == "contact":
+        words += WALLS
     elif claim.outside:
         modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
         words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
@@ -55,7 +64,7 @@ def in_words(claim: Claim) -> str:
             f"all {len(claim.states)} modes are" if len(claim.states) > 1 else "the only mode is"
         )
         words += f"{modes} inside {circle}{', stable' if claim.radius == 1 else ''}"
-    if claim.in_touch and claim.claim != "modes":
+    if claim.in_touch and claim.claim not in ("modes", "contact"):
         words += " (walls are always in touch, although [for_all] has contact)"
     if claim.drifts:
         words += f" ({len(claim.drifts)} {'drift' if len(claim.drifts) == 1 else 'drifts'} set aside, which nothing opposes)"

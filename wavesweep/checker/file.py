@@ -8,14 +8,16 @@ that is not named here is refused, and nothing is taken from the file that follo
 and then each claim, a line, followed by the lines of its cells:
 
     claim     "modes": of the spec's own loop; "for all": of all that [for_all] and channels say; "refuted": a member of this is
-              unstable; "mean square": of [for_all] with chances
+              unstable; "mean square": of [for_all] with chances; "contact": of any wall that pushes and never pulls
     numbers   {name: value} that the claim sets, by their names in [sweep]; all others are those of the spec
-    sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges
+    sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges; of contact
+              the stiffness and the damping of the wall
     outside   of modes and refuted: how many modes are outside the unit circle, all over the sides
     radius    of modes: the circle in place of the unit circle, if it is another one
     open      true in place of it: a map, whose cells have any counts or none
     drifts    [[name, ...]]: what takes part in a drift, which every equation keeps; first a memory that no other drift has
     states    names of the memory that is left, sorted: rows and columns of all forms
+    rest      of contact: what drifts besides while the wall is not touched, as a drift; none if nothing does
     word      of refuted: frames that are repeated for ever, by their letters
 
 Cells divide the whole of the sides, in this order:
@@ -23,6 +25,8 @@ Cells divide the whole of the sides, in this order:
     {"split": "K_VE", "at": "12.5"}    first all lines of the lower part, then all of the upper part
     {"L": rows, "signs": "++-", "Q": [[exponents, rows], ...], "turn": -1}     a form (`form.py`); Q and turn may be left out
     {"nodes": [{"L": rows, "Q": ...}, ...], "edges": [[node, letter, node], ...], "start": 0}   forms of frames in any order
+    {"L": rows, "e": [...], "h": [...], "P": [rows, rows]}      of contact: a form of the loop without its wall, and what
+                                       `contact.py` asks for, with P at both ends of the side
     {"open": true}                     nothing is known
 
 Where [for_all] lists values of numbers, cells follow for each combination, the last key fastest, after a line of its own:
@@ -44,11 +48,11 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import IO, Any
 
-from wavesweep.checker import balls, form
+from wavesweep.checker import balls, contact, form
 from wavesweep.checker.balls import Cell, Refused, decimal
 from wavesweep.checker.drifts import Form, drifts_of, reduced
 from wavesweep.checker.frame import Frames, states_of, steps_of
-from wavesweep.checker.reader import for_all, loop_of, unknown_key, with_numbers
+from wavesweep.checker.reader import for_all, loop_of, unknown_key, wall_of, with_numbers
 from wavesweep.checker.reader.controllers import SYMBOLS
 from wavesweep.checker.reader.loops import Unreadable
 
@@ -59,8 +63,9 @@ LONGEST_FILE = 1 << 30  # once it is unpacked
 CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
 NODES = 256
-KINDS = ("modes", "for all", "refuted", "mean square")
-FIELDS = {"claim", "numbers", "sides", "outside", "open", "drifts", "states", "word", "radius"}
+KINDS = ("modes", "for all", "refuted", "mean square", "contact")
+FIELDS = {"claim", "numbers", "sides", "outside", "open", "word", "radius"}
+COORDINATES = {"drifts", "states", "rest"}
 
 
 @dataclass
@@ -75,6 +80,7 @@ class Claim:
     states: list[str] = field(default_factory=list)
     word: list[str] = field(default_factory=list)
     radius: Fraction = Fraction(1)
+    rest: list[str] = field(default_factory=list)
     shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
     in_touch: bool = False  # whether [for_all] asks for walls that let go, which is not claimed
 
@@ -84,7 +90,8 @@ class Family:
     """Kinds of frames of one loop in coordinates without drifts.
 
     moves: {state of what may follow: {letter: (kind of frame, next state, chance)}}; start: the state in which a run begins.
-    word: kinds of frames in their order, whose product is the only frame. radius: that matrices are divided by.
+    word: kinds of frames in their order, whose product is the only frame. radius: that matrices are divided by. rest: see
+    `contact.opened_at`.
     """
 
     frames: Frames
@@ -94,6 +101,7 @@ class Family:
     start: Any
     word: list[str]
     radius: Fraction
+    rest: Form | None = None
 
     def matrix(self, kind: str, cell: Cell) -> form.Matrix:
         if self.word and not kind:
@@ -129,6 +137,9 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     ) as error:
         # a value of a spec that is not of the kind that its key has: a text for a table, say
         raise Unreadable(f"the spec cannot be read: {error!r}") from None
+    if claim.claim == "contact":
+        cut, free = contact.opened(schedules[""], wall_of(tables)[0])
+        schedules = {"": cut}
     words = steps_of(schedules)
     word = []
     if claim.word and "" in words:
@@ -139,7 +150,14 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     frames = Frames(words)
     middle = Cell({name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()})
     drifts = drifts_of([*schedules.values()], claim.drifts, frames.live, middle)
-    return Family(frames, drifts, states_of(frames, drifts), moves, start, word, claim.radius)
+    rest = None
+    if claim.rest:
+        *_, rest = drifts_of([free], [*claim.drifts, claim.rest], frames.live, middle)
+    if any(contact.FORCE in drift for drift in (*drifts, rest or ())):
+        raise Refused("a drift that takes a force of the wall")
+    states = states_of(frames, [*drifts, rest] if rest else drifts)
+    states = [name for name in states if name != contact.FORCE]
+    return Family(frames, drifts, states, moves, start, word, claim.radius, rest)
 
 
 def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
@@ -163,6 +181,8 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
     messages = for_all.has_messages(loop)
+    if claim.claim == "contact" and (vary or messages or allowed.ranges):
+        raise Refused("a wall that lets go beside ranges, or frames and messages that vary")
     if vary and messages:
         raise Unreadable(
             "frames that vary beside messages that are late or lost have no proof here"
@@ -302,7 +322,7 @@ def _fraction(given) -> Fraction:
 
 
 def _claim(line) -> Claim:
-    unknown = line.keys() - FIELDS
+    unknown = line.keys() - FIELDS - COORDINATES
     if unknown:
         raise Unreadable(f"the field {min(unknown)} of a claim is not known")
     kind = line["claim"]
@@ -348,6 +368,7 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
     members: list[dict] = [{}]
     try:
         allowed = for_all.read({} if claim.claim == "modes" else tables, balls.exact)
+        wall = wall_of(tables)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise Unreadable(f"[for_all] cannot be read: {error!r}") from None
     claim.in_touch = bool(tables.get("for_all", {}).get("contact"))
@@ -355,7 +376,9 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         SYMBOLS.get(name, name) if "controller" in tables else name: name
         for name in (*claim.sides, *claim.numbers)
     }
-    if claim.claim in ("for all", "mean square"):
+    if claim.claim == "contact" and (not wall or [*claim.sides] != wall):
+        raise Refused("the sides are not the stiffness and the damping of the wall")
+    if claim.claim in ("for all", "mean square", "contact"):
         members = allowed.members
         sides = {name: claim.sides.get(names.get(name, "")) for name in allowed.ranges}
         if sides != allowed.ranges or names.keys() & (
@@ -382,8 +405,8 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
                 for name, value in values.items()
             } != member:
                 raise Refused(f"no proof of {for_all.letter_of(member)}")
-            if line.keys() - {"member", "drifts", "states"}:
-                raise Unreadable("a member has drifts and states alone")
+            if line.keys() - {"member"} - COORDINATES:
+                raise Unreadable("a member has drifts, states and a rest alone")
             claim = _with_coordinates(claim, line)
         family = family_of(tables, claim, member)
         if family.states != claim.states:
@@ -428,6 +451,8 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
             if set(line) != {"split", "at"} or not low < at < high:
                 raise Refused(f"a cut at {float(at)!r} of {name} that divides nothing")
             boxes += [{**box, name: (at, high)}, {**box, name: (low, at)}]
+        elif claim.claim == "contact":
+            _rests(family, line, box)
         elif "nodes" in line:
             if claim.claim not in ("for all", "mean square"):
                 raise Refused("a graph is for frames in any order, or at random")
@@ -443,6 +468,37 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
                 raise Refused(
                     f"{outside} modes are outside {_in_words(box)}, and {claim.outside or 0} in the claim"
                 )
+
+
+def _rests(family: Family, line: dict, box):
+    """Refused, unless every motion comes to rest at both ends of a side, and so between them; see `contact.py`."""
+    if set(line) != {"L", "e", "h", "P"}:
+        raise Unreadable("what comes to rest has L, e, h and P")
+    e, h = ([_fraction(x) for x in _expect(line[name], list, name)] for name in "eh")
+    if len(e) != len(h) or len(e) > contact.LAGS or min(e + h, default=0) < 0 or sum(e + h) >= 1:
+        raise Refused("e and h are not the weights of a multiplier")
+    wide = [name for name, (low, high) in box.items() if low < high]
+    if len(wide) > 1:
+        raise Refused("more than one number of the wall has a range")
+    for at, rows in enumerate(_expect(line["P"], list, "P", 1 + len(wide))):
+        point = {name: ends[at if name in wide else 0] for name, ends in box.items()}
+        loop = opened_at(family, point)
+        if not contact.stable(
+            loop, form_from({"L": line["L"]}, balls.POINT, [1] * len(family.states))
+        ):
+            raise Refused("the form of the loop without its wall does not decrease")
+        if not form.positive(
+            contact.left_over(loop, e, h, rows_of(rows, len(family.states) + len(e)))
+        ):
+            raise Refused(f"there may be a motion that does not come to rest {_in_words(box)}")
+
+
+def opened_at(family: Family, point: Mapping[str, Fraction]) -> contact.Opened:
+    """The loop cut at a wall with these numbers, the stiffness first."""
+    cell = Cell({name: (value, value) for name, value in point.items()})
+    A = reduced(cell, family.frames.matrix("", cell), family.drifts)
+    stiff = bool(next(iter(point.values())))
+    return contact.opened_at(cell, A, family.rest, family.states, stiff)
 
 
 def _graph(family: Family, cell: Cell, line: dict, box):
@@ -529,14 +585,21 @@ def _chain(family: Family, cell: Cell, line: dict, box):
 
 
 def _with_coordinates(claim: Claim, line: dict) -> Claim:
-    drifts = []
-    for given in _expect(line.get("drifts", []), list, "drifts"):
-        names = [_expect(name, str, "a name") for name in _expect(given, list, "a drift")]
-        if not names or len(set(names)) < len(names):
-            raise Unreadable("a drift of nothing, or of a name twice")
-        drifts.append(names)
+    drifts = [_taking_part(given) for given in _expect(line.get("drifts", []), list, "drifts")]
     states = [_expect(name, str, "a state") for name in _expect(line.get("states"), list, "states")]
-    return replace(claim, drifts=drifts, states=states)
+    rest = []
+    if "rest" in line:
+        if claim.claim != "contact":
+            raise Unreadable("a rest is one of walls that let go")
+        rest = _taking_part(line["rest"])
+    return replace(claim, drifts=drifts, states=states, rest=rest)
+
+
+def _taking_part(given) -> list[str]:
+    names = [_expect(name, str, "a name") for name in _expect(given, list, "a drift")]
+    if not names or len(set(names)) < len(names):
+        raise Unreadable("a drift of nothing, or of a name twice")
+    return names
 
 
 def _size(box, sides) -> Fraction:
@@ -579,12 +642,12 @@ def form_from(line, cell: Cell, signs) -> form.Matrix:
         )
         if len(m) != cell.width or not 1 <= sum(m) <= 2 or min(m) < 0:
             raise Unreadable("a slope has an exponent of each side that is wide, 1 or 2 together")
-        slopes.append((m, _rows(rows, len(signs))))
-    return form.form_of(cell.width, _rows(line.get("L"), len(signs)), signs, slopes)
+        slopes.append((m, rows_of(rows, len(signs))))
+    return form.form_of(cell.width, rows_of(line.get("L"), len(signs)), signs, slopes)
 
 
-def _rows(given, size: int) -> form.Rows:
-    """In units of 2^-BITS, rounded to half of these digits."""
+def rows_of(given, size: int) -> form.Rows:
+    """A matrix of a form in units of 2^-BITS, rounded to half of these digits."""
     rows = [
         _expect(row, list, f"a row of {size}", size)
         for row in _expect(given, list, f"a matrix of {size} rows", size)

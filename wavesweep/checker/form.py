@@ -59,7 +59,7 @@ def _mirrored(left: Rows, right: Rows) -> Rows:
     return [[upper[min(at, other)][abs(at - other)] for other in size] for at in size]
 
 
-def _product(left: Matrix, right: Matrix, dot=_dot) -> Matrix:
+def multiplied(left: Matrix, right: Matrix, dot=_dot) -> Matrix:
     """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b), and 1 for each product that is rounded down."""
     found: dict[tuple, Rows] = {}
     for m, A in left.parts.items():
@@ -76,13 +76,13 @@ def _product(left: Matrix, right: Matrix, dot=_dot) -> Matrix:
     return Matrix(found, _sum(bounds))
 
 
-def _turned(matrix: Matrix) -> Matrix:
+def turned(matrix: Matrix) -> Matrix:
     return Matrix(
         {m: transposed(part) for m, part in matrix.parts.items()}, transposed(matrix.error)
     )
 
 
-def _difference(left: Matrix, right: Matrix) -> Matrix:
+def minus(left: Matrix, right: Matrix) -> Matrix:
     found = dict(left.parts)
     for m, part in right.parts.items():
         negative = [[-x for x in row] for row in part]
@@ -123,7 +123,7 @@ def product_of(matrices: list[Matrix]) -> Matrix:
     if len(matrices) == 1:
         return matrices[0]
     half = len(matrices) // 2
-    return _cut(_product(product_of(matrices[half:]), product_of(matrices[:half])), KEPT)
+    return _cut(multiplied(product_of(matrices[half:]), product_of(matrices[:half])), KEPT)
 
 
 def form_of(
@@ -160,14 +160,14 @@ def decreases(P: Matrix, steps: list[tuple[Matrix | None, Matrix, Matrix]], turn
         X = _inverse(steps[0][1], turn) if turn else None
     except (OverflowError, ValueError):
         raise Refused("a frame that cannot be turned") from None
-    total = _product(_turned(X), _product(P, X), _mirrored) if X else P
+    total = multiplied(turned(X), multiplied(P, X), _mirrored) if X else P
     for share, A, Q in steps:
-        moved = _cut(_product(A, X), KEPT) if X else A
-        taken = _product(_turned(moved), _product(Q, moved), _mirrored)
+        moved = _cut(multiplied(A, X), KEPT) if X else A
+        taken = multiplied(turned(moved), multiplied(Q, moved), _mirrored)
         if share is not None:
             spread = {m: diagonal([c] * len(P.error)) for m, ((c,),) in share.parts.items()}
-            taken = _product(Matrix(spread, diagonal([share.error[0][0]] * len(P.error))), taken)
-        total = _difference(total, taken)
+            taken = multiplied(Matrix(spread, diagonal([share.error[0][0]] * len(P.error))), taken)
+        total = minus(total, taken)
     return positive(total)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from wavesweep.contact.circle_check import Multiplier, open_angles
 from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.multipliers import LEAST_SHARE, Sampled
-from wavesweep.contact.wall_loop import WallsAlong
+from wavesweep.contact.wall_loop import WallLoop, WallsAlong
+from wavesweep.engine.frames import Bounded
 
 TRIED_NEAR_END = 2e-4  # of a linear interval, how near to its ends a proof is tried
 RESOLVED = 2e-4  # of the end that is found, how far the next failure is known to be
@@ -141,3 +142,31 @@ class Line:
             if ended:
                 break
         return Stretch(tuple(pieces)) if pieces else None
+
+
+def pieces_of(
+    moved: np.ndarray,
+    read: np.ndarray,
+    residue: float,
+    along: tuple[int, float],
+    span: tuple[float, float],
+) -> list[Piece]:
+    """Return pieces that prove all values from span[0] to span[1], the highest first; an empty list
+    if none are found.
+
+    moved `(n, n + 1)`: what states and the wall's force make of states in a frame; read `(2, n + 1)`,
+    residue: see `WallLoop`. along: whether 0, K, or 1, B, varies, and the other number.
+    """
+    n = len(moved)
+    E, B, rows, direct = moved[:, :n] - np.eye(n), moved[:, n], read[:, :n], read[:, n]
+    fields = map(Bounded.exact, (E, B, rows, direct, np.array(residue)))
+    line = Line.of(WallsAlong(WallLoop(*fields, stable=True, unstable=False), *along))
+    low, at = span
+    pieces: list[Piece] = []
+    while not pieces or at > low:
+        piece = line.proved(low, at) or line.proved(low, at, whole=False)
+        if piece is None or (pieces and piece.low >= at):
+            return []
+        pieces.append(piece)
+        at = piece.low
+    return pieces

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.checker import balls, drifts, file, frame
+from wavesweep.checker import balls, contact, drifts, file, frame
 from wavesweep.checker.balls import Refused
+from wavesweep.checker.reader import wall_of
 
 PLACES = [
     Fraction(place, 1000) for place in (480, 1, 310, 770, 999)
@@ -23,14 +24,43 @@ def drifts_of(
     """Return what takes part in each drift of the loops of a claim, first a memory of its own. member:
     values of listed numbers."""
     kinds = file.schedules_of(tables, claim, member or {})[0]
-    schedules = [*kinds.values()]
-    live = frame.Frames(frame.steps_of(kinds)).live
+    return _directions(kinds, claim.sides)
+
+
+def drifts_and_rest(
+    tables: dict, claim: file.Claim, member: Mapping[str, Any]
+) -> tuple[list[list[str]], list[str]]:
+    """Return the drifts of a loop cut at its wall, and what drifts besides while the wall is not
+    touched. Errors: Refused if that is more than one position."""
+    schedules = file.schedules_of(tables, claim, member)[0]
+    cut, free = contact.opened(schedules[""], wall_of(tables)[0])
+    own = _directions({"": cut}, claim.sides)
+    fixed = {names[0] for names in own}
+    live = frame.Frames(frame.steps_of({"": free})).live - fixed
+    rows = []
+    for row in drifts.at_rest([free]):
+        rows.append({name: share for name, share in row.items() if name not in fixed})
+    rests = [*_next(list(filter(None, rows)), live, _cells(claim.sides))]
+    if len(rests) > 1:
+        raise Refused("more than one position drifts while the wall is not touched")
+    return own, rests[0] if rests else []
+
+
+def _cells(sides):
     cells = []
     for place in PLACES:
         point = {}
-        for name, (low, high) in claim.sides.items():
+        for name, (low, high) in sides.items():
             point[name] = (low + (high - low) * place,) * 2
         cells.append(balls.Cell(point))
+    return cells
+
+
+def _directions(kinds, sides):
+    """The drifts of schedules of all kinds of frames."""
+    schedules = [*kinds.values()]
+    live = frame.Frames(frame.steps_of(kinds)).live
+    cells = _cells(sides)
     unread: list[list[str]] = []
     while True:
         silent = {name for drift in unread for name in drift}

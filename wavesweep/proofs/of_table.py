@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from wavesweep.program.analyses.asked import key_named
 from wavesweep.program.number_words import rounded_up
 from wavesweep.program.spec import SYMBOLS, Spec, sweep_axes
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
-from wavesweep.proofs.cells import WINDOW
+from wavesweep.proofs.cells import WINDOW, exactly
 from wavesweep.proofs.claims import (
     Found,
     Lines,
@@ -33,6 +34,7 @@ from wavesweep.proofs.claims import (
     write,
 )
 from wavesweep.proofs.planes import Part
+from wavesweep.proofs.walls import claim_of_walls
 
 if TYPE_CHECKING:
     from wavesweep.program.columns import Columns
@@ -45,13 +47,14 @@ UNCLAIMED = {
     "box": "the hands of a range",
     "free": "nobody at the device",
 }  # kinds of rows
-UNCLAIMED_FACTS = {"contact": "contact", "tick": "late ticks", "every_hand": "every passive hand"}
+UNCLAIMED_FACTS = {"tick": "late ticks", "every_hand": "every passive hand"}
 FACTS = "for_all", "at_random"  # of `check`
 IN_ANY_ORDER = "for_all", "messages"  # their kinds that are not about means
 IN_WORDS = {"for all": "stable", "mean square": "stable in mean square"}
 ORDINALS = "first", "second", "third"  # in the columns of a map
 REQUIRED = "what [sweep] require asks for"
 SLICES, ROWS, REFUTED = "slices", "rows for all of [for_all]", "refuted ends"
+THROUGH_CONTACT = "rows through contact"
 SAME_END = 4 * WINDOW  # of an end or of the range: how far a row and its proof may differ
 
 
@@ -104,6 +107,8 @@ def with_proof(
     for kind, own, rows in _slices(spec, table.columns):
         if kind in OWN:
             proofs.of_slice(numbers | own, rows)
+        elif kind == "contact":
+            proofs.of_walls(numbers | own, rows)
         elif kind in CLAIMED and not (spec.tick or spec.require):
             proofs.of_set(CLAIMED[kind], numbers | own, rows)
         else:
@@ -138,6 +143,16 @@ def radius_of(spec: Spec, tables: dict, numbers: Mapping[str, str]) -> float:
         own = {path: str(spec.own(path)) for path in ("rates.ratio", "rates.fast_hz")} | {**numbers}
         clock = float(own["rates.ratio"]) / float(own["rates.fast_hz"])
     return float(required.bound.over(clock / frame).radius_of(np.array(frame)))
+
+
+def wall_with(spec: Spec, numbers: Mapping[str, str]) -> dict[str, tuple[Fraction, Fraction]]:
+    """Return the numbers of the wall, each as a range of one value."""
+    found = {}
+    for path in spec.wall:
+        name = checked_name(path)
+        value = exactly(float(numbers.get(name, spec.own(path))))
+        found[name] = value, value
+    return found
 
 
 def _with_file(table: Table, text: bytes, claims: Sequence[Lines]) -> Table:
@@ -226,6 +241,14 @@ class _Proofs:
                 if np.isfinite(end):
                     with self._counted(REFUTED):
                         self.claims.append(self._refuted(numbers, end, text, away))
+
+    def of_walls(self, numbers: dict[str, str], rows: Columns) -> None:
+        """Add the claims of rows of every wall that pushes and never pulls."""
+        for at in np.flatnonzero(rows["intervals"] > 0).tolist():
+            span = exactly(float(rows["low"][at])), exactly(float(rows["high"][at]))
+            with self._counted(THROUGH_CONTACT):
+                walls = wall_with(self.spec, numbers) | {self.number: span}
+                self.claims.append(claim_of_walls(spec_of(self.text), numbers, walls))
 
     def _refuted(self, numbers, end, text, away):
         """The claim that an end is refuted, or what is next to it: of a member, the end of its stable
@@ -341,6 +364,15 @@ def of_design(
                 yield f"{place}: unstable with {in_a_sentence(of_all['counterexample'])}"
         except (Refused, Unreadable) as error:
             unproved.append(f"no proof file for all of [for_all]: {error}")
+    wall = found.get("contact", {"verdict": ""})["verdict"]
+    try:
+        if wall == "proved":
+            claims.append(claim_of_walls(spec_of(text), numbers, wall_with(spec, numbers)))
+            yield f"{place}: comes to rest at any wall that pushes and never pulls"
+        elif wall:
+            unproved.append(f"no proof file for a wall that lets go: {wall}")
+    except (Refused, Unreadable) as error:
+        unproved.append(f"no proof file for a wall that lets go: {error}")
     if claims:
         write(place, text, claims)
     yield from unproved

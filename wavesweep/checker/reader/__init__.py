@@ -39,6 +39,14 @@ def loop_of(tables: dict, arithmetic, cut: str = "") -> Controller | Drawing:
     return Drawing(tables, arithmetic, cut)
 
 
+def wall_of(tables: dict) -> list[str]:
+    """The names of the stiffness and the damping of the wall of a spec, as `with_numbers` takes them."""
+    if "controller" in tables:
+        return ["K_VE", "B_VE"]
+    wall = tables.get("ports", {}).get("wall", {})
+    return [wall[key] for key in ("stiffness", "damping") if key in wall]
+
+
 def with_numbers(tables: dict, values: dict) -> dict:
     """The same spec with other numbers, by their names in [sweep] and [for_all]."""
     places: dict[tuple, str] = {}

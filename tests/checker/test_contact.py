@@ -1,0 +1,211 @@
+"""Walls that push and never pull: a claim of the writer is proved, and what says more is refused."""
+
+import tomllib
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import pytest
+from support.proofs import checked
+
+from wavesweep.checker import balls, contact, file
+from wavesweep.contact.rows import wall_cut
+from wavesweep.contact.wall_loop import WallLoop
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import loops_of
+from wavesweep.proofs.walls import claim_of_walls
+
+DIRECT = """
+rates.ratio = 20
+device = { mass = 0.1, damping = 1.5 }
+environment.delay = 0
+controller.kind = "dc-slow"
+"""
+WAVES = """
+device = { mass = 0.1, damping = 1.5, velocity = "difference" }
+environment = { integration = "explicit", delay = 1 }
+controller = { kind = "pmw", b = 10.0 }
+filters.lp1 = { order = 1, cutoff_hz = 10 }
+"""
+GRASPED = DIRECT + "operator.stiffness = 100"
+DRAWN = """
+rates.tick_hz = 1000
+numbers = { K = 100.0, B = 1.0 }
+[block]
+device = { type = "mass", mass = 0.1, damping = 1.5 }
+wall = { type = "hold", every = 20 }
+[wire]
+"device.f" = "hand - wall.y"
+"wall.u" = "K*device.x + B*device.v"
+[ports]
+hand = { force = "hand", displacement = "device.x", reaction = "wall.y" }
+wall = { stiffness = "K", damping = "B" }
+"""
+MEMBERS = (
+    DIRECT
+    + """
+[for_all]
+contact = true
+"device.mass" = { values = [0.09, 0.12] }
+"""
+)
+# spec, and the largest stiffness with a damping of 1
+PROVED = {DIRECT: "240", GRASPED: "150", WAVES: "600", DRAWN: "240", MEMBERS: "200"}
+
+
+@cache
+def written(spec: str, K=("0", ""), B=("1", "1")) -> list[dict]:
+    names = ("K", "B") if spec == DRAWN else ("K_VE", "B_VE")
+    K = K[0], K[1] or PROVED[spec]
+    ends = {name: tuple(map(Fraction, pair)) for name, pair in zip(names, (K, B), strict=True)}
+    return claim_of_walls(file.spec_of(spec.encode()), {}, ends)
+
+
+@pytest.mark.parametrize("spec", PROVED)
+def test_every_motion_comes_to_rest(tmp_path, spec):
+    code, words = checked(tmp_path, spec, written(spec))
+    assert code == 0
+    assert "any wall that pushes and never pulls" in words
+    assert f" from 0 to {PROVED[spec]}, " in words
+
+
+def test_the_damping_may_have_the_range(tmp_path):
+    lines = written(DIRECT, K=("100", "100"), B=("0.8", "3"))
+    assert checked(tmp_path, DIRECT, lines)[0] == 0
+
+
+def test_a_claim_may_have_pieces(tmp_path):
+    low, high = (written(WAVES, K=ends, B=("3", "3")) for ends in (("0", "600"), ("600", "930")))
+    head = low[0] | {"sides": {"K_VE": ["0", "930"], "B_VE": ["3", "3"]}}
+    lines = [head, {"split": "K_VE", "at": "600"}, *low[1:], *high[1:]]
+    assert low[0]["states"] == high[0]["states"]
+    assert checked(tmp_path, WAVES, lines)[0] == 0
+    assert checked(tmp_path, WAVES, lines[:-1])[0] == 1
+    assert checked(tmp_path, WAVES, [head, lines[1], lines[3], lines[2]])[0] == 1
+
+
+BOTH = [["1000"]], [["1000"]]
+CHANGES = {
+    "a higher end": ({"sides": {"K_VE": ["0", "255"], "B_VE": ["1", "1"]}}, {}, "that does not come to rest"),
+    "less damping": ({"sides": {"K_VE": ["0", "240"], "B_VE": ["0.9", "0.9"]}}, {}, "that does not come to rest"),
+    "a wall that pulls back": ({"sides": {"K_VE": ["-1", "240"], "B_VE": ["1", "1"]}}, {}, "does not move the rest away"),
+    "two ranges": ({"sides": {"K_VE": ["0", "240"], "B_VE": ["1", "2"]}}, {}, "more than one number"),
+    "stiffness alone": ({"sides": {"K_VE": ["0", "240"]}, "numbers": {"B_VE": "1"}}, {}, "the stiffness and the damping"),
+    "the damping first": ({"sides": {"B_VE": ["1", "1"], "K_VE": ["0", "240"]}}, {}, "the stiffness and the damping"),
+    "no rest": ({"rest": None}, {}, "the states are"),
+    "another rest": ({"rest": ["@v"]}, {}, "keeps the drift"),
+    "weights of 1": ({}, {"e": ["0.5"], "h": ["0.5"]}, "weights of a multiplier"),
+    "a negative weight": ({}, {"e": ["0.1"], "h": ["-0.1"]}, "weights of a multiplier"),
+    "weights of one side": ({}, {"e": [], "h": ["0.1"]}, "weights of a multiplier"),
+    "no weights": ({}, {"e": [], "h": [], "P": BOTH}, "that does not come to rest"),
+    "no form without the wall": ({}, {"L": [["0"]]}, "without its wall"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_says_more_is_refused(tmp_path, change):
+    of_claim, of_cell, why = CHANGES[change]
+    head, cell = written(DIRECT)
+    head = {key: value for key, value in (head | of_claim).items() if value is not None}
+    code, words = checked(tmp_path, DIRECT, [head, cell | of_cell])
+    assert code == 1
+    assert why in words
+
+
+def test_a_rest_is_one_of_walls_alone(tmp_path):
+    head = {"claim": "modes", "outside": 0, "states": [], "rest": ["@x"]}
+    code, words = checked(tmp_path, DIRECT, [head, {"L": [], "signs": ""}])
+    assert code == 2
+    assert "a rest is one of walls" in words
+
+
+def test_a_spec_without_a_wall_has_no_claim(tmp_path):
+    code, words = checked(tmp_path, DRAWN.split("wall = { st", maxsplit=1)[0], [{"claim": "contact", "states": []}])
+    assert code == 1
+    assert "the stiffness and the damping" in words
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("mass = 0.1", "mass = 0.09"),
+        ("damping = 1.5", "damping = 1.4"),
+        ("delay = 0", "delay = 1"),
+        ("ratio = 20", "ratio = 21"),
+        ("damping = 1.5 }", "damping = 1.5, delay = 1 }"),
+    ],
+)
+def test_a_spec_with_another_number_is_refused(tmp_path, before, after):
+    assert checked(tmp_path, DIRECT.replace(before, after), written(DIRECT))[0] == 1
+
+
+@pytest.mark.parametrize(
+    "more", ['"rates.ratio" = { values = [20], varying = true }', "lost = 1", '"device.mass" = { start = 0.1, stop = 0.1 }']
+)
+def test_what_varies_is_refused(tmp_path, more):
+    code, words = checked(tmp_path, f"{DIRECT}[for_all]\n{more}\n", written(DIRECT))
+    assert code == 1
+    assert "frames and messages that vary" in words or "the sides are not the ranges" in words
+
+
+def test_each_member_needs_its_proof(tmp_path):
+    lines = written(MEMBERS)
+    assert [line["member"] for line in lines if "member" in line] == [{"device.mass": "0.09"}, {"device.mass": "0.12"}]
+    assert checked(tmp_path, MEMBERS.replace("0.12", "0.125"), lines)[0] == 1
+    assert checked(tmp_path, MEMBERS.replace("0.12]", "0.12, 0.13]"), lines)[0] == 1
+
+
+BEFORE = 'every = 20 }\n[wire]\n"device.f" = "hand - wall.y"\n'
+OTHER = """every = 20 }
+other = { type = "hold", every = 40 }
+[wire]
+"other.u" = "device.v"
+"device.f" = "hand - wall.y - other.y"
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "why"),
+    [
+        ("K*device.x", "K*K*device.x", "not linear"),
+        ("K*device.x", "200*device.x/K", "not linear"),
+        ("K*device.x", "K*B*device.x", "not linear"),
+        ("hand - wall.y", "hand - wall.y - K*device.x", "acts once in a frame"),
+        (BEFORE, OTHER, "acts once in a frame"),
+        (BEFORE, OTHER.replace("20", "10, phase = 1"), "acts once in a frame"),
+        ('stiffness = "K", damping = "B"', 'stiffness = "B", damping = "K"', "the stiffness and the damping"),
+    ],
+)
+def test_a_wall_that_is_not_one_force_once_in_a_frame_is_refused(tmp_path, before, after, why):
+    assert before in DRAWN
+    code, words = checked(tmp_path, DRAWN.replace(before, after), written(DRAWN))
+    assert code == 1
+    assert why in words
+
+
+@pytest.mark.parametrize("spec", [DIRECT, GRASPED, WAVES])
+@pytest.mark.parametrize("K", [0, 300])
+def test_what_is_left_over_is_the_condition_on_the_circle(spec, K):
+    """Whatever P is, on the circle it is Re M (1 + L), with the responses that the package has by another road."""
+    claim = file.Claim("contact", {}, {"K_VE": (Fraction(K),) * 2, "B_VE": (Fraction(2),) * 2})
+    head = written(spec)[0]
+    claim.drifts, claim.rest = head["drifts"], head.get("rest", [])
+    family = file.family_of(file.spec_of(spec.encode()), claim)
+    loop = file.opened_at(family, {"K_VE": Fraction(K), "B_VE": Fraction(2)})
+    e, h = [Fraction(1, 8), Fraction(0), Fraction(1, 4)], [Fraction(1, 3), Fraction(1, 16), Fraction(0)]
+    n = len(loop.moved)
+    P = np.random.default_rng(1).integers(-9, 9, (n + 3, n + 3))
+    rows = [[int(x) << balls.BITS for x in row] for row in P + P.T]
+    F = np.array(contact.left_over(loop, e, h, rows).parts[()], float) / balls.ONE
+    moved = np.array([[middle for _, middle in row] for row in loop.moved], float) / balls.ONE
+    own = load(tomllib.loads(spec))
+    package = WallLoop.of(wall_cut(loops_of(own, dict(own.values), "environment.K_VE")))
+    for angle in (0.05, 0.7, 2.0, np.pi):
+        z = np.exp(1j * angle)
+        eta = np.linalg.solve(z * np.eye(n) - moved[:, :n], moved[:, n])
+        xi = np.append(eta * z**-3, z ** -np.arange(3, -1, -1.0))
+        M = 1 - sum(float(x) * z**j + float(y) * z**-j for j, (x, y) in enumerate(zip(e, h, strict=True), 1))
+        responses = package.responses(np.array([angle]))[0]
+        responses[0] += package.residue.value / (z - 1)
+        expected = (M * (1 - K * responses[0] - 2 * responses[1])).real
+        assert (xi.conj() @ F @ xi).real == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(F).max())

@@ -1,0 +1,43 @@
+"""Proof files of rows and verdicts through contact."""
+
+import pytest
+from checker.test_contact import DIRECT, DRAWN
+from support.proofs import checked_file, lines_of, written
+
+CONTACT = "[for_all]\ncontact = true\n[sweep]\n"
+
+
+def test_check_writes_the_proof_of_its_own_wall(tmp_path, capsys):
+    text = DIRECT + "environment.K_VE = 200\n" + CONTACT
+    spec, proof = written(tmp_path, text, "check", "--set", "environment.B_VE=2")
+    assert "comes to rest at any wall that pushes and never pulls" in capsys.readouterr().err
+    claim = lines_of(proof)[3]
+    assert claim["sides"] == {"K_VE": ["200", "200"], "B_VE": ["2", "2"]}
+    code, words = checked_file(spec, proof)
+    assert code == 0
+    assert "any wall that pushes and never pulls, K_VE = 200, B_VE = 2: every motion comes to rest" in words
+
+
+def test_a_wall_that_is_refuted_has_no_claim(tmp_path, capsys):
+    text = DIRECT + "environment.K_VE = 255\n" + CONTACT
+    _, proof = written(tmp_path, text, "check")
+    assert all(line.get("claim") != "contact" for line in lines_of(proof))
+    assert "no proof file for a wall that lets go: refuted" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_row_through_contact_has_a_proof(tmp_path, capsys):
+    text = DRAWN + CONTACT + 'along = "K"\nK = { start = 0, stop = 2000 }\nB = [0, 5]\n'
+    spec, proof = written(tmp_path, text, "stability-region", "--no-plot")
+    assert "2 of 2 rows through contact" in capsys.readouterr().err
+    claims = [line["sides"] for line in lines_of(proof) if line.get("claim") == "contact"]
+    assert [claim["B"] for claim in claims] == [["0", "0"], ["5", "5"]]
+    assert float(claims[1]["K"][1]) > 500
+    assert checked_file(spec, proof)[0] == 0
+
+
+@pytest.mark.slow
+def test_frames_that_vary_have_none(tmp_path, capsys):
+    text = DIRECT + CONTACT.replace("[sweep]", '"rates.ratio" = { values = [19, 20], varying = true }\n[sweep]')
+    written(tmp_path, text + "K_VE = { start = 0, stop = 500 }\n", "zwidth", "--no-plot")
+    assert "frames and messages that vary" in capsys.readouterr().err

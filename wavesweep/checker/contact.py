@@ -1,0 +1,190 @@
+"""Whether every motion comes to rest at a wall that pushes and never pulls.
+
+Its force is u = phi(y), y = K x + B v, with any phi that has phi(0) = 0 and slopes from 0 to 1, the same in all frames. The rest
+of the loop is linear. In a frame its memory eta moves with A, b, c and d, with f = y - u:
+
+    eta+ = A eta + b u,   p+ = p + l eta + r u,   f = k p + c eta + (d - 1) u,
+
+where p is what drifts while the wall is not touched, if anything does. There it comes to rest at q = p + w eta, w = l + w A, so
+
+    q+ = q + R u,   R = r + w b,   f = k q + (c - k w) eta + (d - 1) u.
+
+Theorem (Zames and Falb 1968; docs/proof.md, "A wall that pushes and never pulls", has a proof with q): let all modes of A be
+inside the unit circle, k R < 0 or k = 0, and e_j, h_j >= 0 for j = 1 .. N with a sum below 1. As u rises with f, the sum of
+
+    f_t u_t - sum of e_j f_t u_(t-j) - sum of h_j f_(t-j) u_t                                                          (1)
+
+over all frames t is not negative. If (1) is negative for all u that turn on the unit circle, with what the loop makes of them,
+then all u are square summable: forces and speeds decay, and p converges. That (1) is negative there is shown by a sum of squares:
+with a symmetric P of any signs and xi = (eta_(t-N), u_(t-N), ..., u_(t-1)), xi+ the same of the next frame,
+
+    xi' P xi - xi+' P xi+ - (1) > 0   for all (xi, u_t) but 0,                                                         (2)
+
+as |xi| is the same in all frames of such u (Yakubovich 1962, Kalman 1963, Popov 1964). Of k q in (1) this is left,
+
+    k R (-(1 - sum of e_j + h_j)/2 u_t^2 - sum of e_j u_t (u_t + ... + u_(t-j+1)) + sum of h_j u_t (u_(t-1) + ... + u_(t-j))),
+
+since q_t is q_(t-j) and R times the forces in between, and q_t u_t = (q_(t+1)^2 - q_t^2)/(2 R) - R u_t^2/2.
+
+A, b, w and R do not depend on K and B, and all else is linear in them. So what holds with one P at one end of a side, and with
+another P at its other end, holds between them.
+"""
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import NamedTuple
+
+from wavesweep.checker import form
+from wavesweep.checker.balls import ONE, POINT, Cell, Number, Refused, add, ball, negative, number
+from wavesweep.checker.drifts import Form, reduced
+from wavesweep.checker.reader.loops import Instant, Schedule
+
+FORCE, READ = "@force of the wall", "read by the wall"
+LAGS = 64  # N at most
+
+Ball = tuple[int, int]
+Balls = list[Ball]
+
+
+def opened(schedule: Schedule, stiffness: str) -> tuple[Schedule, Schedule]:
+    """The loop cut at its wall: FORCE has u as a frame begins, and y as it ends; and the same with stiffness 0, where p drifts.
+
+    The wall's numbers are the sides: one equation has them, once in a frame, and each coefficient is linear in them.
+    """
+    found = []
+    for kind, instant in (*schedule.kinds.items(), ("", schedule.motion)):
+        for rows in (instant.equations, instant.writes):
+            for name, terms in rows.items():
+                if any(number(c).moves for c in terms.values()):
+                    found.append((kind, rows is instant.equations, name))
+    kind, *place = found[0] if len(found) == 1 else ("", False, "")
+    if not place[0] or sum(each == kind for _, each in schedule.times) != 1:
+        raise Refused("the wall's numbers are not those of one force that acts once in a frame")
+    name = place[1]
+    instant = schedule.kinds[kind]
+    reads: dict[str, Number] = {}
+    damps: dict[str, Number] = {}
+    others: dict[str, Number] = {FORCE: number(1)}
+    for other, given in instant.equations[name].items():
+        c = number(given)
+        if c.exact is None or any(
+            [power for _, power in each] not in ([], [1]) for each in c.exact
+        ):
+            raise Refused("the wall's force is not linear in its numbers")
+        reads[other] = Number({each: share for each, share in c.exact.items() if each})
+        damps[other] = Number(
+            {each: share for each, share in reads[other].exact.items() if each[0][0] != stiffness}
+        )
+        others[other] = c - reads[other]
+    cuts = []
+    for y in (reads, damps):
+        equations = {**instant.equations, name: others, READ: y}
+        cut = Instant(equations, {**instant.writes, FORCE: {READ: 1}})
+        cuts.append(replace(schedule, kinds={**schedule.kinds, kind: cut}))
+    return cuts[0], cuts[1]
+
+
+class Opened(NamedTuple):
+    """The loop in a frame, see above. moved: A and b side by side; read: c - k w and d - 1; turns: k R, 0 if nothing drifts."""
+
+    moved: list[Balls]
+    read: Balls
+    turns: Ball
+
+
+def opened_at(cell: Cell, A, rest: Form | None, states: list[str], stiff: bool) -> Opened:
+    """At a point of the sides. A: the rows of a frame; rest: p first, and what moves with it; stiff: whether K is not 0."""
+    ring = cell.ring
+    zero = (0, 0)
+    y = A[FORCE]
+    read = [y.get(name, zero) for name in (*states, FORCE)]
+    read[-1] = add(read[-1], (0, -ONE))
+    free = reduced(cell, A, [rest] if rest else [])
+    moved = [[free[name].get(other, zero) for other in (*states, FORCE)] for name in states]
+    if not (rest and stiff):
+        return Opened(moved, read, zero)
+    p = next(iter(rest))
+    k = _dot(cell, y, {name: share.value(cell) for name, share in rest.items()})
+    *l, r = (A[p].get(name, zero) for name in (*states, FORCE))
+    left = [[negative(row[column]) for row in moved] for column in range(len(states))]  # 1 - A'
+    for at, row in enumerate(left):
+        row[at] = add(row[at], (0, ONE))
+    w = dict(enumerate(_solved(cell, left, l)))
+    R = add(r, _dot(cell, w, {at: row[-1] for at, row in enumerate(moved)}))
+    turns = ring.multiply(k, R)
+    if turns[0] + turns[1] >= 0:
+        raise Refused("a force of the wall does not move the rest away from it")
+    for at, share in w.items():
+        read[at] = add(read[at], negative(ring.multiply(k, share)))
+    return Opened(moved, read, turns)
+
+
+def _dot(cell: Cell, left: dict, right: dict) -> Ball:
+    total = (0, 0)
+    for name in left.keys() & right.keys():
+        total = add(total, cell.ring.multiply(left[name], right[name]))
+    return total
+
+
+def _solved(cell: Cell, rows: list[Balls], right: Balls) -> Balls:
+    """The solution of rows x = right, by Gauss and Jordan."""
+    ring = cell.ring
+    rows = [[*row, x] for row, x in zip(rows, right, strict=True)]
+    for k in range(len(rows)):
+        pivot = max(range(k, len(rows)), key=lambda i: abs(rows[i][k][1]))
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        inverse = ring.reciprocal(rows[k][k])
+        rows[k] = [ring.multiply(x, inverse) for x in rows[k]]
+        for i, row in enumerate(rows):
+            if i != k:
+                share = negative(row[k])
+                rows[i] = [
+                    add(x, ring.multiply(share, y)) for x, y in zip(row, rows[k], strict=True)
+                ]
+    return [row[-1] for row in rows]
+
+
+def left_over(loop: Opened, e: list[Fraction], h: list[Fraction], P: form.Rows) -> form.Matrix:
+    """The matrix of (2) over (xi, u_t), or one with the same symmetric part. e, h: from j = 1 on; P: over xi."""
+    N = len(e)
+    size = len(P) + 1
+    last = size - 1  # the place of u_t; u_(t-j) is j places before
+    rows = [[*row, *[(0, 0)] * N] for row in loop.moved]
+    for at in range(len(rows) + 1, size):
+        rows.append([(0, ONE * (at == other)) for other in range(size)])
+    S = _matrix(rows)
+    f = [[*loop.read, *[(0, 0)] * N]]  # f_(t-N), and then f_(t-N+1) .. f_t
+    for _ in range(N):
+        f += _rows(form.multiplied(_matrix([f[-1][:-1]]), S))
+    with_f = [[(0, 0)] * size for _ in f]  # what they are multiplied with in (1)
+    with_f[N][last] = (0, ONE)
+    alone = [-(1 - sum(e) - sum(h)) / 2 - sum(e)]  # of u_t u_(t-j) in what is left of k q, over k R
+    for j in range(1, N + 1):
+        with_f[N][last - j] = negative(ball(e[j - 1]))
+        with_f[N - j][last] = negative(ball(h[j - 1]))
+        alone.append(sum(h[j - 1 :]) - sum(e[j:]))
+    forces = [[(0, 0)] * size for _ in range(size)]
+    for j, share in enumerate(alone):
+        forces[last][last - j] = POINT.ring.multiply(ball(Fraction(share)), loop.turns)
+    blank = [0] * size
+    now = form.Matrix({(): [*([*row, 0] for row in P), blank]}, [blank] * size)
+    P_S = form.multiplied(form.Matrix({(): P}, [blank[1:]] * last), S)
+    total = form.minus(now, form.multiplied(form.turned(S), P_S))
+    total = form.minus(total, form.multiplied(form.turned(_matrix(with_f)), _matrix(f)))
+    return form.minus(total, _matrix(forces))
+
+
+def _matrix(rows: list[Balls]) -> form.Matrix:
+    middles = [[middle for _, middle in row] for row in rows]
+    return form.Matrix({(): middles}, [[radius for radius, _ in row] for row in rows])
+
+
+def _rows(matrix: form.Matrix) -> list[Balls]:
+    pairs = zip(matrix.error, matrix.parts[()], strict=True)
+    return [list(zip(*pair, strict=True)) for pair in pairs]
+
+
+def stable(loop: Opened, P: form.Matrix) -> bool:
+    """Whether all modes of A are inside the unit circle: a form P > 0 decreases."""
+    A = _matrix([row[:-1] for row in loop.moved])
+    return not loop.moved or form.decreases(P, [(None, A, P)])

@@ -1,0 +1,130 @@
+"""The claims of rows and verdicts through contact: multipliers of walls that push and never pull, and
+sums of squares that show that they serve."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
+
+from wavesweep.capabilities import offered
+from wavesweep.checker import balls, contact, file, form
+from wavesweep.checker.balls import Refused
+from wavesweep.checker.reader import for_all
+from wavesweep.proofs.cells import Cell, exactly, tree
+from wavesweep.proofs.drifts import drifts_and_rest
+from wavesweep.proofs.forms import form_of
+from wavesweep.proofs.sets import decimals
+
+LEFT_OVER = 10.0 ** -np.arange(
+    1, 13
+)  # of the sum of squares, in units of forces: the most that is found
+DIGITS = 9  # of the weights of a multiplier
+Ends = dict[str, tuple[Fraction, Fraction]]
+Lines = list[dict[str, Any]]
+
+
+def claim_of_walls(tables: dict, numbers: Mapping[str, str], ends: Ends) -> Lines:
+    """Return the lines of a claim that every motion comes to rest at every wall that pushes.
+
+    ends: of stiffness and damping of the wall, of which one at most has a range. Errors: Refused,
+    Unreadable.
+    """
+    others = {name: value for name, value in numbers.items() if name not in ends}
+    claim = file.Claim("contact", {name: Fraction(value) for name, value in others.items()}, ends)
+    sides = {name: [decimals(low), decimals(high)] for name, (low, high) in ends.items()}
+    head: dict[str, Any] = {"claim": "contact", "numbers": others, "sides": sides}
+    lines: Lines = []
+    for member in for_all.read(tables, balls.exact).members:
+        claim.drifts, claim.rest = drifts_and_rest(tables, claim, member)
+        family = file.family_of(tables, claim, member)
+        own: dict[str, Any] = {"drifts": claim.drifts, "states": family.states}
+        if claim.rest:
+            own["rest"] = claim.rest
+        if member:
+            lines.append({"member": {name: decimals(each) for name, each in member.items()}, **own})
+        else:
+            head |= own
+        lines += _pieces(family, ends)
+    return [head, *lines]
+
+
+def _pieces(family: file.Family, ends: Ends) -> Lines:
+    """The tree of cells of one loop."""
+    names = [*ends]
+    along = next((at for at, (low, high) in enumerate(ends.values()) if low < high), 0)
+    name = names[along]
+    by_stiffness = _opened(family, dict.fromkeys(names, Fraction(0)) | {names[0]: Fraction(1)})
+    by_damping = _opened(family, dict.fromkeys(names, Fraction(0)) | {names[-1]: Fraction(1)})
+    moved = _doubles(by_stiffness.moved, len(by_stiffness.read))
+    alone = form_of([moved[:, :-1]]) if len(moved) else None
+    if len(moved) and not (alone and (alone.signs > 0).all()):
+        raise Refused("no form is found of the loop without its wall")
+    L = [[repr(x) for x in row] for row in alone.L.tolist()] if alone else []
+    read = _doubles([by_stiffness.read, by_damping.read], len(by_stiffness.read))
+    read[:, -1] += 1.0  # y = f + u
+    read[1:] *= len(names) - 1
+    turns = by_stiffness.turns[1] / balls.ONE
+    fixed = float(ends[names[1 - along]][0]) if len(names) > 1 else 0.0
+    low, high = map(float, ends[name])
+    pieces = offered("stretches").pieces_of(moved, read, turns, (along, fixed), (low, high))
+    if not pieces:
+        raise Refused(f"no multiplier is found from {name} = {low:.6g} to {high:.6g}")
+    cells = []
+    for piece in reversed(pieces):
+        e, h = (_weights(each) for each in (piece.multiplier.after, piece.multiplier.before))
+        line = {"L": L, "e": [decimals(x) for x in e], "h": [decimals(x) for x in h], "P": []}
+        for value in dict.fromkeys((piece.low, piece.high)):
+            point = {each: pair[0] for each, pair in ends.items()} | {name: exactly(value)}
+            line["P"].append(_sum_of_squares(_opened(family, point), e, h))
+        cells.append(Cell(piece.low, piece.high, line, 0))
+    return list(tree(name, cells))
+
+
+def _opened(family: file.Family, point: Mapping[str, Fraction]) -> contact.Opened:
+    return file.opened_at(family, point)
+
+
+def _doubles(rows, width: int) -> np.ndarray:
+    middles = [middle / balls.ONE for row in rows for _, middle in row]
+    return np.array(middles).reshape(len(rows), width)
+
+
+def _weights(given: np.ndarray) -> list[Fraction]:
+    return [Fraction(f"{x:.{DIGITS}f}") for x in given]
+
+
+def _sum_of_squares(loop: contact.Opened, e: list[Fraction], h: list[Fraction]) -> list[list[str]]:
+    """A form P with which the checker accepts (2) of its `contact.py`: with X = -P Riccati's equation
+
+        S' X S - X + Q - (S' X s + q)(r + s' X s)^-1 (S' X s + q)' = 0
+
+    leaves nothing of (2), whose part without P is Q, q, r, but a square. Errors: Refused if none is found.
+    """
+    n = len(loop.moved)
+    size = n + len(e)
+    zero = [[0] * size for _ in range(size)]
+    rest = contact.left_over(loop, e, h, zero).parts[()]
+    whole = np.array([[x / balls.ONE for x in row] for row in rest])
+    whole = (whole + whole.T) / 2
+    S = np.eye(size, size + 1, 1)
+    S[:n] = np.pad(_doubles(loop.moved, n + 1), ((0, 0), (0, len(e))))
+    # In units in which forces of size 1 in any order give states of size 1, if they move them at all.
+    spread = np.diag(solve_discrete_lyapunov(S[:, :-1], S[:, -1:] @ S[:, -1:].T))
+    units = np.append(np.sqrt(np.where(spread > 0, spread, 1.0)), 1.0)
+    S *= units / units[:-1, None]
+    whole *= np.outer(units, units)
+    for least in LEFT_OVER:
+        F = whole - least * np.eye(size + 1)
+        try:
+            X = solve_discrete_are(S[:, :-1], S[:, -1:], F[:-1, :-1], F[-1:, -1:], s=F[:-1, -1:])
+        except np.linalg.LinAlgError:
+            continue
+        P = -(X + X.T) / 2 / np.outer(units[:-1], units[:-1])
+        rows = [[repr(x) for x in row] for row in P.tolist()]
+        if form.positive(contact.left_over(loop, e, h, file.rows_of(rows, size))):
+            return rows
+    raise Refused("no sum of squares is found")
