@@ -46,3 +46,12 @@ def test_next_to_an_end_a_loop_with_a_long_memory_has_a_form(value):
     assert outside == (0 if value == "4.0815" else 2)
     first, second = lines[0]["drifts"]
     assert (first, second[0] in first) == (["@c0 integral", "c0 i"], False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "K", "outside"), [(141, "100", 2), (201, "150", 0)])
+def test_a_drift_may_pass_what_has_another_equation_at_other_instants(number, K, outside):
+    """An impulse is 0 between its runs, also where what is made of it is read by nothing, beside the sum that it keeps."""
+    found, lines = claim_of_point(spec_of(spec_text(number, quick=True).encode()), {"K": K})
+    assert found == outside
+    assert len(lines[0]["drifts"]) == 2

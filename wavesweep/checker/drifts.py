@@ -3,13 +3,15 @@
 A file names what takes part in one, first a memory whose share is 1. The shares of the others follow from the equations.
 """
 
-from collections.abc import Container, Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from wavesweep.checker.balls import Cell, Number, Refused, add, negative, number
 from wavesweep.checker.identities import Identities
 from wavesweep.checker.reader.loops import Schedule
 
 Form = dict[str, Number]
+APART = "~"  # in the name of a variable, before a number
 
 
 def drifts_of(
@@ -23,7 +25,7 @@ def drifts_of(
     found: list[Form] = []
     silent: set[str] = set()
     for names in given:
-        v = drift_of(at_rest(schedules, silent), names, middle)
+        v = drift_of(at_rest(schedules, live - silent), names, middle)
         if is_unread(schedules, names, live):
             silent.update(names)
         found.append({name: share for name, share in v.items() if name in live})
@@ -37,9 +39,12 @@ def drift_of(equations: list[Form], names: list[str], middle: Cell) -> Form:
     """The shares of a drift. Refused, unless every equation holds for them whatever the sides are."""
     identities = Identities()
     first, *others = names
-    rows = [{name: c for name, c in row.items() if name in names} for row in equations]
+    unknown = {name for row in equations for name in row if name.partition(APART)[0] in others}
+    rows = [
+        {name: c for name, c in row.items() if name in unknown or name == first}
+        for row in equations
+    ]
     left = [dict(row) for row in rows]
-    unknown = set(others)
     steps: list[tuple[str, Form]] = []
     while unknown:
         row, name = _next(left, unknown, identities)
@@ -86,26 +91,52 @@ def is_unread(schedules: Iterable[Schedule], drift: list[str], live: set[str]) -
     )
 
 
-def at_rest(schedules: Iterable[Schedule], silent: Container[str] = ()) -> list[Form]:
-    """What is left of each equation at rest, where memory stays as it is and derivatives are 0; each but once.
+def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
+    """What is left at rest of each equation on which a memory depends, where it stays as it is and derivatives are 0; each but once.
 
-    silent: names whose own equations do not count, as nothing else reads them.
+    A variable with another equation at other instants may have another value there, and has a number after APART in its name.
     """
     found: dict[frozenset, Form] = {}
-    for schedule in schedules:
-        for instant in (*schedule.kinds.values(), schedule.motion):
-            for written, equations in ((False, instant.equations), (True, instant.writes)):
-                for name, terms in equations.items():
-                    if name in silent:
-                        continue
-                    row = {other: number(c) for other, c in terms.items() if other[0] != "!"}
-                    if not (written and instant is schedule.motion):
-                        row[name] = row.get(name, number(0)) - 1
-                    row = {other: c for other, c in row.items() if c}
-                    found.setdefault(
-                        frozenset((other, _content(c)) for other, c in row.items()), row
-                    )
+    instants = [(kind, False) for schedule in schedules for kind in schedule.kinds.values()]
+    instants += [(schedule.motion, True) for schedule in schedules]
+    wanted: set[str] = set()
+    more = memory
+    while more:
+        wanted |= more
+        terms_of = (
+            each.get(name, {})
+            for instant, _ in instants
+            for each in (instant.equations, instant.writes)
+            for name in more
+        )
+        more = {other for terms in terms_of for other, c in terms.items() if number(c)} - wanted
+    variants: dict[str, dict[frozenset, str]] = {}
+    for instant, flows in instants:
+        here = {}
+        for name, terms in instant.equations.items():
+            known = variants.setdefault(name, {})
+            here[name] = known.setdefault(
+                _contents(terms), f"{name}{APART}{len(known)}" if known else name
+            )
+        for written, equations in ((False, instant.equations), (True, instant.writes)):
+            for name, terms in equations.items():
+                if name not in wanted:
+                    continue
+                row = {
+                    here.get(other, other): number(c)
+                    for other, c in terms.items()
+                    if other[0] != "!"
+                }
+                own = here.get(name, name)
+                if not (written and flows):
+                    row[own] = row.get(own, number(0)) - 1
+                row = {other: c for other, c in row.items() if c}
+                found.setdefault(_contents(row), row)
     return list(found.values())
+
+
+def _contents(terms: Mapping[str, Any]) -> frozenset:
+    return frozenset((name, _content(number(c))) for name, c in terms.items())
 
 
 def _content(c: Number):

@@ -64,7 +64,7 @@ def _directions(kinds, sides):
     unread: list[list[str]] = []
     while True:
         silent = {name for drift in unread for name in drift}
-        found = _next(drifts.at_rest(schedules, silent), live - silent, cells)
+        found = [*_next(drifts.at_rest(schedules, live - silent), live - silent, cells)]
         new = [drift for drift in found if drifts.is_unread(schedules, drift, live)]
         if not new:
             return unread + found
@@ -76,16 +76,21 @@ def _next(rows, live, cells):
     others = {name for row in rows for name in row} - live
     names = [*sorted(live), *sorted(others)]
     kept = [_kept(rows, names, cell) for cell in cells]
-    found = []
     for pivot, shares in _echelon(kept, len(live)):
-        drift = [names[pivot]]
-        drift += [names[at] for at in np.flatnonzero(shares > LEAST)]
+        taking_part = [
+            names[at].partition(drifts.APART)[0] for at in np.flatnonzero(shares > LEAST)
+        ]
+        drift = [names[pivot], *dict.fromkeys(taking_part)]
         try:
             v = drifts.drift_of(rows, drift, cells[0])
         except Refused:
             continue
-        found.append([name for name in drift if any(_is_share(v[name], cell) for cell in cells)])
-    return found
+        taking_part = [
+            name.partition(drifts.APART)[0]
+            for name, share in v.items()
+            if any(_is_share(share, cell) for cell in cells)
+        ]
+        yield [*dict.fromkeys(taking_part)]
 
 
 def _is_share(number, cell):
