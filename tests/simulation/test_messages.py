@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support.messages import marched_blocks, random_blocks, spec_of_blocks
+from support.networks import back, random_messages, random_network, spec_of
 
 from wavesweep.program.spec import load
 from wavesweep.simulation.from_spec import simulated
@@ -58,3 +59,39 @@ def test_a_march_with_queues_of_messages_gives_what_each_block_gives(seed, dropp
     expected = marched_blocks(loop, push, dropped)
     found = np.array([run.signals[name] for name in ("place", *loop["blocks"])]).T
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_age_of_a_message_is_a_column(seed):
+    """That of the newest one that has come, also if an older one comes after it; none before the first."""
+    source = np.random.default_rng(seed)
+    loop = random_network(source)
+    tables = spec_of(loop)
+    messages = random_messages(loop, source)
+    own = {name: ["lost" if each is None else each for each in late] for name, late in zip(("there", "back"), messages, strict=True)}
+    tables["simulate"] = {"input": "step", "duration_s": 0.3, "messages": own}
+    (table,) = simulate(load(tables))[:1]
+    for name, channel, late in zip(own, loop["channels"], messages, strict=True):
+        ages = []
+        for k in range(300):
+            older, last = back(channel, late, k)
+            sent = channel["phase"] + (last - older) * channel["every"]
+            ages.append((k - sent) * 1e-3 if sent >= 0 else np.nan)
+        np.testing.assert_allclose(table.columns[f"age_of_{name}"], ages, rtol=0, atol=1e-12)
+
+
+def test_what_is_zero_without_a_message_has_no_age():
+    """A message each 3 ticks: 1 late, lost, 4 late, in time, 1 late. From a run on in which none comes there is none."""
+    channel = {"type": "channel", "every": 3, "late": 4, "lost": 1, "missing": "zero"}
+    tables = {
+        "rates": {"tick_hz": 1},
+        "block": {"plant": {"type": "mass", "mass": 1, "damping": 1}, "net": channel},
+        "signals": {"got": "net.y"},
+        "wire": {"net.u": "push", "plant.f": "got - 0.01*plant.x"},
+        "ports": {"inputs": {"push": "push"}, "outputs": {"place": "plant.x"}},
+        "simulate": {"input": "step", "duration_s": 15, "messages": {"net": [1, "lost", 4, 0]}},
+    }
+    (table,) = simulate(load(tables))[:1]
+    age = table.columns["age_of_net"]
+    assert age == pytest.approx([np.nan, 1, 2, *[np.nan] * 6, 0, 1, 2, np.nan, 1, 2], nan_ok=True)
+    assert (np.isnan(age) == (table.columns["got"] == 0))[3:].all()  # the step begins after the first message

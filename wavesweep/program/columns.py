@@ -85,6 +85,11 @@ def run_column(table: str, name: str) -> str:
     return name
 
 
+def age_column(channel: str) -> str:
+    """The column of a simulation with the age of the messages of a channel."""
+    return f"age_of_{channel}"
+
+
 def complex_columns(name: str, values) -> dict[str, np.ndarray]:
     """Return the columns `name_re`, `name_im`, `name_abs` (in the unit of the values) and
     `name_deg` of complex numbers.

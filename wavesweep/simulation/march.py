@@ -141,6 +141,23 @@ class Results:
                 return numbers, touched
         return None
 
+    def ages(self, times: np.ndarray) -> np.ndarray:
+        """How long before each of these times (s), of the ticks, the result was computed that is in
+        place then; NaN where none is."""
+        ticks = np.arange(len(times))
+        computed = np.array([k for k in ticks.tolist() if self.origin.runs(k)] + [0])
+        late = [*self.late[: len(computed) - 1], None]
+        arrives = computed + np.array([np.inf if each is None else each for each in late])
+        newest = np.full(len(times), -1)
+        for number in np.flatnonzero(arrives < len(times)):
+            newest[int(arrives[number])] = number
+        newest = np.maximum.accumulate(newest)
+        none = newest < 0
+        if self.zero:
+            last_run = computed[np.searchsorted(computed[:-1], ticks, side="right") - 1]
+            none |= arrives[newest] < last_run
+        return np.where(none, np.nan, times - times[computed[newest]])
+
 
 def results_of(loop: MarchedLoop) -> list[Results]:
     """The messages of channels, and the slow results that blocks of every tick read; the wall's
@@ -267,8 +284,10 @@ class March:
         shown = (*dict(loop.entries), *seen)
         starts = loop.frames.starts if loop.frames else (0,)
         energy = energies(loop, signals, moved)
+        times = signals["time_s"]
+        ages = {each.channel: each.ages(times) for each in self.results if each.channel}
         return Simulation(
-            signals, energy, late, loop.frame, stopped, shown, self._lacking(), starts
+            signals, energy, late, loop.frame, stopped, shown, self._lacking(), starts, ages
         )
 
     def _lacking(self) -> frozenset[str] | None:
@@ -324,10 +343,7 @@ class March:
         each tick."""
         first = next(iter(self.results), None)
         origin = first.origin if first else Rhythm(self.loop.frame)
-        frames, ticks = np.divmod(np.arange(count), origin.every)
-        numbers = (
-            frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
-        )
+        numbers = np.array([origin.count(k) - 1 for k in range(count)], int)
         if first is None:
             late = [0] * (origin.count(count) + 1)
         elif first.channel:

@@ -2,12 +2,12 @@
 of settled sines."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.columns import complex_columns
+from wavesweep.program.columns import age_column, complex_columns
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.running_blocks import REACTION, MarchedLoop
 
@@ -59,6 +59,8 @@ class Simulation:
     `shown`: the names of inputs, outputs and named signals of a drawn loop, which are columns too.
     `lacking`: those columns that are left out of its table besides the ones that it does not have;
     None of a controller, whose table has all.
+    `ages`: by channel, how long before each tick the message was sent (s) that is in place in it, NaN
+    where none is.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -69,6 +71,7 @@ class Simulation:
     shown: tuple[str, ...] = ()
     lacking: frozenset[str] | None = None
     starts: tuple[int, ...] = (0,)
+    ages: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def energies(loop: MarchedLoop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -> Energy:
@@ -107,8 +110,8 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     units.
 
     The columns do not depend on the controller: signals that it does not have are NaN throughout. A
-    drawn loop has inputs, outputs and named signals behind the time, and no column that is missing
-    throughout. Slow signals hold the last update. The rows end where the simulation stopped, or
+    drawn loop has inputs, outputs, named signals and ages of messages behind the time, and no column
+    that is missing throughout. Slow signals hold the last update. The rows end where the simulation stopped, or
     before the first tick in which a number leaves the range of doubles.
     """
     signals = simulation.signals
@@ -121,6 +124,8 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     phase = ticks % frame - starts[begun - 1]
     columns = {"tick": ticks, "frame": number, "phase": phase, "time_s": signals["time_s"]}
     columns |= {name: signals[name] for name in simulation.shown}
+    ages = {age_column(channel): age for channel, age in simulation.ages.items()}
+    columns |= ages
     columns |= {name: signals.get(name, missing) for name in _MOTION}
     columns["touching"] = signals["touching"]
     columns["late"] = signals["late"]
@@ -134,9 +139,8 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
             for k, column in columns.items()
             if column is not missing and k not in simulation.lacking
         }
-    finite = np.all(
-        [np.isfinite(column) for column in columns.values() if column is not missing], axis=0
-    )
+    numbers = (column for name, column in columns.items() if name not in ages)
+    finite = np.all([np.isfinite(column) for column in numbers if column is not missing], axis=0)
     finite_rows = len(ticks) if finite.all() else int(finite.argmin())
     return {name: column[:finite_rows] for name, column in columns.items()}
 

@@ -122,6 +122,8 @@ def _facts_of_run(spec, simulation, columns: Columns, wanted: int) -> dict[str, 
     }
     if spec.drawing:  # whose rate may be an expression
         facts["tick_s"] = 1 / spec.tick_hz
+    if simulation.ages:
+        facts["channels"] = [*simulation.ages]
     if spec.simulate.frames_file or spec.simulate["frames"] == RANDOM:
         # how many of the frames begun have each length, ticks
         begun = int(columns["frame"].max(initial=-1)) + 1
@@ -146,7 +148,7 @@ def _beside_log(
     simulation = simulation_of(spec, None, run.inputs)
     columns = recorded(simulation)
     measured, apart = beside(columns, run)
-    first = len(TICKS) + len(simulation.shown)
+    first = len(TICKS) + len(simulation.shown) + len(simulation.ages)
     names = [*columns]
     columns = {
         **{name: columns[name] for name in names[:first]},

@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.engine.drawing import keys_of_block
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.keys import TURNED
-from wavesweep.program.columns import run_column
+from wavesweep.program.columns import age_column, run_column
 from wavesweep.program.spec import KEYS, SYMBOLS
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.tables import kind_named, kinds
@@ -154,7 +154,7 @@ def _numbers_of_table(spec: Mapping[str, Any]) -> dict[str, Field]:
 
 
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
-    """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows, and of what was measured."""
+    """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows, of ages of messages, and of what was measured."""
     spec = (facts or {}).get("spec", {})
     ports = spec.get("ports", {})
     inputs = _signals_of_ports("inputs", ports, "input, held over the tick")
@@ -182,11 +182,16 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
         column = run_column("signals", name)
         if column not in inputs:
             named[column] = Field(column, "number", "", f"{name}: {text}")
+    aged = {}
+    for name in (facts or {}).get("channels", ()):
+        column = age_column(name)
+        text = f"age of the message of {name} that is in place; missing where none is"
+        aged[column] = Field(column, "number", "s", text)
     logged = {}
     for name, unit in (facts or {}).get("log", {}).get("units", {}).items():
         column = f"log_{name}"
         logged[column] = Field(column, "number", unit, f"{name} as the log has it, its newest row")
-    return inputs | named | outputs | logged
+    return aged | inputs | named | outputs | logged
 
 
 def _signals_of_ports(side: str, ports: Mapping[str, Any], meaning: str) -> dict[str, Field]:
