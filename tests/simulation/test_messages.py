@@ -67,14 +67,14 @@ def test_the_age_of_a_message_is_a_column(seed):
     source = np.random.default_rng(seed)
     loop = random_network(source)
     tables = spec_of(loop)
-    messages = random_messages(loop, source)
-    own = {name: ["lost" if each is None else each for each in late] for name, late in zip(("there", "back"), messages, strict=True)}
+    messages = dict(zip(("there", "back"), random_messages(loop, source), strict=True))
+    own = {name: ["lost" if each is None else each for each in late] for name, late in messages.items()}
     tables["simulate"] = {"input": "step", "duration_s": 0.3, "messages": own}
     (table,) = simulate(load(tables))[:1]
-    for name, channel, late in zip(own, loop["channels"], messages, strict=True):
+    for name, channel in zip(own, loop["channels"], strict=True):
         ages = []
         for k in range(300):
-            older, last = back(channel, late, k)
+            older, last = back(channel, messages[name], k)
             sent = channel["phase"] + (last - older) * channel["every"]
             ages.append((k - sent) * 1e-3 if sent >= 0 else np.nan)
         np.testing.assert_allclose(table.columns[f"age_of_{name}"], ages, rtol=0, atol=1e-12)

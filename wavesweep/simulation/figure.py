@@ -13,7 +13,7 @@ import numpy as np
 from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns, complex_columns, run_column
 from wavesweep.program.plots.labels import assumption, at_hand, printed, with_unit
-from wavesweep.program.plots.sampling import POINTS_OF_A_LINE, extremes
+from wavesweep.program.plots.sampling import MOST_PLACES, extremes
 from wavesweep.program.plots.style import (
     GRID,
     IDEAL,
@@ -343,7 +343,7 @@ def _draw_signal(axes: Any, columns: Columns, signal: Signal, *, alone: bool) ->
     style = {"linestyle": LINES[before % len(LINES)], "linewidth": 1.8 if below else 0.9}
     if len(values) == 1:
         style["marker"] = "."
-    if signal.held and 1 < len(values) <= POINTS_OF_A_LINE:
+    if signal.held and 1 < len(values) <= MOST_PLACES:
         # the last value is held for a tick as well
         times = np.append(times, 2 * times[-1] - times[-2])
         values = np.append(values, values[-1])

@@ -154,7 +154,7 @@ def _numbers_of_table(spec: Mapping[str, Any]) -> dict[str, Field]:
 
 
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
-    """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows, of ages of messages, and of what was measured."""
+    """Give the fields of what a simulation of a drawn loop shows: inputs, outputs, named signals, ages of messages, measurements."""
     spec = (facts or {}).get("spec", {})
     ports = spec.get("ports", {})
     inputs = _signals_of_ports("inputs", ports, "input, held over the tick")
