@@ -141,38 +141,145 @@ def test_the_check_refuses_forms_that_do_not_serve():
     """Forms of one wall at another, a weight below 0, and rests that move against a push."""
     spec = load(slow())
     loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
-    found = loop.found((120.0, 1.0))
+    (found,) = loop.found((120.0, 1.0))
     walls = loop.wall(120.0, 1.0), loop.wall(150.0, 1.0)
     assert falls(loop.conditions, [(found, walls[0])])
     assert not falls(loop.conditions, [(found, walls[1])])
     assert not falls(loop.conditions, [(found, each) for each in walls])
     wall = loop.wall(20.0, 1.0)
-    soft = loop.found((20.0, 1.0))
+    (soft,) = loop.found((20.0, 1.0))
     fall = [falls(loop.conditions, [(replace(soft, h=h), wall)]) for h in (0.0, -1e-6)]
     assert fall == [True, False]
     wall = loop.wall(120.0, 1.0)
     conditions = replace(loop.conditions, R=loop.conditions.R * -1.0)
-    found = find_stored(conditions, [wall])
+    (found,) = find_stored(conditions, [wall])
     assert (np.linalg.eigvalsh(found.P) > 0).all()
     assert not falls(conditions, [(found, wall)])
 
 
-def test_the_condition_between_two_walls_is_a_polynomial_of_its_coefficients():
+@pytest.mark.parametrize("hand", [0.0, 200.0])
+def test_the_condition_between_two_walls_is_a_polynomial_of_its_coefficients(hand):
     """F of walls, forms and weights that are a share between two, by Bernstein's sum of degree 3."""
-    spec = load(slow())
+    spec = load(slow(operator={"stiffness": hand}))
     loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
+    assert loop.frames.drifts == (hand == 0)
     walls = loop.wall(120.0, 1.0), loop.wall(60.0, 2.0)
     rng = np.random.default_rng(3)
-    forms = [Stored(each + each.mT, *rng.random(2)) for each in rng.normal(size=(2, 1, 3, 3))]
     terms = [loop.conditions.terms(wall) for wall in walls]
+    count, size, _ = terms[0].own.value.shape
+    forms = []
+    for each in rng.normal(size=(2, 1, size - 1, size - 1)):
+        forms.append(Stored(each + each.mT, *rng.random(2), rng.random((count, len(terms[0].beside)))))
     parts = [_bernstein_coefficient(loop.conditions, forms, terms, k).value for k in range(4)]
     for s in (0.0, 0.3, 1.0):
         mean = [(1 - s) * np.array(a) + s * np.array(b) for a, b in zip(*walls, strict=True)]
-        P, g, h = ((1 - s) * getattr(forms[0], of) + s * getattr(forms[1], of) for of in ("P", "g", "h"))
+        between = Stored(*((1 - s) * getattr(forms[0], of) + s * getattr(forms[1], of) for of in ("P", "g", "h", "beside")))
         own = [loop.conditions.terms(mean)]
-        F = _bernstein_coefficient(loop.conditions, [Stored(P, g, h)], own, 0).value
+        F = _bernstein_coefficient(loop.conditions, [between], own, 0).value
         summed = sum(math.comb(3, k) * s**k * (1 - s) ** (3 - k) * parts[k] for k in range(4))
         assert summed == pytest.approx(F, abs=1e-12)
+
+
+def held_wall():
+    """A wall whose force comes a sample late, before a mass on a spring."""
+    return {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"K": 400.0, "B": 3.0, "n": 1},
+        "block": {
+            "x": {"type": "mass", "mass": 0.3, "damping": 0.6, "stiffness": 6.0},
+            "c": {"type": "hold", "every": "n"},
+            "z": {"type": "delay", "steps": 1},
+        },
+        "wire": {"c.u": "K*x.x + B*x.v", "z.u": "c.y", "x.f": "push - z.y"},
+        "ports": {"wall": {"stiffness": "K", "damping": "B"}, "hand": {"force": "push", "displacement": "x.x"}},
+        "for_all": {"contact": True, "n": {"values": [1, 9, 11], "varying": True}},
+        "sweep": {"K": {"start": 0, "stop": 900}},
+    }
+
+
+def test_what_a_form_falls_by_is_what_its_inequalities_leave():
+    """At states and forces at random, with weights of each edge."""
+    spec = load(held_wall())
+    loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
+    wall = loop.wall(70.0, 3.0)
+    terms = loop.conditions.terms(wall)
+    rng = np.random.default_rng(8)
+    count, size, _ = terms.own.value.shape
+    P = rng.normal(size=(1, size - 1, size - 1))
+    form = Stored(P + P.mT, *rng.random(2), rng.random((count, 2)))
+    F = _bernstein_coefficient(loop.conditions, [form], [terms], 0).value
+    for at, edge in enumerate(edges_of(loop.frames, 0, 2)):
+        *z, u = rng.normal(size=size)
+        *eta, x, v, u_before = z
+        now = np.array([*eta, u])
+        read = loop.frames.rows[edge.frame] @ now
+        after = np.array([*(eta + loop.frames.changes[edge.frame, :-1] @ now), *read, u])
+        f_before = wall[0] * x + wall[1] * v - u_before
+        f = wall @ read - u
+        g, a = form.beside[at]
+        left = z @ form.P[0] @ z - after @ form.P[0] @ after - 2 * (form.g + g) * u * f
+        left -= 2 * (form.h + a) * u * (f - f_before) + 2 * a * u_before * (f_before - f)
+        assert np.array([*z, u]) @ F[at] @ [*z, u] == pytest.approx(left, rel=1e-9)
+
+
+def test_what_is_stored_falls_in_a_march_of_frames_at_random():
+    """With walls that begin late, rise steeply and have a limit; f with its force solves `f - d u = e' eta`."""
+    spec = load(held_wall())
+    loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
+    assert not loop.found((451.0, 3.0))  # where a motion goes on
+    (found,) = loop.found((400.0, 3.0))
+    assert (found.beside[:, 1] > 0.01).any()
+    stiffness, damping = loop.wall(400.0, 3.0)
+    frames = loop.frames
+    n = frames.changes.shape[-1] - 1
+    rng = np.random.default_rng(5)
+    for steep, start, limit in ((0.5, 0.0, np.inf), (40.0, 0.2, 3.0), (1e4, 0.0, 1.0)):
+
+        def force(f, steep=steep, start=start, limit=limit):
+            return min(limit, steep * max(0.0, f - start))
+
+        def stored(f, steep=steep, start=start, limit=limit):
+            """The integral of the force."""
+            way = max(0.0, f - start)
+            risen = min(way, limit / steep)
+            return steep * risen**2 / 2 + (limit * (way - risen) if way > risen else 0.0)
+
+        z = np.append(rng.normal(size=n), [0.0, 0.0, 0.0])
+        before = np.inf
+        for _ in range(60):
+            frame = rng.integers(len(frames.follows))
+            rows = frames.rows[frame]
+            e = stiffness * rows[0] + damping * rows[1]
+            low, high = -1e9, 1e9
+            for _ in range(120):
+                middle = (low + high) / 2
+                low, high = (middle, high) if middle - (e[n] - 1) * force(middle) < e[:n] @ z[:n] else (low, middle)
+            own = np.append(z[:n], force(low))
+            last = stiffness * z[n] + damping * z[n + 1] - z[n + 2]
+            now = z @ found.P[0] @ z + 2 * found.h * stored(last)
+            assert now <= before * (1 + 1e-9)
+            before = now
+            z = np.concatenate([z[:n] + frames.changes[frame][:n] @ own, rows @ own, own[n:]])
+
+
+@pytest.mark.slow
+def test_a_wall_before_a_spring_is_proved_from_soft_to_stiff():
+    """Without the wall's last sample it was proved from 120 to 199 N/m."""
+    spec = load(held_wall())
+    (row,) = records_in_frames(rules_of(spec), loops_of(spec, dict(spec.values), "numbers.K"), "numbers.K", (0.0, 900.0))
+    assert row["low"] < 1
+    assert 0.97 * row["fails_from"] < row["high"] < row["fails_from"] == pytest.approx(450.136, rel=1e-5)
+
+
+def test_weights_below_zero_are_refused():
+    spec = load(held_wall())
+    loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
+    wall = loop.wall(100.0, 3.0)
+    (found,) = loop.found((100.0, 3.0))
+    lighter = found.beside.copy()
+    lighter.ravel()[lighter.argmin()] = -1e-12
+    fall = [falls(loop.conditions, [(replace(found, beside=each), wall)]) for each in (found.beside, lighter)]
+    assert fall == [True, False]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@ proved to come to rest, whatever frames come."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,9 +19,9 @@ from wavesweep.engine.drawing import path_of
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
-# Shares of a wall that a proof goes down in a piece: the first and largest one, the first from where
-# forms are looked for once more, and the least that is tried.
-MOST_SHARE, FIRST_SHARE, LEAST_SHARE = 0.9, 0.1, 0.001
+# Shares of a wall that a proof goes down in a piece: the first and largest one, and the least that is
+# tried.
+MOST_SHARE, LEAST_SHARE = 0.9, 0.001
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
 MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
 
@@ -72,16 +71,16 @@ class InFrames:
         """A wall as the conditions have it."""
         return K * self.unit, B * self.unit
 
-    def found(self, *walls: tuple[float, float], known: Sequence[Stored] = ()) -> Stored | None:
-        """Forms that are proved for a wall (K, B), or for all walls from one with known forms to
-        another; None if none are found."""
+    def found(self, *walls: tuple[float, float]) -> list[Stored]:
+        """Forms that are proved for a wall (K, B), or for two and all walls between them, one for each of
+        these; nothing if none are found."""
         if self.conditions.drifts and not walls[-1][0] > 0:
-            return None
+            return []
         in_units = [self.wall(*wall) for wall in walls]
-        stored = find_stored(self.conditions, in_units, known)
-        if stored and falls(self.conditions, list(zip((*known, stored), in_units, strict=True))):
+        stored = find_stored(self.conditions, in_units)
+        if stored and falls(self.conditions, list(zip(stored, in_units, strict=True))):
             return stored
-        return None
+        return []
 
     @property
     def unstable(self) -> str:
@@ -164,7 +163,10 @@ def _in_units(frames):
         with np.errstate(all="ignore"):
             omega = np.linalg.pinv(np.eye(n) - A.mean(0).T) @ frames.changes[:, n, :n].mean(0)
         moved = float(np.abs(frames.changes[:, n, n] + b @ omega).mean())
-        unit = 2.0 ** round(np.log2(moved)) if moved > 0 else 1.0
+    else:
+        moved = float(np.abs(frames.rows[:, 0] * np.append(units, 1.0)).max())
+    if moved > 0:
+        unit = 2.0 ** round(np.log2(moved))
     column = np.append(units, 1.0)
     row = np.append(1 / units, 1 / unit)
     scaled = replace(
@@ -205,9 +207,7 @@ class Along:
                 continue
             begin, end = proved
             goal = _goal(low, end)
-            found = begin > goal and finer.proved_at(begin)
-            if found:
-                begin = finer.down(found, begin, goal)
+            begin = finer.down(begin, goal)
             knows_more = loop.conditions.source.max() > self.loop.conditions.source.max()
             if knows_more and end < high:
                 beyond = finer.proved_alone(end, high)
@@ -220,9 +220,9 @@ class Along:
         """The same with the conditions of this loop alone."""
         ceiling, _ = self.motion(low, high)
         if np.isnan(ceiling):
-            found = self.proved_at(high)
-            if found:
-                return self.down(found, high, low), high
+            reached = self.down(high, low)
+            if reached < high:
+                return reached, high
             ceiling = high
         above = ceiling
         # How far before a first motion that goes on a proof is tried, of the way to it.
@@ -238,55 +238,45 @@ class Along:
             return None
         while above - top > RESOLVED * max(abs(above), abs(top)):
             middle = (top + above) / 2
-            nearer = self.proved_at(middle)
-            if nearer:
-                found = nearer
+            if self.proved_at(middle):
                 top = middle
             else:
                 above = middle
-        return self._longest(found, top, low)
+        return self._longest(top, low)
 
-    def _longest(self, found: Stored, top: float, low: float) -> tuple[float, float]:
-        """The longest interval that is proved down from `top` or from a little below it: forms at a
-        wall that is only just proved may serve at no other."""
-        best = self.down(found, top, low), top
+    def _longest(self, top: float, low: float) -> tuple[float, float]:
+        """The longest interval that is proved down from `top` or from a little below it: a wall that
+        is only just proved may be so with no other."""
+        best = self.down(top, low), top
         # How far below a wall a proof is begun once more, of the wall.
         for back in (0.01, 0.03, 0.1, 0.3):
             if best[0] < (1 - back) * best[1]:
                 break
-            begun = self.proved_at((1 - back) * top)
-            if begun:
-                reached = self.down(begun, (1 - back) * top, low), (1 - back) * top
-                best = max(best, reached, key=lambda ends: ends[1] - ends[0])
+            begun = (1 - back) * top
+            best = max(best, (self.down(begun, low), begun), key=lambda ends: ends[1] - ends[0])
         return best
 
-    def proved_at(self, value: float) -> Stored | None:
-        """Forms that are proved for a value; None if none are found."""
-        return self.loop.found(self.wall(value))
+    def proved_at(self, value: float) -> bool:
+        """Whether a value is proved."""
+        return bool(self.loop.found(self.wall(value)))
 
-    def down(self, found: Stored, top: float, low: float) -> float:
-        """How far down from `top` walls are proved without a gap."""
+    def down(self, top: float, low: float) -> float:
+        """How far down from `top` walls are proved without a gap, in pieces with forms of their
+        own."""
         goal = _goal(low, top)
         reached = top
         share = MOST_SHARE
-        begun = top  # where the forms are those of a single wall
         # Conditions that all pieces of a proof may have together.
         affordable = 30000 // self.loop.conditions.R.value.size
         for _ in range(min(MOST_PIECES, max(LEAST_PIECES, affordable))):
-            if reached <= goal or not found:
+            if reached <= goal:
                 break
             below = max(goal, reached - share * max(abs(reached), goal))
-            following = self.loop.found(self.wall(reached), self.wall(below), known=(found,))
-            if following:
+            if self.loop.found(self.wall(reached), self.wall(below)):
                 reached = below
-                found = following
                 share = min(MOST_SHARE, share * LONGER)
             elif share > LEAST_SHARE:
                 share *= SHORTER
-            elif begun != reached:
-                begun = reached
-                found = self.proved_at(reached)
-                share = FIRST_SHARE
             else:
                 break
         return reached

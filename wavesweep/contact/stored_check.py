@@ -27,7 +27,15 @@ Phi(f) <= u f does, q^2 converges, and q with it, since its steps decay. `F` is 
 only if 1 > K d_x + B d_v, so that every sample has one force. Of F only the terms with g depend on
 the frames to come: with f_before - K q in place of m all of it would, and far less is proved.
 
-If no position drifts there is no q, R = 0, and the term of u f has the weight g.
+If no position drifts there is no q, R = 0, and the term of u f has the weight g + g_e, another g_e >= 0
+on each edge. In place of m, what the wall read last and its last force are states, x_before, v_before and
+u_before, so that z' P z has products of these too, and
+
+    u_before (f_before - f) >= Phi(f_before) - Phi(f)
+
+is taken with a weight 2 a_e >= 0. With it the weight of the other inequality is 2 (h + a_e), so that Phi
+keeps its weight in V: `2 (a_e u_before - (h + a_e) u) (f - f_before)` stands in w' F w. This is the
+anticausal part of a multiplier of Zames and Falb. Where a position drifts, it proves no more.
 
 Omega and R lie in hulls. F is linear in omega for each R, and concave in R for each omega: so F is
 positive definite in the hulls if it is so at all pairs of their vertices.
@@ -61,7 +69,8 @@ class Conditions:
 
     moved `(conditions, n + 1, n + 1)`: A and b, and the row (l, r) below; read `(conditions, 2, n +
     1)`: (o, d_x) and (c, d_v); rest `(conditions, n)`: omega; R `(conditions,)`. exact: whether all
-    rests are points, up to their errors. drifts: whether a position does.
+    rests are points, up to their errors. drifts: whether a position does; else the last three states are
+    x, v and u of the last sample.
     """
 
     source: np.ndarray
@@ -96,6 +105,8 @@ class Conditions:
             i = edge.frame
             moved = Bounded(frames.changes[i], frames.changes_error[i]) + Bounded.exact(unchanged)
             read = Bounded(frames.rows[i], frames.rows_error[i])
+            if not frames.drifts:
+                moved, read = _with_last_sample(moved, read)
             least, most = edge.turned
             middle = (least + most) / 2
             R_values = [middle]
@@ -104,8 +115,11 @@ class Conditions:
                 R_values = [least, most]
                 R_error = 0.0
             exact &= len(R_values) == len(edge.vertices) == 1
+            more = (0, read.value.shape[-1] - 1 - n)
+            errors = np.pad(edge.errors, more)
             for R, omega in product(R_values, edge.vertices):
-                bounded = (moved, read, Bounded(omega, edge.errors), Bounded(R, R_error))
+                rest = Bounded(np.pad(omega, more), errors)
+                bounded = (moved, read, rest, Bounded(R, R_error))
                 conditions.append((edge.source, edge.target, *bounded))
         source, target, *bounded = zip(*conditions, strict=True)
         bounded = [Bounded(*map(np.array, zip(*each, strict=True))) for each in bounded]
@@ -120,54 +134,80 @@ class Conditions:
         force = np.eye(n + 1)[n]
         f = self.read.part(slice(None), 0) * K + self.read.part(slice(None), 1) * B
         f = f - Bounded.exact(force)
-        before = self.moved.part(slice(None), n) * K
-        rows = [self.moved.part(slice(None), slice(n)), (f - before).part(slice(None), None)]
-        moved = Bounded.joined(rows, -2)
-        of_m = Bounded.exact(np.zeros((n + 1, 1)))
-        G = Bounded.block([[moved.part(..., slice(n)), of_m, moved.part(..., [n])]])
         # From where the device would rest to f.
         rest = self.rest.each(lambda omega: np.pad(omega, ((0, 0), (0, 1))))
         weight = -self.R if self.drifts else Bounded.exact(np.ones(count))
-        own = _times_force((rest * K - f) * weight.part(slice(None), None))
+        of_rest = (rest * K - f) * weight.part(slice(None), None)
+        if not self.drifts:
+            x, v, u = np.eye(n + 1)[n - 3 : n]
+            before = K * Bounded.exact(x) + B * Bounded.exact(v) - Bounded.exact(u)
+            stored = _times(before - f, n)
+            of_last = _times(before - f, n - 1)
+            own = _times(of_rest, n)
+            return Terms(
+                self.moved.part(slice(None), slice(n)), own, stored, (own, stored - of_last)
+            )
+        f_moved = f - self.moved.part(slice(None), n) * K
+        rows = [self.moved.part(slice(None), slice(n)), f_moved.part(slice(None), None)]
+        G = Bounded.joined(rows, -2).each(_beside_m)
         squared = np.zeros((n + 2, n + 2))
         squared[n + 1, n + 1] = 1.0
+        own = _times(of_rest.each(_beside_m), n + 1)
         own = own - (self.R * self.R * K).part(slice(None), None, None) * squared
-        before = np.zeros((n + 2, n + 2))
-        before[n + 1, n] = before[n, n + 1] = 1.0
-        return Terms(G, own, _times_force(-f) + Bounded.exact(before))
+        before = Bounded.exact(np.eye(n + 2)[n])
+        return Terms(G, own, _times(before - f.each(_beside_m), n + 1), ())
 
 
-def _times_force(rows):
-    """The matrices of `2 u (row (eta, u))` in (eta, m, u); rows `(conditions, n + 1)`."""
+def _with_last_sample(moved, read):
+    """What a frame moves and its sample reads, with x, v and u of the last sample as states behind
+    the others."""
+    n = moved.value.shape[-1] - 1
+    force = Bounded.exact(np.eye(n + 1)[[n]])
+    rows = Bounded.joined([moved.part(slice(n)), read, force, moved.part([n])], -2)
+
+    def beside_them(matrix):
+        return np.insert(matrix, [n] * 3, 0.0, axis=-1)
+
+    return rows.each(beside_them), read.each(beside_them)
+
+
+def _beside_m(rows):
+    """Rows of (eta, u) as rows of (eta, m, u)."""
+    return np.insert(rows, -1, 0.0, axis=-1)
+
+
+def _times(rows, at):
+    """The matrices of `2 w_at (row w)`; rows `(conditions, n)`."""
 
     def matrices(row):
-        count, force = row.shape
-        n = force - 1
-        matrix = np.zeros((count, n + 2, n + 2))
-        matrix[:, n + 1, :n] = matrix[:, :n, n + 1] = row[:, :n]
-        matrix[:, n + 1, n + 1] = 2 * row[:, n]
-        return matrix
+        matrix = np.zeros((*row.shape, row.shape[-1]))
+        matrix[:, at] = row
+        return matrix + matrix.mT
 
     return rows.each(matrices)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terms:
-    """`F = E' P_i E - G' P_j G + g own + h stored` of each condition, with E = (I, 0)."""
+    """`F = E' P_i E - G' P_j G + g own + h stored` of each condition, with E = (I, 0), and with each
+    of `beside` times a weight of its own."""
 
     G: Bounded
     own: Bounded
     stored: Bounded
+    beside: tuple[Bounded, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stored:
-    """Forms P `(nodes, n + 1, n + 1)` at the nodes, symmetric, and the weights g of the rest and
-    h of what the wall stores."""
+    """Forms P `(nodes, n, n)` of z at the nodes, symmetric, and the weights g of the rest and h of
+    what the wall stores; beside `(conditions, terms)`: those of each condition, g_e and a_e, none where
+    a position drifts."""
 
     P: np.ndarray
     g: float
     h: float
+    beside: np.ndarray
 
 
 def falls(
@@ -181,8 +221,8 @@ def falls(
 
     Between two walls, with s from 0 to 1, the walls, forms and weights are linear in s. So F is a
     polynomial of degree three, and positive definite if its Bernstein coefficients are. The k-th one
-    is the mean of `E' P_a E + g_a own_b + h_a stored_b - G_b' P_a G_c` over the ends a, b, c of
-    which k are the second.
+    is the mean of `E' P_a E + g_a own_b + h_a stored_b - G_b' P_a G_c`, with what is beside as with
+    own, over the ends a, b, c of which k are the second.
     """
     forms = [stored for stored, _ in ends]
     if not all(_are_positive(stored) for stored in forms):
@@ -202,7 +242,7 @@ def _are_positive(stored: Stored) -> bool:
     """Whether forms are proved to be positive definite, and their weights are positive."""
     P = stored.P
     symmetric = np.isfinite(P).all() and (P.mT == P).all()
-    if not symmetric or not (stored.g > 0 and stored.h >= 0):
+    if not symmetric or not (stored.g > 0 and stored.h >= 0 and (stored.beside >= 0).all()):
         return False
     return definite(P, np.zeros_like(P))
 
@@ -219,6 +259,8 @@ def _bernstein_coefficient(conditions, forms, terms, k):
         form = forms[a]
         moved = terms[b].G.mT @ form.P[conditions.target] @ terms[c].G
         F = terms[b].own * form.g + terms[b].stored * form.h - (moved + moved.mT) * 0.5
+        for weight, beside in zip(form.beside.T, terms[b].beside, strict=True):
+            F = F + beside * weight[:, None, None]
         of_state = np.pad(form.P[conditions.source], ((0, 0), (0, 1), (0, 1)))
         products.append(F + Bounded.exact(of_state))
     return sum(products[1:], products[0]) * (1 / len(products))

@@ -11,18 +11,13 @@ from wavesweep.contact.stored_check import Conditions, Stored, coefficient_parts
 from wavesweep.engine.switched import Inequality, minimised, symmetric_basis
 
 
-def find_stored(
-    conditions: Conditions,
-    walls: Sequence[tuple[float, float]],
-    known: Sequence[Stored] = (),
-) -> Stored | None:
-    """Return forms with which V falls at a wall; None if none are found.
-
-    walls: one, or two, of which `known` has the forms of the first: then V falls at all walls
-    between them as well, with forms between both.
+def find_stored(conditions: Conditions, walls: Sequence[tuple[float, float]]) -> list[Stored]:
+    """Return forms with which V falls at a wall, or at two and at all between them, one for each;
+    nothing if none are found.
 
     The largest t is looked for with which all Bernstein coefficients of F, see `falls`, are above t
-    I, all P_i are positive, and `g + h <= 1`: so there is room for errors.
+    I, all P_i are positive, `g + h <= 1`, and so are the weights of single conditions: so there is
+    room for errors.
     """
     terms = [conditions.terms(wall) for wall in walls]
     count, N = terms[0].own.value.shape[:2]
@@ -30,50 +25,56 @@ def find_stored(
     basis = symmetric_basis(n)
     m = len(basis)
     nodes = 1 + int(max(conditions.source.max(), conditions.target.max()))
-    own = np.arange(m)
-    g, h, t = nodes * m + np.arange(3)  # their places among the unknowns, behind the P_i
-    index = np.empty((count, 2 * m + 3), int)
-    index[:, :m] = conditions.source[:, None] * m + own
-    index[:, m : 2 * m] = conditions.target[:, None] * m + own
-    index[:, 2 * m :] = g, h, t
+    kinds = len(terms[0].beside)
+    # Places of the P_i, of g and h, and of the weights of each condition among the unknowns of a wall.
+    forms = np.arange(nodes * m).reshape(nodes, m)
+    g, h = nodes * m + np.arange(2)
+    beside = h + 1 + np.arange(count * kinds).reshape(count, kinds)
+    size = h + 1 + beside.size
+    own = np.empty((count, 2 * m + 2 + kinds), int)
+    own[:, :m] = forms[conditions.source]
+    own[:, m : 2 * m] = forms[conditions.target]
+    own[:, 2 * m : 2 * m + 2] = g, h
+    own[:, 2 * m + 2 :] = beside
+    t = len(walls) * size
+    of_t = np.full((count, 1), t), np.broadcast_to(-np.eye(N), (count, 1, N, N))
+    index = np.concatenate([*(own + wall * size for wall in range(len(walls))), of_t[0]], axis=1)
     inequalities = []
-    for k in range(len(known), 3 * len(known) + 1):
-        constant = np.zeros((count, N, N))
-        slopes = np.zeros((count, 2 * m + 3, N, N))
-        slopes[:, -1] = -np.eye(N)
+    for k in range(3 * len(walls) - 2):
+        slopes = np.zeros((len(walls), *own.shape, N, N))
         parts = coefficient_parts(len(walls), k)
         for a, b, c in parts:
             G_b = terms[b].G.value[:, None]
             G_c = terms[c].G.value[:, None]
-            if a < len(known):
-                P = known[a].P
-                moved = (G_b.mT @ P[conditions.target, None] @ G_c)[:, 0]
-                constant += known[a].g * terms[b].own.value + known[a].h * terms[b].stored.value
-                constant -= (moved + moved.mT) / 2
-                constant[:, :n, :n] += P[conditions.source]
-            else:
-                moved = G_b.mT @ basis @ G_c
-                slopes[:, :m, :n, :n] += basis
-                slopes[:, m : 2 * m] -= (moved + moved.mT) / 2
-                slopes[:, 2 * m] += terms[b].own.value
-                slopes[:, 2 * m + 1] += terms[b].stored.value
-        slopes[:, :-1] /= len(parts)
-        inequalities.append(Inequality(constant / len(parts), slopes, index))
-    each_node = np.arange(nodes * m).reshape(nodes, m)
-    of_forms = np.broadcast_to(basis, (nodes, m, n, n))
-    inequalities.append(Inequality(np.zeros((nodes, n, n)), of_forms, each_node))
-    cost = np.zeros(t + 1)
+            moved = G_b.mT @ basis @ G_c
+            slopes[a, :, :m, :n, :n] += basis
+            slopes[a, :, m : 2 * m] -= (moved + moved.mT) / 2
+            for at, term in enumerate((terms[b].own, terms[b].stored, *terms[b].beside)):
+                slopes[a, :, 2 * m + at] += term.value
+        of_walls = np.concatenate([*(slopes / len(parts)), of_t[1]], axis=1)
+        inequalities.append(Inequality(np.zeros((count, N, N)), of_walls, index))
+    each_node = np.concatenate([forms + wall * size for wall in range(len(walls))])
+    of_forms = np.broadcast_to(basis, (len(each_node), m, n, n))
+    inequalities.append(Inequality(np.zeros((len(each_node), n, n)), of_forms, each_node))
     # A small share of the traces of all P_i beside t keeps those bounded that F does not bound.
-    cost[:g] = 1e-9 * np.tile(np.trace(basis, axis1=1, axis2=2), nodes)
+    cost = np.zeros(t + 1)
+    cost[each_node] = 1e-9 * np.trace(basis, axis1=1, axis2=2)
     cost[t] = -1.0
-    G = np.zeros((3, t + 1))
-    G[0, g] = -1.0
-    G[1, h] = -1.0
-    G[2, [g, h]] = 1.0
-    # The least weight of the rest, g, where g + h is 1 at most.
-    x = minimised(cost, inequalities, G, np.array([-1e-5, 0.0, 1.0]))
+    starts = size * np.arange(len(walls))[:, None]
+    weights = (starts + np.arange(g, size)).ravel()
+    G = np.zeros((2 * weights.size + len(walls), t + 1))
+    G[np.arange(weights.size), weights] = -1.0
+    G[weights.size + np.arange(weights.size), weights] = 1.0
+    G[2 * weights.size + np.arange(len(walls))[:, None], starts + np.array([g, h])] = 1.0
+    limits = np.repeat([0.0, 1.0], [weights.size, weights.size + len(walls)])
+    limits[: weights.size][weights % size == g] = -1e-5  # the least weight of the rest
+    x = minimised(cost, inequalities, G, limits)
     # The least room of F, where forces are of size 1.
     if not (np.isfinite(x).all() and x[t] > 1e-7):
-        return None
-    P = np.tensordot(x[each_node], basis, (1, 0))
-    return Stored(P, float(x[g]), max(0.0, float(x[h])))
+        return []
+    found = []
+    for each in x[:t].reshape(len(walls), size):
+        P = np.tensordot(each[forms], basis, (1, 0))
+        weight = np.maximum(each, 0.0)
+        found.append(Stored(P, float(each[g]), float(weight[h]), weight[beside]))
+    return found
