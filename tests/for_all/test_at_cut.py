@@ -1,14 +1,17 @@
 """Margins that all loops of [for_all] keep, held against an own matrix of a frame with a complex factor."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.margin_cut import factors_of, largest, tables_with
+from support.margin_cut import N, T, factors_of, largest, tables_with
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.on_check import facts
+from wavesweep.for_all.rows import cases_of
+from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.factors_at_cut import with_factors
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
@@ -30,6 +33,46 @@ def named(margin, size, text):
         case "Ms":
             turn = 1 / (1 - turn / size)
     return float(value["m"]), turn
+
+
+@pytest.mark.parametrize(
+    ("require", "of_frame"),  # a frame is of N ticks
+    [({"radius": 0.998}, 0.998**N), pytest.param({"settling": 1.6}, 0.02 ** (N * T / 1.6), marks=pytest.mark.slow)],
+)
+def test_all_modes_are_within_a_radius_for_all_and_one_of_a_refuter_is_not(require, of_frame):
+    tables = tables_with({}, (2.0, 900.0), for_all={"m": {"start": 0.9, "stop": 1.1}})
+    tables["sweep"]["require"] = require
+    rows = intervals(load(tables), jobs=1).columns
+    (row,) = np.flatnonzero(rows["guarantee"] == "for_all")
+    assert rows["certified"][row]
+    assert rows["settled"][row]
+    low, high = rows["low"][row], rows["high"][row]
+    members = [(each, kp) for each in np.linspace(0.9, 1.1, 5) for kp in np.linspace(low, high, 9)]
+    assert max(largest(m, kp, 1.0) for m, kp in members) <= of_frame
+    ends = (rows["fails_below"][row], low, 1.0), (rows["fails_from"][row], high, -1.0)
+    for (fails, proved, inward), m in zip(ends, (1.1, 0.9), strict=True):
+        assert largest(m, fails * (1 - 1e-6 * inward), 1.0) > of_frame > largest(m, fails * (1 + 1e-6 * inward), 1.0)
+        assert proved == pytest.approx(fails, rel=0.01)
+
+
+def test_a_proof_within_a_radius_ends_where_a_mode_leaves_it():
+    """Also where nothing has been looked at before."""
+    tables = tables_with({}, (2.0, 900.0), for_all={"m": {"start": 0.9, "stop": 1.1}})
+    tables["sweep"]["require"] = {"radius": 0.998}
+    spec = load(tables)
+    rules = replace(Rules.of(spec), require=spec.require)
+    (case,) = cases_of(rules, "numbers.kp", (2.0, 900.0), Loops(spec.drawing, dict(spec.values)))
+    proved = case.cover(50.0, 900.0)
+    assert not proved.whole
+    assert proved.low == 50
+    assert largest(0.9, proved.high, 1.0) < 0.998**N < largest(0.9, proved.high * 1.03, 1.0)
+
+
+def test_a_time_of_modes_is_of_numbers_that_leave_the_rate():
+    tables = tables_with({}, (2.0, 900.0), for_all={"rates.tick_hz": {"start": 900, "stop": 1100}})
+    tables["sweep"]["require"] = {"settling": 1.6}
+    with pytest.raises(UsageError, match="expected numbers beside settling that leave the rate as it is"):
+        intervals(load(tables), jobs=1)
 
 
 @pytest.mark.slow
@@ -70,8 +113,17 @@ def test_each_of_several_margins_at_several_cuts_is_kept():
 @pytest.mark.parametrize(
     ("require", "more", "said"),
     [
-        ({"damping_ratio": 0.1}, {}, "expected margins alone beside .for_all., found damping_ratio"),
-        ({"margins": {"cut": "c.y", "Ms": 2}, "radius": 0.9}, {}, "found radius"),
+        (
+            {"damping_ratio": 0.1},
+            {},
+            "expected margins, radius, settling and time_constant alone beside .for_all., found damping_ratio",
+        ),
+        ({"margins": {"cut": "c.y", "Ms": 2}, "rms": {"from": "push", "to": "x", "at_most": 1}}, {}, "found rms"),
+        (
+            {"radius": 0.999},
+            {"n": {"values": [5, 6], "varying": True}},
+            "found frames or messages that vary",
+        ),
         (
             {"margins": {"cut": "c.y", "Ms": 2}},
             {"n": {"values": [5, 6], "varying": True}},
@@ -128,3 +180,13 @@ def test_check_says_whether_the_spec_keeps_the_margin_for_all(margin, size, kp, 
         assert largest(worst, kp, factor) > 1
     else:
         assert max(largest(m, kp, factors_of(margin, size)) for m in (0.9, 1.0, 1.1)) < 1
+
+
+def test_check_says_with_which_member_a_mode_is_too_slow_and_not_that_it_is_unstable():
+    tables = tables_with({}, (2.0, 900.0), for_all={"m": {"start": 0.9, "stop": 1.1}})
+    tables["sweep"]["require"] = {"radius": 0.998}
+    tables["numbers"]["kp"] = 5.0
+    spec = load(tables)
+    (claim,) = (each for each in facts(spec)["claims"] if each)
+    assert claim.reason.startswith("not with m = ")
+    assert 0.998**N < largest(float(claim.reason.split("=")[1]), 5.0, 1.0) < 1

@@ -418,7 +418,7 @@ def _damping_ratio(spec, wish, loops, size):
     seconds = wish.options.get("slower_than", 0.0)
     modes = wish.options.get("modes", ALL_MODES)
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-    gone = size_gone(period, seconds, 1 / frames_per_clock(spec, loops))
+    gone = size_gone(period, seconds, 1 / frames_per_clock(spec.drawing, loops))
     pairs = modes == OSCILLATING
     if drawn.ticks == 1:
         least, sure = least_damping(E, gone, pairs=pairs)

@@ -1,39 +1,68 @@
 """What [sweep] requires of all loops of [for_all]: margins, whose factors at a cut are numbers that
-are not known. So a refuter is a member with a factor."""
+are not known, so that a refuter is a member with a factor; and modes within a radius, by which frames
+are divided."""
+
+from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.program.analyses.factors_at_cut import PATH, with_factors
 from wavesweep.program.reading.axes import Axis
+from wavesweep.program.reading.keys import TIMES_OF_MODES
 from wavesweep.program.reading.tables import TableValue
+from wavesweep.program.sweep.grid import frames_per_clock
+
+if TYPE_CHECKING:
+    from wavesweep.for_all.varying import Rules
 
 __all__ = ["PATH", "of_required", "refused"]
+
+ANSWERED = ("margins", "radius", *TIMES_OF_MODES)
 
 
 def refused(require: TableValue, *, vary: bool) -> str:
     """Why a requirement cannot be held for all of [for_all], empty if it can; vary: whether frames
     or messages do."""
-    others = [name for name in require.written() if name != "margins"]
+    others = [name for name in require.written() if name not in ANSWERED]
     if others:
-        return f"expected margins alone beside [for_all], found {', '.join(others)}"
+        answered = " and ".join([", ".join(ANSWERED[:-1]), ANSWERED[-1]])
+        return f"expected {answered} alone beside [for_all], found {', '.join(others)}"
     if vary:
-        return "expected constant numbers in [for_all] beside margins, found frames or messages that vary"
+        return (
+            "expected constant numbers in [for_all] beside it, found frames or messages that vary"
+        )
     return ""
 
 
 def of_required(
+    rules: Rules,
     loops: Loops,
-    require: TableValue | None,
     ranges: Sequence[Axis],
     along: Mapping[str, Sequence[float]],
-) -> Iterator[tuple[Loops, list[Axis]]]:
-    """Yield the loops and the ranges of each margin that is required, see `with_factors`; without
-    any the loops themselves. along: path -> ends of a number of intervals."""
+) -> Iterator[tuple[Loops, list[Axis], Any]]:
+    """Yield the loops themselves with the bound on their modes, None for stability, and those of each
+    margin that is required, see `with_factors`, all with their ranges. along: path -> ends of a number
+    of intervals.
+
+    Errors: UsageError for a time of modes beside a number that changes the rate.
+    """
+    require: Any = rules.require
     if not require:
-        yield loops, [*ranges]
+        yield loops, [*ranges], None
         return
     varied = {axis.path: (axis.start, axis.stop) for axis in ranges} | {**along}
+    if modes := require.bound.of_modes:
+        rate = loops.changed({path: np.array(ends) for path, ends in varied.items()}).rate
+        if modes.times and np.ptp(rate):
+            asked = " and ".join(name for name, _ in modes.times)
+            expected = f"numbers beside {asked} that leave the rate as it is"
+            raise UsageError(f"{PATH}: expected {expected}, found one that changes it")
+        yield loops, [*ranges], modes.over(frames_per_clock(rules.drawing, loops))
     for asked in require.cuts:
         for with_factor, factors in with_factors(loops, asked, varied):
-            yield with_factor, [*ranges, *factors]
+            yield with_factor, [*ranges, *factors], None

@@ -69,7 +69,10 @@ QUICK = 3e10
 FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it"
-FACTORS = "; of margins the factor of the signal at the cut is one of these numbers"
+REQUIRED = (
+    "; of margins the factor of the signal at the cut is one of these numbers, and frames are divided by the radius that modes "
+    "have to be within"
+)
 
 FOR_ALL_RECORD = record_type(
     *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
@@ -121,7 +124,7 @@ class ForAllGuarantee(Guarantee):
             "a quadratic form in every cell of the box of all numbers, a polynomial of these, which decreases: the frame is "
             "enclosed as a Taylor model, and the form proved by Cholesky with bounds on all errors; refuted by the exact "
             "intervals of the worst numbers found"
-            f"{FACTORS if self.rules.require else ''}"
+            f"{REQUIRED if self.rules.require else ''}"
         )
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
@@ -269,8 +272,8 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
         for axes, whole_ticks in _pieces(drawing, fixed_values, ranges):
             loops = Loops(drawing, fixed_values | whole_ticks)
             varied = {along: span} if along else {}
-            for with_factor, sides in of_required(loops, rules.require, axes, varied):
-                cases.append(Case(with_factor, along, span, sides, fixed))
+            for required, sides, bound in of_required(rules, loops, axes, varied):
+                cases.append(Case(required, along, span, sides, fixed, bound))
     return cases
 
 
@@ -499,7 +502,8 @@ def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
     if status is Status.REFUTED and rules.at_random:
         reason = found["counterexample"]
     elif status is Status.REFUTED:
-        reason = f"unstable with {in_a_sentence(found['counterexample'])}"
+        modes = rules.require and rules.require.bound.of_modes  # a refuter of which may be stable
+        reason = f"{'not' if modes else 'unstable'} with {in_a_sentence(found['counterexample'])}"
     elif status is Status.UNKNOWN:
         reason = reason_of(found)
     else:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -157,8 +158,9 @@ class Case:
     """Loops whose numbers have ranges, along another number.
 
     loop: with the others' values; values: all of them, read or not. along: empty for none. fixed:
-    those among the values that are named with the numbers of an end. certified: whether all
-    intervals that were looked at are. left: operations that proofs may take.
+    those among the values that are named with the numbers of an end. bound: on the eigenvalues of
+    their frames, by the radius of these; None for stability. certified: whether all intervals that were
+    looked at are. left: operations that proofs may take.
     """
 
     def __init__(
@@ -168,6 +170,7 @@ class Case:
         span: tuple[float, float],
         ranges: Sequence[Axis],
         fixed: Mapping[str, object] = MappingProxyType({}),
+        bound: Any = None,
     ):
         self.along = along
         self.span = span
@@ -178,6 +181,11 @@ class Case:
         self.box = np.array(
             [[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float
         )
+        self.bound = bound
+        self.radius = 1.0
+        if bound:
+            drawn = self.loop.drawn()
+            self.radius = float(bound.radius_of(np.real(drawn.period) * drawn.ticks))
         self.certified = True
         self.left = OPERATIONS_OF_CASE
 
@@ -271,6 +279,7 @@ class Case:
                 lines=False,
                 checked=True,
                 prover=ball_prover,
+                bound=self.bound,
             ).records()
             self.certified &= bool(records["certified"].all())
             for record in records[records["intervals"] > 0]:
@@ -308,7 +317,7 @@ class Case:
             box = np.column_stack([[low, high], box])
         sides = Sides.of(self.loop, paths, box, along=bool(self.along))
         whole = sides.places(box)
-        frames = constant_frames(self.loop, sides, whole)
+        frames = constant_frames(self.loop, sides, whole, radius=self.radius)
         if not self.along:
             return self._covered(frames, sides, whole, self.left, lambda share: share, up=True)
         begun = np.full(2, low + 0.4 * (high - low))  # where a proof begins
@@ -373,7 +382,9 @@ class Case:
     def _growth(self):
         """The growth of members, by their numbers, that along which they are first."""
         paths = [axis.path for axis in self.ranges]
-        return Growth.of_loops(self.loop, [self.along, *paths] if self.along else paths)
+        if self.along:
+            paths = [self.along, *paths]
+        return Growth.of_loops(self.loop, paths, self.radius)
 
     def begins_unstable(self) -> bool:
         """Whether one of the members that are tried first is not stable, or not known to be."""

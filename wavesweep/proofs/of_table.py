@@ -354,6 +354,9 @@ def of_design(
     for of_all in map(found.get, FACTS):
         if not of_all or found.get("tick"):
             continue
+        if spec.require:
+            unproved.append(f"no proof file for {REQUIRED}, for all of [for_all]")
+            continue
         kind = "for all" if of_all["kind"] in IN_ANY_ORDER else "mean square"
         try:
             if of_all["verdict"] == "proved":

@@ -58,8 +58,8 @@ class Growth:
     operations: float
 
     @staticmethod
-    def of_loops(loop: Loops, paths: list[str]) -> Growth:
-        """Return the spectral radii of loops with other numbers at these paths.
+    def of_loops(loop: Loops, paths: list[str], radius: float = 1.0) -> Growth:
+        """Return the spectral radii of loops with other numbers at these paths, over a radius.
 
         loop: with or without the whole ticks of dead times, which are those of each member.
         """
@@ -74,7 +74,7 @@ class Growth:
                 columns = {path: points[alike, i].copy() for i, path in enumerate(paths)}
                 for some, batch in unbuilt.changed(columns).built_alike(alike):
                     radii[some] = batch.radii(some.size)
-            return np.nan_to_num(radii, nan=np.inf)
+            return np.nan_to_num(radii, nan=np.inf) / radius
 
         return Growth(of, operations)
 

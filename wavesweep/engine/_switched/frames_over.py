@@ -78,8 +78,8 @@ class FramesOver:
     ticks: of each kind, with the loop that it is a tick of; those of one loop stand together.
     drift: what drifts in it. copies: see `relative_ticks`. rows, samples, symbols: see
     `LoopFrames`. units: `(sides, k)` exponents; the k states x that are kept are replaced by
-    `exp(units' (s - about)) x` at the sides s. kept: the states that not every frame forgets, once
-    known.
+    `exp(units' (s - about)) x` at the sides s. scale: what frames are multiplied by. kept: the states
+    that not every frame forgets, once known.
     """
 
     ticks: Sequence[tuple[EnclosedLoop, TickPlace]]
@@ -90,6 +90,7 @@ class FramesOver:
     copies: Groups = ()
     units: np.ndarray | None = None
     about: np.ndarray | float = 0.0
+    scale: float = 1.0
     kept: list[int] = field(default_factory=list)
 
     @property
@@ -219,7 +220,7 @@ class FramesOver:
             self.kept.extend(sorted(set.union(*not_forgotten)))
         within_kept = np.array([states <= set(self.kept) for states in not_forgotten])
         _below(frames).refuse(~(within_kept & np.isfinite(sizes).all((1, 2, 3))))
-        return frames.at(self.kept, self.kept)
+        return frames.at(self.kept, self.kept).times(self.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -267,10 +268,14 @@ class _Products:
 
 
 def constant_frames(
-    loop: Loops, sides: Sequence[Side], box: np.ndarray, most: int = ORDERS[1]
+    loop: Loops,
+    sides: Sequence[Side],
+    box: np.ndarray,
+    most: int = ORDERS[1],
+    radius: float = 1.0,
 ) -> FramesOver:
     """Return the frames of a loop whose frames are all alike over the cells of a box of sides.
-    most: of the order."""
+    most: of the order. radius: that the frames are divided by, so that it is their unit circle."""
     inside = inside_of(box)
     values = dict(loop.values)
     for at, side in enumerate(sides):
@@ -308,7 +313,8 @@ def constant_frames(
     drift = lasting(drift, lambda points: ticks_at(points)[0], box)
     *row, sample = kind.tolist()
     symbol = Symbol(len(kind))
-    return FramesOver(ticks, drift, (tuple(row),), (sample,), (symbol,), copies)
+    scale = 1.0 if radius == 1 else np.nextafter(1 / radius, np.inf)  # of a radius within this one
+    return FramesOver(ticks, drift, (tuple(row),), (sample,), (symbol,), copies, scale=scale)
 
 
 def inside_of(box: np.ndarray) -> np.ndarray:

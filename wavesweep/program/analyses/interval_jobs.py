@@ -294,7 +294,7 @@ def _searches(
     by_bound: dict = {}
     require = asked.require
     for members, alike in loops:
-        bound = require and require.bound.over(frames_per_clock(spec, alike))
+        bound = require and require.bound.over(frames_per_clock(spec.drawing, alike))
         by_bound.setdefault((alike.drawing, bound), []).append((members, alike.read))
     path = asked.axis.path
     span = asked.span

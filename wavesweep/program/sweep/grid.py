@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
@@ -258,16 +259,17 @@ def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops
     return Loops(spec.drawing or loop_drawing(values, (along,)), values)
 
 
-def frames_per_clock(spec: Spec, loops: Loops) -> float:
+def frames_per_clock(drawing: Drawing | None, loops: Loops) -> float:
     """How many frames of the loops take the time of the spec's clock: T_s of a controller, a tick
     of a drawn loop.
 
     A frame is several clocks where rates do not divide, or blocks of a drawn loop run every few
     ticks, and a part of one of a controller of which nothing runs at the slow rate. What is
-    required per clock means the same whatever else runs. loops: with all numbers of the spec.
+    required per clock means the same whatever else runs. drawing: of a drawn loop as the spec has it.
+    loops: with all numbers of the spec.
     """
-    if spec.drawing:
-        return 1 / Loops(spec.drawing, loops.values).drawn().ticks
+    if drawing:
+        return 1 / Loops(drawing, loops.values).drawn().ticks
     return loops.values["rates.ratio"] / loops.drawn().ticks
 
 

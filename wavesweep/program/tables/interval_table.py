@@ -263,7 +263,9 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     by_lines = False
     if require:
         by_lines = bool(require.bound.damped)
-        beyond = require.bound.over(frames_per_clock(spec, loops_of(spec, spec.values))).beyond
+        beyond = require.bound.over(
+            frames_per_clock(spec.drawing, loops_of(spec, spec.values))
+        ).beyond
     span = axis.start, axis.stop
     mode = mode_in_the_way(loops, axis.path, span, beyond, by_lines=by_lines)
     if mode:
