@@ -10,7 +10,7 @@ from wavesweep.contact.circle_check import Multiplier, open_angles
 from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.multipliers import LEAST_SHARE, Sampled
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
-from wavesweep.engine.frames import Bounded
+from wavesweep.engine.frames import Bounded, balance
 
 TRIED_NEAR_END = 2e-4  # of a linear interval, how near to its ends a proof is tried
 RESOLVED = 2e-4  # of the end that is found, how far the next failure is known to be
@@ -158,7 +158,10 @@ def pieces_of(
     residue: see `WallLoop`. along: whether 0, K, or 1, B, varies, and the other number.
     """
     n = len(moved)
-    E, B, rows, direct = moved[:, :n] - np.eye(n), moved[:, n], read[:, :n], read[:, n]
+    E = moved[:, :n] - np.eye(n)
+    _, (units,) = balance(E[None])
+    E *= units / units[:, None]
+    B, rows, direct = moved[:, n] / units, read[:, :n] * units, read[:, n]
     fields = map(Bounded.exact, (E, B, rows, direct, np.array(residue)))
     line = Line.of(WallsAlong(WallLoop(*fields, stable=True, unstable=False), *along))
     low, at = span
