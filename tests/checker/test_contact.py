@@ -209,3 +209,71 @@ def test_what_is_left_over_is_the_condition_on_the_circle(spec, K):
         responses[0] += package.residue.value / (z - 1)
         expected = (M * (1 - K * responses[0] - 2 * responses[1])).real
         assert (xi.conj() @ F @ xi).real == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(F).max())
+
+
+MOTION = {
+    "claim": "goes on",
+    "sides": {"K_VE": ["508.6", "508.6"], "B_VE": ["5", "5"]},
+    "forces": ["2", "1.5", "0.4995", "0", "0.5005", "1.5"],
+}
+
+
+def test_a_motion_that_goes_on_is_proved(tmp_path):
+    """For 508.574 N/m the guide has these forces."""
+    head = written(DIRECT)[0]
+    code, words = checked(tmp_path, DIRECT, [head | MOTION])
+    assert code == 0
+    assert "its forces are 2, 1.5, 0.4995, 0, 0.5005, 1.5 and so on for ever" in words
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"sides": {"K_VE": ["507.5", "507.5"], "B_VE": ["5", "5"]}}, "has these forces"),
+        ({"sides": {"K_VE": ["508.6", "509"], "B_VE": ["5", "5"]}}, "not at a range"),
+        ({"forces": ["2", "1.5", "0.4995", "0.5005", "0", "1.5"]}, "has these forces"),
+        ({"forces": ["2", "1.5", "0.4995", "0", "0.5005", "1.6"]}, "has these forces"),
+        ({"forces": ["1"]}, "has these forces"),
+        ({"forces": []}, "forces that go on"),
+        ({"claim": "contact"}, "forces that go on"),
+        ({"numbers": {"mass": "0.2"}}, "no number of this spec"),
+        ({"numbers": {"device.mass": "0.2"}}, "has these forces"),
+    ],
+)
+def test_another_motion_is_refused(tmp_path, change, why):
+    code, words = checked(tmp_path, DIRECT, [written(DIRECT)[0] | MOTION | change])
+    assert code in (1, 2)
+    assert why in words
+
+
+def test_a_motion_of_no_member_is_refused(tmp_path):
+    """At 0.1 kg the forces go on, and [for_all] has 0.09 and 0.12 kg alone."""
+    head = written(DIRECT)[0] | MOTION
+    for numbers, why in (({}, "has a value of"), ({"device.mass": "0.1"}, "none of its values")):
+        code, words = checked(tmp_path, MEMBERS, [head | {"numbers": numbers}])
+        assert code == 1
+        assert why in words
+
+
+@pytest.mark.parametrize("K", [480, 507, 508, 508.3, 508.6, 520, 700])
+def test_a_motion_goes_on_where_a_march_says_so(K):
+    """40 rounds of the forces less their mean, by the exact motion of a mass in a frame: readings rise by as much as forces."""
+    claim = file.Claim("goes on", {}, {"K_VE": (Fraction(400),) * 2, "B_VE": (Fraction(5),) * 2})
+    head = written(DIRECT)[0]
+    claim.drifts, claim.rest = head["drifts"], head["rest"]
+    family = file.family_of(file.spec_of(DIRECT.encode()), claim)
+    loop = file.opened_at(family, {"K_VE": Fraction(K), "B_VE": Fraction(5)})
+    u = np.array([float(force) for force in MOTION["forces"]])
+    slow = np.exp(-1.5 / 0.1 * 0.02)
+    x = v = 0.0
+    readings = []
+    for force in np.tile(u - u.mean(), 40):
+        readings.append(K * x + 5 * v)
+        still = -force / 1.5  # the speed that the force leads to
+        x += 0.02 * still + (v - still) * (1 - slow) * 0.1 / 1.5
+        v = still + (v - still) * slow
+    last = np.array(readings[-len(u) :])
+    order = np.lexsort((last, u))
+    goes_on = bool((np.diff(last[order]) >= np.diff(u[order])).all())
+    assert contact.goes_on(loop, [Fraction(force) for force in MOTION["forces"]]) == goes_on
+    assert goes_on == (K > 508.1)

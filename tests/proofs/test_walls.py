@@ -4,6 +4,10 @@ import pytest
 from checker.test_contact import DIRECT, DRAWN
 from support.proofs import checked_file, lines_of, written
 
+from wavesweep.checker.balls import Refused
+from wavesweep.checker.file import spec_of
+from wavesweep.proofs.walls import claim_of_motion
+
 CONTACT = "[for_all]\ncontact = true\n[sweep]\n"
 
 
@@ -18,18 +22,27 @@ def test_check_writes_the_proof_of_its_own_wall(tmp_path, capsys):
     assert "any wall that pushes and never pulls, K_VE = 200, B_VE = 2: every motion comes to rest" in words
 
 
-def test_a_wall_that_is_refuted_has_no_claim(tmp_path, capsys):
+def test_check_writes_the_motion_that_refutes_its_wall(tmp_path, capsys):
     text = DIRECT + "environment.K_VE = 255\n" + CONTACT
-    _, proof = written(tmp_path, text, "check")
-    assert all(line.get("claim") != "contact" for line in lines_of(proof))
-    assert "no proof file for a wall that lets go: refuted" in capsys.readouterr().err
+    spec, proof = written(tmp_path, text, "check")
+    assert "refuted through contact by a wall and a motion of" in capsys.readouterr().err
+    assert [line["claim"] for line in lines_of(proof) if "claim" in line] == ["modes", "goes on"]
+    code, words = checked_file(spec, proof)
+    assert code == 0
+    assert "a wall that pushes and never pulls, K_VE = 255, B_VE = 1: its forces are" in words
+
+
+def test_a_linear_wall_that_refutes_is_no_motion():
+    text = "the linear wall, in contact all the time"
+    with pytest.raises(Refused, match="no motion that repeats"):
+        claim_of_motion(spec_of(DIRECT.encode()), {}, {}, text)
 
 
 @pytest.mark.slow
 def test_a_row_through_contact_has_a_proof(tmp_path, capsys):
     text = DRAWN + CONTACT + 'along = "K"\nK = { start = 0, stop = 2000 }\nB = [0, 5]\n'
     spec, proof = written(tmp_path, text, "stability-region", "--no-plot")
-    assert "2 of 2 rows through contact" in capsys.readouterr().err
+    assert "2 of 2 rows through contact, 1 of 1 refuted ends" in capsys.readouterr().err
     claims = [line["sides"] for line in lines_of(proof) if line.get("claim") == "contact"]
     assert [claim["B"] for claim in claims] == [["0", "0"], ["5", "5"]]
     assert float(claims[1]["K"][1]) > 500

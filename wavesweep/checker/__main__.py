@@ -8,7 +8,7 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from pathlib import Path
 
-from wavesweep.checker.file import LONGEST_SPEC, Claim, check
+from wavesweep.checker.file import LONGEST_SPEC, OF_WALLS, Claim, check
 from wavesweep.checker.reader.loops import Unreadable
 
 USAGE = "usage: python -m wavesweep.checker SPEC.toml FILE.proof"
@@ -19,11 +19,9 @@ SCOPES = {
     "refuted": "a member of [for_all] or of its channels",
     "mean square": "the chances of [for_all] and its channels",
     "contact": "any wall that pushes and never pulls",
+    "goes on": "a wall that pushes and never pulls",
 }
-WALLS = (
-    "every motion comes to rest, if the wall's force is any function of stiffness times depth plus damping times speed that is 0 "
-    "at 0 and has slopes from 0 to 1, the same in all frames"
-)
+WALLS = "function of stiffness times depth plus damping times speed that is 0 at 0 and has slopes from 0 to 1, the same in all frames"
 
 
 def in_words(claim: Claim) -> str:
@@ -51,7 +49,10 @@ def in_words(claim: Claim) -> str:
     elif claim.claim == "mean square":
         words += "the mean of all squares decays"
     elif claim.claim == "contact":
-        words += WALLS
+        words += f"every motion comes to rest, if its force is any {WALLS}"
+    elif claim.claim == "goes on":
+        forces = ", ".join(map(_written, claim.forces))
+        words += f"its forces are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
     elif claim.outside:
         modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
         words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
@@ -64,7 +65,7 @@ def in_words(claim: Claim) -> str:
             f"all {len(claim.states)} modes are" if len(claim.states) > 1 else "the only mode is"
         )
         words += f"{modes} inside {circle}{', stable' if claim.radius == 1 else ''}"
-    if claim.in_touch and claim.claim not in ("modes", "contact"):
+    if claim.in_touch and claim.claim not in ("modes", *OF_WALLS):
         words += " (walls are always in touch, although [for_all] has contact)"
     if claim.drifts:
         words += f" ({len(claim.drifts)} {'drift' if len(claim.drifts) == 1 else 'drifts'} set aside, which nothing opposes)"

@@ -32,6 +32,7 @@ another P at its other end, holds between them.
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 from typing import NamedTuple
 
 from wavesweep.checker import form
@@ -188,3 +189,37 @@ def stable(loop: Opened, P: form.Matrix) -> bool:
     """Whether all modes of A are inside the unit circle: a form P > 0 decreases."""
     A = _matrix([row[:-1] for row in loop.moved])
     return not loop.moved or form.decreases(P, [(None, A, P)])
+
+
+def goes_on(loop: Opened, u: list[Fraction]) -> bool:
+    """Whether forces that repeat are those of a wall of the kind: in their order, y rises by as much as u or more.
+
+    Up to constants, which a push adds: eta_0 = eta_P solves (1 - A^P) eta_0 = what u_0 .. u_(P-1) make of no memory, and q changes
+    by R times u less its mean.
+    """
+    ring = POINT.ring
+    forces = [ball(x) for x in u]
+    n = len(loop.moved)
+    size = range(n)
+    states = [[(0, ONE * (i == j)) for j in size] for i in size] + [[(0, 0)] * n]  # as columns
+    for force in forces:
+        states = [
+            _moved(loop, column, force if at == n else (0, 0)) for at, column in enumerate(states)
+        ]
+    left = [[add((0, ONE * (i == j)), negative(states[j][i])) for j in size] for i in size]
+    eta = _solved(POINT, left, states[n])
+    turned = (0, 0)
+    points = []
+    for x, force in zip(u, forces, strict=True):
+        f = _dot(POINT, dict(enumerate(loop.read)), dict(enumerate([*eta, force])))
+        points.append((add(f, turned), x))
+        eta = _moved(loop, eta, force)
+        turned = add(turned, ring.multiply(loop.turns, ball(x - sum(u) / len(u))))
+    points.sort(key=lambda point: (point[1], point[0][1]))
+    steps = [add(f, negative(before)) for (before, _), (f, _) in pairwise(points)]
+    return len(set(u)) > 1 and all(middle >= radius for radius, middle in steps)
+
+
+def _moved(loop: Opened, eta: Balls, force: Ball) -> Balls:
+    whole = dict(enumerate([*eta, force]))
+    return [_dot(POINT, dict(enumerate(row)), whole) for row in loop.moved]

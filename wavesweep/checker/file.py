@@ -8,7 +8,8 @@ that is not named here is refused, and nothing is taken from the file that follo
 and then each claim, a line, followed by the lines of its cells:
 
     claim     "modes": of the spec's own loop; "for all": of all that [for_all] and channels say; "refuted": a member of this is
-              unstable; "mean square": of [for_all] with chances; "contact": of any wall that pushes and never pulls
+              unstable; "mean square": of [for_all] with chances; "contact": of any wall that pushes and never pulls;
+              "goes on": at such a wall a motion goes on for ever, which has no cells
     numbers   {name: value} that the claim sets, by their names in [sweep]; all others are those of the spec
     sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges; of contact
               the stiffness and the damping of the wall
@@ -18,6 +19,7 @@ and then each claim, a line, followed by the lines of its cells:
     drifts    [[name, ...]]: what takes part in a drift, which every equation keeps; first a memory that no other drift has
     states    names of the memory that is left, sorted: rows and columns of all forms
     rest      of contact: what drifts besides while the wall is not touched, as a drift; none if nothing does
+    forces    of what goes on: those of the wall, frame by frame, which are repeated for ever
     word      of refuted: frames that are repeated for ever, by their letters
 
 Cells divide the whole of the sides, in this order:
@@ -63,8 +65,9 @@ LONGEST_FILE = 1 << 30  # once it is unpacked
 CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
 NODES = 256
-KINDS = ("modes", "for all", "refuted", "mean square", "contact")
-FIELDS = {"claim", "numbers", "sides", "outside", "open", "word", "radius"}
+KINDS = ("modes", "for all", "refuted", "mean square", "contact", "goes on")
+OF_WALLS = "contact", "goes on"
+FIELDS = {"claim", "numbers", "sides", "outside", "open", "word", "radius", "forces"}
 COORDINATES = {"drifts", "states", "rest"}
 
 
@@ -81,6 +84,7 @@ class Claim:
     word: list[str] = field(default_factory=list)
     radius: Fraction = Fraction(1)
     rest: list[str] = field(default_factory=list)
+    forces: list[Fraction] = field(default_factory=list)
     shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
     in_touch: bool = False  # whether [for_all] asks for walls that let go, which is not claimed
 
@@ -137,7 +141,7 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     ) as error:
         # a value of a spec that is not of the kind that its key has: a text for a table, say
         raise Unreadable(f"the spec cannot be read: {error!r}") from None
-    if claim.claim == "contact":
+    if claim.claim in OF_WALLS:
         cut, free = contact.opened(schedules[""], wall_of(tables)[0])
         schedules = {"": cut}
     words = steps_of(schedules)
@@ -181,7 +185,7 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
     messages = for_all.has_messages(loop)
-    if claim.claim == "contact" and (vary or messages or allowed.ranges):
+    if claim.claim in OF_WALLS and (vary or messages or allowed.ranges):
         raise Refused("a wall that lets go beside ranges, or frames and messages that vary")
     if vary and messages:
         raise Unreadable(
@@ -357,7 +361,12 @@ def _claim(line) -> Claim:
     radius = _fraction(line.get("radius", "1"))
     if radius <= 0 or ("radius" in line and kind != "modes"):
         raise Unreadable("modes alone are within a circle of another radius, above 0")
-    claim = Claim(kind, numbers, sides, line.get("outside"), word=word, radius=radius)
+    forces = [_fraction(x) for x in _expect(line.get("forces", []), list, "forces")]
+    if bool(forces) != (kind == "goes on") or len(forces) > contact.LAGS:
+        raise Unreadable("forces that go on are some, and those of a motion that goes on")
+    claim = Claim(
+        kind, numbers, sides, line.get("outside"), word=word, radius=radius, forces=forces
+    )
     return claim if "states" not in line else _with_coordinates(claim, line)
 
 
@@ -376,7 +385,7 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         SYMBOLS.get(name, name) if "controller" in tables else name: name
         for name in (*claim.sides, *claim.numbers)
     }
-    if claim.claim == "contact" and (not wall or [*claim.sides] != wall):
+    if claim.claim in OF_WALLS and (not wall or [*claim.sides] != wall):
         raise Refused("the sides are not the stiffness and the damping of the wall")
     if claim.claim in ("for all", "mean square", "contact"):
         members = allowed.members
@@ -387,7 +396,7 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
             raise Refused(
                 "the sides are not the ranges of [for_all], or a number is set that [for_all] leaves open"
             )
-    elif claim.claim == "refuted":
+    elif claim.claim in ("refuted", "goes on"):
         _is_member(
             allowed,
             {
@@ -411,6 +420,13 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         family = family_of(tables, claim, member)
         if family.states != claim.states:
             raise Refused(f"the states are {', '.join(family.states)}, and others in the file")
+        if claim.claim == "goes on":
+            if any(low < high for low, high in claim.sides.values()):
+                raise Refused("a motion goes on at one wall, and not at a range")
+            loop = opened_at(family, {name: low for name, (low, _) in claim.sides.items()})
+            if not contact.goes_on(loop, claim.forces):
+                raise Refused("no wall that pushes and never pulls has these forces")
+            continue
         check_cells(family, claim, lines)
     if next(lines, None) is not None:
         raise Refused("cells beyond the sides")
@@ -589,7 +605,7 @@ def _with_coordinates(claim: Claim, line: dict) -> Claim:
     states = [_expect(name, str, "a state") for name in _expect(line.get("states"), list, "states")]
     rest = []
     if "rest" in line:
-        if claim.claim != "contact":
+        if claim.claim not in OF_WALLS:
             raise Unreadable("a rest is one of walls that let go")
         rest = _taking_part(line["rest"])
     return replace(claim, drifts=drifts, states=states, rest=rest)

@@ -34,7 +34,7 @@ from wavesweep.proofs.claims import (
     write,
 )
 from wavesweep.proofs.planes import Part
-from wavesweep.proofs.walls import claim_of_walls
+from wavesweep.proofs.walls import claim_of_motion, claim_of_walls
 
 if TYPE_CHECKING:
     from wavesweep.program.columns import Columns
@@ -246,9 +246,22 @@ class _Proofs:
         """Add the claims of rows of every wall that pushes and never pulls."""
         for at in np.flatnonzero(rows["intervals"] > 0).tolist():
             span = exactly(float(rows["low"][at])), exactly(float(rows["high"][at]))
+            walls = wall_with(self.spec, numbers)
             with self._counted(THROUGH_CONTACT):
-                walls = wall_with(self.spec, numbers) | {self.number: span}
+                walls[self.number] = span
                 self.claims.append(claim_of_walls(spec_of(self.text), numbers, walls))
+            refuters = Refuters.read(str(rows["counterexample"][at]))
+            refuted = (
+                (rows["fails_below"][at], refuters.low),
+                (rows["fails_from"][at], refuters.high),
+            )
+            for end, text in refuted:
+                if np.isfinite(end) and text.startswith("a wall through"):
+                    walls[self.number] = (exactly(float(end)),) * 2
+                    with self._counted(REFUTED):
+                        self.claims.append(
+                            claim_of_motion(spec_of(self.text), numbers, walls, text)
+                        )
 
     def _refuted(self, numbers, end, text, away):
         """The claim that an end is refuted, or what is next to it: of a member, the end of its stable
@@ -367,13 +380,19 @@ def of_design(
                 yield f"{place}: unstable with {in_a_sentence(of_all['counterexample'])}"
         except (Refused, Unreadable) as error:
             unproved.append(f"no proof file for all of [for_all]: {error}")
-    wall = found.get("contact", {"verdict": ""})["verdict"]
+    wall = found.get("contact", {"verdict": ""})
     try:
-        if wall == "proved":
+        if wall["verdict"] == "proved":
             claims.append(claim_of_walls(spec_of(text), numbers, wall_with(spec, numbers)))
             yield f"{place}: comes to rest at any wall that pushes and never pulls"
-        elif wall:
-            unproved.append(f"no proof file for a wall that lets go: {wall}")
+        elif wall["verdict"] == "refuted":
+            refuted = wall["counterexample"]
+            claims.append(
+                claim_of_motion(spec_of(text), numbers, wall_with(spec, numbers), refuted)
+            )
+            yield f"{place}: refuted through contact by {in_a_sentence(refuted)}"
+        elif wall["verdict"]:
+            unproved.append(f"no proof file for a wall that lets go: {wall['verdict']}")
     except (Refused, Unreadable) as error:
         unproved.append(f"no proof file for a wall that lets go: {error}")
     if claims:

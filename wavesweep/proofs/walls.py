@@ -3,6 +3,7 @@ sums of squares that show that they serve."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
@@ -50,6 +51,28 @@ def claim_of_walls(tables: dict, numbers: Mapping[str, str], ends: Ends) -> Line
             head |= own
         lines += _pieces(family, ends)
     return [head, *lines]
+
+
+def claim_of_motion(tables: dict, numbers: Mapping[str, str], ends: Ends, text: str) -> Lines:
+    """Return the line of a claim that the forces of a wall, as they are printed, go on for ever.
+
+    ends: the wall's numbers. Errors: Refused for another text, or if the checker does not find them
+    to; Unreadable.
+    """
+    if not text.startswith("a wall through "):
+        raise Refused(f"what refutes it is no motion that repeats: {text}")
+    forces = re.findall(r"\(\S+, (\S+)\)", text)
+    others = {name: value for name, value in numbers.items() if name not in ends}
+    claim = file.Claim("goes on", {name: Fraction(value) for name, value in others.items()}, ends)
+    claim.drifts, claim.rest = drifts_and_rest(tables, claim, {})
+    family = file.family_of(tables, claim)
+    loop = file.opened_at(family, {name: low for name, (low, _) in ends.items()})
+    if not contact.goes_on(loop, [*map(Fraction, forces)]):
+        raise Refused(f"no wall is found that has the forces of {text}")
+    sides = {name: [decimals(low), decimals(high)] for name, (low, high) in ends.items()}
+    head = {"claim": "goes on", "numbers": others, "sides": sides, "forces": forces}
+    own = {"drifts": claim.drifts, "states": family.states}
+    return [head | own | ({"rest": claim.rest} if claim.rest else {})]
 
 
 def _pieces(family: file.Family, ends: Ends) -> Lines:
