@@ -163,6 +163,7 @@ def test_what_is_known_on_a_panel_holds_for_all_of_it(radius, rate, doublings, m
     found = {
         "overshoot": enclosed.step(panel),
         "settling": enclosed.step(panel, settling=True),
+        "later": enclosed.step(panel, 0.02, settling=True, after=30),
         "noise": enclosed.mean_square(panel),
     }
     times = np.arange(round(150 / rate / T))
@@ -175,6 +176,7 @@ def test_what_is_known_on_a_panel_holds_for_all_of_it(radius, rate, doublings, m
         true = {
             "overshoot": response.max() - 1,
             "settling": np.flatnonzero(np.abs(response - 1) > 0.02)[-1] + 1,
+            "later": np.abs(response - 1)[31:].max(),
             "noise": (impulse**2).sum(),
         }
         for name, value in true.items():
@@ -307,18 +309,20 @@ def test_a_product_of_matrices_with_large_errors_holds_its_corners():
 
 def test_bounds_of_the_maps_of_a_frame_hold_and_do_not_grow_from_tick_to_tick():
     """Ticks `A = [3/2, -1; 1, -1/2]` forget, with eigenvalues of 1/2, and the sizes of their entries grow by 2.1 each; their
-    states are in even units."""
+    states are in even units, and every other one reads no input."""
     ticks, n = 40, 2
     e, b, c, d = (np.array(rows) for rows in ([[0.5, -1.0], [1.0, -1.5]], [[0.7], [0.2]], [[0.7, 0.2]], [[0.9]]))
     tick = (e, b, c, d)
-    port = SimpleNamespace(kind=np.zeros(ticks, int), maps=[tick], sizes=[[0 * part for part in tick]])
+    deaf = e, 0 * b, c, 0 * d
+    sizes = [[0 * part for part in tick]] * 2
+    port = SimpleNamespace(kind=np.arange(ticks) % 2, maps=[tick, deaf], sizes=sizes)
     found = maps.over_frame(port, np.arange(n), (1,), np.arange(port.kind.size))
     exact = np.vectorize(Fraction)
     e, b, c, d = (exact(part) for part in tick)
     states = [np.hstack([np.eye(n, dtype=int), np.zeros((n, ticks), int)]) + Fraction(0)]
     outputs = []
     for at in range(ticks):
-        inputs = np.arange(n + ticks) == n + at
+        inputs = (np.arange(n + ticks) == n + at) & (at % 2 == 0)
         outputs.append(c @ states[-1] + d * inputs)
         states.append(states[-1] + e @ states[-1] + b * inputs)
     states = states[-1] - states[0]
@@ -333,6 +337,12 @@ def test_ticks_until_a_response_stays_within_its_band_are_counted_from_the_step(
     """Frames of two ticks: half of the end at most in the first, 0.7 and 0.9 of it in the second, and the end from then on."""
     ends = Bounded(np.ones((1, 1, 2)), np.zeros((1, 1, 2)))
     T = np.array([[[[0.5, 0.0], [0.25, 0.25]]]])
-    found = enclosed._Step(Bounded(T, 0 * T), np.array([step]), ends, settling=True, unsure=enclosed.UNSURE)
-    found.look(np.array([-0.3, -0.1, 0.0, 0.0]).reshape(1, 1, 4, 1))
+    about = Bounded(T, 0 * T), np.array([step]), ends
+    found, at_last, later = (
+        enclosed._Step(*about, settling=True, after=after, unsure=enclosed.UNSURE) for after in (None, settled - 2, settled - 1)
+    )
+    for each in (found, at_last, later):
+        each.look(np.array([-0.3, -0.1, 0.0, 0.0]).reshape(1, 1, 4, 1))
     assert found.low.tolist() == found.high.tolist() == [[settled] * len(enclosed.UNSURE)]
+    assert at_last.low[0, 0] == at_last.high[0, 0] == pytest.approx(0.1)
+    assert later.high.max() == 0

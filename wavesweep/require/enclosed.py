@@ -271,7 +271,8 @@ class _Step:
     the mean of their ticks there.
 
     steps: the ticks. ends: of the ticks of a frame, each with a bound on its error. settling: whether the ticks are
-    looked for from the step until all samples are within BAND, in place of the overshoot. unsure: see UNSURE.
+    looked for from the step until all samples are within BAND, in place of the overshoot; or, if `after` is
+    given, how far samples are from the end that come more than so many ticks after the step. unsure: see UNSURE.
     """
 
     def __init__(
@@ -281,9 +282,12 @@ class _Step:
         ends: Bounded,
         *,
         settling: bool,
+        after: float | None,
         unsure: np.ndarray,
     ) -> None:
         self.settling = settling
+        self.in_ticks = settling and after is None
+        self.after = -np.inf if after is None else after
         self.unsure = unsure
         self.steps = steps
         self.final = ends[0].mean(-1)
@@ -310,8 +314,8 @@ class _Step:
         self.largest = np.maximum(self.largest, np.abs(middle).max((-1, -2)))
         since = self.tick + np.arange(middle.shape[-2])[:, None] - self.steps
         self.tick += middle.shape[-2]
-        if self.settling:
-            off = np.abs(middle - 1)
+        off = self._off(middle)
+        if self.in_ticks:
             least = off - moved
             most = off + moved
             for values, size, band in (
@@ -322,33 +326,40 @@ class _Step:
                     last = np.where(size > band[at], since + 1, 0).max((-1, -2))
                     values[:, at] = np.maximum(values[:, at], last)
         else:
-            low = (middle - moved).max((-1, -2))[:, None] - self.unsure - 1
-            high = (middle + moved).max((-1, -2))[:, None] + self.unsure - 1
-            self.low = np.maximum(self.low, low)
-            self.high = np.maximum(self.high, high)
+            off = np.where(since > self.after, off, -np.inf)
+            self.low = np.maximum(self.low, (off - moved).max((-1, -2))[:, None])
+            self.high = np.maximum(self.high, (off + moved).max((-1, -2))[:, None])
+
+    def _off(self, middle: np.ndarray) -> np.ndarray:
+        """How far samples are from the end, or above it."""
+        return np.abs(middle - 1) if self.settling else middle - 1
 
     def value(self, rest: _Rest) -> Enclosed:
         middle = np.tile(self.ends[:, 0].real, rest.largest.shape[-1] // self.frame)
         moved = np.tile(_moved(self.ends), rest.largest.shape[-1] // self.frame)
-        low, _, low_known = self._of_bound(self.low, rest.off_so_far)
+        low, _, low_known = self._of_bound(-self.low, rest.off_so_far)
+        low = -low
         self.most, _, _ = self._of_bound(self.high, rest.off_so_far)
         high, unsure, high_known = self._of_bound(self.high, rest.off)
         later = moved + unsure[:, None] + rest.largest * self.inverse[:, None]
-        if self.settling:
-            high = np.where((np.abs(middle - 1) + later).max(-1) <= BAND, high, np.inf)
+        later = (self._off(middle) + later).max(-1)
+        if self.in_ticks:
+            high = np.where(later <= BAND, high, np.inf)
         else:
-            high = np.fmax(high, (middle + later).max(-1) - 1)
-        high_known &= ~np.isnan(later).any(-1)
+            high = np.fmax(high, later)
+        high_known &= ~np.isnan(later)
         low = np.where(low_known, np.nan_to_num(low), 0.0)
         return Enclosed(low, np.where(high_known, high, np.inf), self.known & ~low_known)
 
     def _of_bound(
         self, values: np.ndarray, each_off: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The value of each panel by the bound on what samples are off, how much that is of the
-        end, and whether it is known."""
+        """The largest value of each panel by the bound on what samples are off, how much that is of
+        the end, and whether it is known."""
         off = each_off.max(-1) + (1 + self.largest) * self.off
         share = off / np.abs(self.final[:, 0])
+        if not self.in_ticks:
+            return values[:, 0] + share, share, self.known & (share <= self.unsure[-1])
         place = np.searchsorted(self.unsure, share)  # NaN is behind all
         known = self.known & (place < self.unsure.size)
         place = np.minimum(place, self.unsure.size - 1)
@@ -476,10 +487,12 @@ def step(
     level: float | None = None,
     *,
     settling: bool = False,
+    after: float | None = None,
     proved: bool = True,
 ) -> Enclosed:
     """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
-    come; or the ticks from the step until all samples are within BAND of that value.
+    come; or the ticks from the step until all samples are within BAND of that value; or, more than
+    `after` ticks after the step, how far samples are from it, as a share of it.
 
     maps: see `mean_square`; level: about which it is asked, None if its value is; proved: whether all
     later samples are bounded, else it is what is seen of some loops, whose E is finite, in doubles. Without
@@ -502,7 +515,9 @@ def step(
 
         def found(method: Callable[..., Any], at: np.ndarray, *more: Any) -> Enclosed:
             unsure = UNSURE if proved else UNSURE[:1]
-            seen = _Step(T.part(at), steps, ends.part(at), settling=settling, unsure=unsure)
+            seen = _Step(
+                T.part(at), steps, ends.part(at), settling=settling, after=after, unsure=unsure
+            )
             seen.known &= regular[at]
             return method(*(each.part(at) for each in (E, O, starts)), seen, *more)
 

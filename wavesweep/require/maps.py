@@ -24,10 +24,12 @@ def over_frame(
     ticks = len(order)
     n = kept.size
     states = slice(n)
-    X = np.zeros((*batch, n, n + read.size))  # less identity
+    acts = np.array([(b.size != 0).any() or (d.size != 0).any() for _, b, _, d in kinds])
+    acting = np.flatnonzero(acts[port.kind[read]])  # inputs, which alone are followed
+    X = np.zeros((*batch, n, n + acting.size))  # less identity
     before = []
     outputs = []
-    own = [n + np.flatnonzero(read == tick) for tick in range(ticks)]  # column of its input
+    own = [n + np.flatnonzero(read[acting] == tick) for tick in range(ticks)]  # column of its input
     for tick, kind in enumerate(order):
         e, b, c, d = (matrix for matrix, _ in kinds[kind])
         output = c @ X
@@ -40,7 +42,7 @@ def over_frame(
         X[..., own[tick]] += b
     whole = np.concatenate([*outputs, X], -2)
 
-    identity = np.eye(n, n + read.size)
+    identity = np.eye(n, n + acting.size)
     error = np.zeros_like(whole)
     rounding = sum_rounding(n + 2, np.iscomplexobj(whole))
     after = np.broadcast_to(np.eye(n), (*batch, n, n))
@@ -57,7 +59,14 @@ def over_frame(
         of_output[..., own[tick]] += d.error
         error[..., tick, :] += of_output[..., 0, :]
         after = np.concatenate([c.value, after + after @ e.value], -2)
-    found = Bounded(whole, error)
+    columns = np.append(np.arange(n), n + acting)
+
+    def with_all_inputs(entries: np.ndarray) -> np.ndarray:
+        wide = np.zeros((*entries.shape[:-1], n + read.size), entries.dtype)
+        wide[..., columns] = entries
+        return wide
+
+    found = Bounded(whole, error).each(with_all_inputs)
     pairs = []
     for rows in (slice(ticks, None), slice(ticks)):
         for columns in (states, slice(n, None)):

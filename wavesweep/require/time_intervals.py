@@ -17,7 +17,7 @@ from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
-from wavesweep.require.enclosed import ROWS_OF_BLOCK, Enclosed, mean_square, step
+from wavesweep.require.enclosed import BAND, ROWS_OF_BLOCK, Enclosed, mean_square, step
 from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, STEP_SETTLING, TimeBound
 from wavesweep.require.gain_intervals import END_EXACTNESS, attached, begun_at_low_end
 
@@ -38,14 +38,19 @@ def enclosed_value(
     """What is known of a value of responses, one of MEASURES; maps: see `enclosed`; rate: of
     ticks, Hz.
 
-    level: about which it is asked, None if the value is. proved: see `step`.
+    level: about which it is asked, None if the value is. proved: see `step`. A time that is asked
+    about is the level times how far the response is from its end after that, over BAND: so it does
+    not jump where one more sample leaves the band.
     """
     if measure == OVERSHOOT:
         return step(maps, level, proved=proved)
     if measure == STEP_SETTLING:
-        level = None if level is None else level * rate
-        ticks = step(maps, level, settling=True, proved=proved)
-        return ticks._replace(low=ticks.low / rate, high=ticks.high / rate)
+        if level is None:
+            value, unit = step(maps, settling=True, proved=proved), 1 / rate
+        else:
+            value = step(maps, BAND, settling=True, after=level * rate - 1, proved=proved)
+            unit = level / BAND
+        return value._replace(low=value.low * unit, high=value.high * unit)
     square = mean_square(maps)
     return Enclosed(np.sqrt(square.low), np.sqrt(square.high))
 
