@@ -36,11 +36,12 @@ def drifts_and_rest(
     cut, free = contact.opened(schedules[""], wall_of(tables)[0])
     own = _directions({"": cut}, claim.sides)
     fixed = {names[0] for names in own}
-    live = frame.Frames(frame.steps_of({"": free})).live - fixed
+    live = frame.Frames(frame.steps_of({"": cut})).live
+    silent = {name for names in own if drifts.is_unread([free], names, live) for name in names}
     rows = []
-    for row in drifts.at_rest([free]):
+    for row in drifts.at_rest([free], live - silent):
         rows.append({name: share for name, share in row.items() if name not in fixed})
-    rests = [*_next(list(filter(None, rows)), live, _cells(claim.sides))]
+    rests = [*_next(list(filter(None, rows)), live - silent - fixed, _cells(claim.sides))]
     if len(rests) > 1:
         raise Refused("more than one position drifts while the wall is not touched")
     return own, rests[0] if rests else []
