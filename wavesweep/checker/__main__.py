@@ -37,6 +37,9 @@ def in_words(claim: Claim) -> str:
     if claim.radius != 1:
         circle = f"the circle of radius {_written(claim.radius)}, in each frame"
     words = f"{SCOPES[claim.claim]}, {', '.join(where) or 'its own numbers'}: "
+    if claim.times and claim.claim == "for all":
+        low, high = min(claim.times.values())[0], max(claim.times.values())[1]
+        words += f"with ticks of any times from {_written(low)} to {_written(high)} s, "
     if claim.shares:
         parts = {None: "open", 0: "stable"}
         shares = sorted(claim.shares.items(), key=lambda each: (each[0] is None, each[0]))
@@ -57,7 +60,8 @@ def in_words(claim: Claim) -> str:
         modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
         words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
         if claim.word:
-            words += f", with frames {', '.join(claim.word)} for ever"
+            times = [_written(claim.times[letter][0]) for letter in claim.word if claim.times]
+            words += f", with {'ticks of' if times else 'frames'} {', '.join(times or claim.word)}{' s' if times else ''} for ever"
     elif not claim.states:
         words += "there is no mode"
     else:
@@ -77,7 +81,8 @@ def _written(number: Fraction) -> str:
     short = f"{float(number):.15g}"
     if Fraction(short) == number:
         return short
-    return str(Context(DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator)))
+    digits = Context(DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator))
+    return str(digits if Fraction(digits) == number else number)
 
 
 def main(arguments: list[str]) -> int:

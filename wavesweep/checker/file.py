@@ -20,7 +20,9 @@ and then each claim, a line, followed by the lines of its cells:
     states    names of the memory that is left, sorted: rows and columns of all forms
     rest      of contact: what drifts besides while the wall is not touched, as a drift; none if nothing does
     forces    of what goes on: those of the wall, frame by frame, which are repeated for ever
-    word      of refuted: frames that are repeated for ever, by their letters
+    word      of refuted: frames that are repeated for ever, by their letters; of [for_all] tick the times of ticks (s) from the first
+              of a period on, or "start" and "stop" for the shortest and the longest
+    ticks     of [for_all] tick: times at which these are divided, rising; the letters of the parts are "0", "1", ...
 
 Cells divide the whole of the sides, in this order:
 
@@ -36,7 +38,9 @@ Where [for_all] lists values of numbers, cells follow for each combination, the 
     {"member": {"filters.lp1.order": "1"}, "drifts": [...], "states": [...]}
 
 p = centre + half s in each side, -1 <= s <= 1, and P(s) = L' (diag(signs) + sum of Q_m s^m) L. In a graph P_i - A' P_j A > 0 for
-each edge from i to j: no matter in which order frames come, a norm of what is left decreases with each. Of chances there is a
+each edge from i to j: no matter in which order frames come, a norm of what is left decreases with each. Of [for_all] tick the
+frames are single ticks, A depends on their time as on one more side, and P does not: it decreases for all times if it does so
+at control points of A. Of chances there is a
 node for each state of the spec's chain, no edges, and P_q - sum of chance A' P_r A > 0 over the states r that follow q.
 """
 
@@ -48,6 +52,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
+from itertools import pairwise
 from typing import IO, Any
 
 from wavesweep.checker import balls, contact, form
@@ -67,7 +72,7 @@ SIDES = 6
 NODES = 256
 KINDS = ("modes", "for all", "refuted", "mean square", "contact", "goes on")
 OF_WALLS = "contact", "goes on"
-FIELDS = {"claim", "numbers", "sides", "outside", "open", "word", "radius", "forces"}
+FIELDS = {"claim", "numbers", "sides", "outside", "open", "word", "radius", "forces", "ticks"}
 COORDINATES = {"drifts", "states", "rest"}
 
 
@@ -85,6 +90,8 @@ class Claim:
     radius: Fraction = Fraction(1)
     rest: list[str] = field(default_factory=list)
     forces: list[Fraction] = field(default_factory=list)
+    ticks: list[Fraction] = field(default_factory=list)
+    times: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)  # of a tick
     shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
     in_touch: bool = False  # whether [for_all] asks for walls that let go, which is not claimed
 
@@ -185,20 +192,43 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
     messages = for_all.has_messages(loop)
-    if claim.claim in OF_WALLS and (vary or messages or allowed.ranges):
+    random = claim.claim == "mean square"
+    if allowed.tick and claim.claim in ("for all", "refuted"):
+        claim.times = times_of(claim, *for_all.time_of_tick(loop, allowed.tick))
+        return *for_all.ticks_of(loop, claim.times), 0
+    if claim.claim in OF_WALLS and (vary or messages or allowed.ranges or allowed.tick):
         raise Refused("a wall that lets go beside ranges, or frames and messages that vary")
     if vary and messages:
         raise Unreadable(
             "frames that vary beside messages that are late or lost have no proof here"
         )
-    random = claim.claim == "mean square"
-    if messages:
+    if messages and not allowed.tick:
         return for_all.messages_at_random(loop) if random else for_all.messages_of(loop)
     if vary:
         return for_all.frames_of(allowed, loop_with, random)
     if random:
         raise Unreadable("the spec has no chances")
     return own, {None: {"": ("", None, None)}}, None
+
+
+def times_of(claim: Claim, low: Fraction, high: Fraction) -> dict[str, tuple[Fraction, Fraction]]:
+    """The times of a tick that each letter of a claim stands for, of those that the spec allows."""
+    if for_all.TICK in claim.sides:
+        raise Unreadable(f"a number with the name {for_all.TICK}")
+    if claim.claim != "refuted":
+        parts = list(pairwise([low, *claim.ticks, high]))
+        if any(begin >= end for begin, end in parts):
+            raise Refused("the times of ticks do not rise from the shortest to the longest one")
+        return {str(at): part for at, part in enumerate(parts)}
+    times = {}
+    for letter in claim.word:
+        time = {"start": low, "stop": high}.get(letter) or decimal(letter)
+        if not low <= time <= high:
+            raise Refused(f"no tick of {letter} s may come")
+        times[letter] = time, time
+    if not times:
+        raise Refused("no tick is said to refute it")
+    return times
 
 
 def _repeated(moves, word: list[str]) -> list[str]:
@@ -364,9 +394,11 @@ def _claim(line) -> Claim:
     forces = [_fraction(x) for x in _expect(line.get("forces", []), list, "forces")]
     if bool(forces) != (kind == "goes on") or len(forces) > contact.LAGS:
         raise Unreadable("forces that go on are some, and those of a motion that goes on")
-    claim = Claim(
-        kind, numbers, sides, line.get("outside"), word=word, radius=radius, forces=forces
-    )
+    ticks = [_fraction(time) for time in _expect(line.get("ticks", []), list, "ticks")]
+    if ticks and kind != "for all":
+        raise Unreadable("what holds for all has ticks alone")
+    claim = Claim(kind, numbers, sides, line.get("outside"), word=word, radius=radius)
+    claim = replace(claim, forces=forces, ticks=ticks)
     return claim if "states" not in line else _with_coordinates(claim, line)
 
 
@@ -472,7 +504,10 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
         elif "nodes" in line:
             if claim.claim not in ("for all", "mean square"):
                 raise Refused("a graph is for frames in any order, or at random")
-            (_graph if claim.claim == "for all" else _chain)(family, Cell(box), line, box)
+            if claim.claim == "for all":
+                _graph(family, claim.times, Cell(box), line, box)
+            else:
+                _chain(family, Cell(box), line, box)
         elif not family.word and ("" not in family.frames.words or claim.claim == "mean square"):
             raise Refused(f"no graph {_in_words(box)}")
         else:
@@ -517,15 +552,16 @@ def opened_at(family: Family, point: Mapping[str, Fraction]) -> contact.Opened:
     return contact.opened_at(cell, A, family.rest, family.states, stiff)
 
 
-def _graph(family: Family, cell: Cell, line: dict, box):
+def _graph(family: Family, times: Mapping, cell: Cell, line: dict, box):
     """Refused, unless the forms of a graph decrease along every edge, and no frame that may come lacks one.
 
     The walk begins at the node "start". A form is positive: it is L' L at s = 0, and stays so as long as those
-    that follow do.
+    that follow do. times: of a tick, by its letter.
     """
     if line.keys() - {"nodes", "edges", "start"}:
         raise Unreadable("a graph has nodes, edges and a start alone")
     forms = _forms(family, cell, line)
+    cells = {letter: Cell(box | {for_all.TICK: ends}) for letter, ends in times.items()}
     nodes = len(forms)
     edges = {}
     for edge in _expect(line.get("edges"), list, "edges"):
@@ -535,7 +571,7 @@ def _graph(family: Family, cell: Cell, line: dict, box):
                 raise Unreadable(f"an edge has the node {node} of {nodes}")
         _expect(letter, str, "a letter")
         edges[source, letter] = target
-    matrices: dict[str, form.Matrix] = {}
+    matrices: dict[str, list[form.Matrix]] = {}
     done = set()
     start = _expect(line.get("start", 0), int, "a start")
     if start not in range(nodes):
@@ -552,8 +588,11 @@ def _graph(family: Family, cell: Cell, line: dict, box):
             target = edges[node, letter]
             if (node, kind, target) not in done:
                 if kind not in matrices:
-                    matrices[kind] = family.matrix(kind, cell)
-                if not form.decreases(forms[node], [(None, matrices[kind], forms[target])]):
+                    A = family.matrix(kind, cells.get(letter, cell))
+                    matrices[kind] = form.control_points(A) if times else [A]
+                if not all(
+                    form.decreases(forms[node], [(None, A, forms[target])]) for A in matrices[kind]
+                ):
                     raise Refused(
                         f"the form of node {node} does not decrease with the frame {letter} {_in_words(box)}"
                     )

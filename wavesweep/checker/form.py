@@ -142,6 +142,29 @@ def form_of(
     return Matrix(parts, [[0] * len(L) for _ in L])
 
 
+def control_points(A: Matrix) -> list[Matrix]:
+    """Matrices of the other sides, of which A is a convex combination wherever the last side s is: c_0 + c_1 s + c_2 s^2 is one of
+    its Bernstein points, and what has a higher power of s is an error.
+
+    P - A' Q A is concave in A if Q >= 0: it is positive for all s if it is so at these points.
+    """
+    error = _sum(
+        [
+            A.error,
+            *([[abs(x) for x in row] for row in part] for m, part in A.parts.items() if m[-1] > 2),
+        ]
+    )
+    points = []
+    for shares in ((1, -1, 1), (1, 0, -1), (1, 1, 1)):
+        parts: dict[tuple, Rows] = {}
+        for m, part in A.parts.items():
+            if m[-1] <= 2:
+                term = [[shares[m[-1]] * x for x in row] for row in part]
+                parts[m[:-1]] = _sum((parts[m[:-1]], term)) if m[:-1] in parts else term
+        points.append(Matrix(parts, error))
+    return points
+
+
 def _symmetric(rows: Rows) -> Rows:
     """(M + M')/2, rounded down by less than 1."""
     return [

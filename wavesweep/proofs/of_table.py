@@ -47,14 +47,15 @@ UNCLAIMED = {
     "box": "the hands of a range",
     "free": "nobody at the device",
 }  # kinds of rows
-UNCLAIMED_FACTS = {"tick": "late ticks", "every_hand": "every passive hand"}
-FACTS = "for_all", "at_random"  # of `check`
+UNCLAIMED_FACTS = {"every_hand": "every passive hand"}
+FACTS = "for_all", "at_random", "tick"  # of `check`
 IN_ANY_ORDER = "for_all", "messages"  # their kinds that are not about means
 IN_WORDS = {"for all": "stable", "mean square": "stable in mean square"}
 ORDINALS = "first", "second", "third"  # in the columns of a map
 REQUIRED = "what [sweep] require asks for"
 SLICES, ROWS, REFUTED = "slices", "rows for all of [for_all]", "refuted ends"
 THROUGH_CONTACT = "rows through contact"
+SHORT = 0.0, 1e-3, 1e-2, 3e-2  # of a row: how much of it a claim may leave out at its high end
 SAME_END = 4 * WINDOW  # of an end or of the range: how far a row and its proof may differ
 
 
@@ -109,10 +110,10 @@ def with_proof(
             proofs.of_slice(numbers | own, rows)
         elif kind == "contact":
             proofs.of_walls(numbers | own, rows)
-        elif kind in CLAIMED and not (spec.tick or spec.require):
+        elif kind in CLAIMED and not spec.require:
             proofs.of_set(CLAIMED[kind], numbers | own, rows)
         else:
-            of_all = "late ticks" if spec.tick else f"{REQUIRED}, for all of [for_all]"
+            of_all = f"{REQUIRED}, for all of [for_all]"
             others.add(of_all if kind in CLAIMED else UNCLAIMED.get(kind, kind))
     for line in proofs.in_words(f"{table.kind}.proof"):
         say(line)
@@ -233,7 +234,7 @@ class _Proofs:
             along = self.number, float(rows["low"][at]), float(rows["high"][at])
             beyond = (above, refuters.high) if above > along[2] else (np.inf, "")
             with self._counted(ROWS):
-                self.claims.append(claim_of_set(spec_of(self.text), kind, numbers, along, beyond))
+                self._add_row(kind, numbers, along, beyond)
             if kind == "mean square":
                 continue
             below = float(rows["fails_below"][at])
@@ -262,6 +263,23 @@ class _Proofs:
                         self.claims.append(
                             claim_of_motion(spec_of(self.text), numbers, walls, text)
                         )
+
+    def _add_row(self, kind, numbers, along, beyond):
+        """Add the claim of a row, or of what is left of one for late ticks beyond which no form is
+        found at the places of ticks. Errors: Refused, also for what is left; Unreadable."""
+        name, low, high = along
+        for share in SHORT if self.spec.tick else SHORT[:1]:
+            end = high - share * (high - low)
+            try:
+                lines = claim_of_set(spec_of(self.text), kind, numbers, (name, low, end), beyond)
+            except Refused as error:
+                refused = error
+                continue
+            self.claims.append(lines)
+            if end < high:
+                raise Refused(f"above {self.axis} = {end:.6g}: no forms are found")
+            return
+        raise refused
 
     def _refuted(self, numbers, end, text, away):
         """The claim that an end is refuted, or what is next to it: of a member, the end of its stable
@@ -365,17 +383,18 @@ def of_design(
     except (Refused, Unreadable) as error:
         unproved.append(f"no proof file: {error}")
     for of_all in map(found.get, FACTS):
-        if not of_all or found.get("tick"):
+        if not of_all:
             continue
         if spec.require:
             unproved.append(f"no proof file for {REQUIRED}, for all of [for_all]")
             continue
-        kind = "for all" if of_all["kind"] in IN_ANY_ORDER else "mean square"
+        verdict = of_all.get("verdict") or of_all["status"]
+        kind = "for all" if of_all.get("kind", "for_all") in IN_ANY_ORDER else "mean square"
         try:
-            if of_all["verdict"] == "proved":
+            if verdict == "proved":
                 claims.append(claim_of_set(spec_of(text), kind, numbers, None))
                 yield f"{place}: {IN_WORDS[kind]} for all of [for_all]"
-            elif of_all["verdict"] == "refuted":
+            elif verdict == "refuted":
                 claims.append(claim_refuted(spec_of(text), numbers, of_all["counterexample"]))
                 yield f"{place}: unstable with {in_a_sentence(of_all['counterexample'])}"
         except (Refused, Unreadable) as error:

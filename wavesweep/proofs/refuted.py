@@ -9,19 +9,24 @@ from typing import NamedTuple
 from wavesweep.checker import balls, file
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import for_all, loop_of, with_numbers
+from wavesweep.proofs.sets import decimals
 
 FRAME = re.compile(r"(\d+)(?: \((.*?)\))?")
-PATTERN = re.compile(r"(?:^|, )(frames|messages) (.*)")
+PATTERN = re.compile(r"(?:^|, )(frames|messages|ticks of) (.*)")
+INNER = re.compile(r"\(([^()]*)\)(?: x (\d+))?")  # of a pattern with its repetitions counted
+SAME_TIME = Fraction(1, 10**14)  # of a tick: rounding of its time in ms
 TURNS = 3  # of a pattern, after which what is held repeats
 
 
 class Refuter(NamedTuple):
     """numbers: of the member. frames: in their order, (ticks, result), as they are printed.
-    messages: of each channel by how many ticks they are late, None of one that is lost."""
+    messages: of each channel by how many ticks they are late, None of one that is lost. ticks: their
+    times (ms), one after the other."""
 
     numbers: dict[str, str]
     frames: list[tuple[int, str]]
     messages: dict[str, list[int | None]]
+    ticks: list[Fraction]
 
 
 def read(text: str) -> Refuter:
@@ -37,13 +42,31 @@ def read(text: str) -> Refuter:
         numbers[name] = value
     frames: list[tuple[int, str]] = []
     messages: dict[str, list[int | None]] = {}
+    ticks: list[Fraction] = []
     if kind == "frames":
         frames = [(int(ticks), result) for ticks, result in FRAME.findall(pattern)]
     elif kind == "messages":
         for channel in pattern.split("; "):
             name, _, late = channel.partition(": ")
             messages[name] = [each for told in late.split(", ") for each in _fates(told)]
-    return Refuter(numbers, frames, messages)
+    elif kind:
+        times = pattern.removesuffix(" ms")
+        while INNER.search(times):
+            times = INNER.sub(lambda found: ", ".join(_runs(found[1]) * int(found[2] or 1)), times)
+        try:
+            ticks = [Fraction(time) for time in _runs(times)]
+        except ValueError:
+            raise Refused(f"a pattern of ticks that is not written out: {text}") from None
+    return Refuter(numbers, frames, messages, ticks)
+
+
+def _runs(pattern: str) -> list[str]:
+    """Return a pattern without brackets, each tick by itself."""
+    ticks = []
+    for run in pattern.split(", "):
+        time, _, count = run.partition(" x ")
+        ticks += [time] * int(count or 1)
+    return ticks
 
 
 def _fates(told: str) -> list[int | None]:
@@ -62,6 +85,8 @@ def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
     loop = loop_of(with_numbers(tables, values), balls)
     if refuter.messages:
         return list(_messages(loop, refuter.messages))
+    if refuter.ticks:
+        return list(_ticks(tables, loop, refuter.ticks))
     schedules, _, _ = file.schedules_of(tables, claim, {})
     letters: dict[tuple[Fraction, str], str] = {}
     for letter, schedule in schedules.items():
@@ -73,6 +98,18 @@ def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
         return [letters[Fraction(ticks), result] for ticks, result in refuter.frames]
     except KeyError as error:
         raise Refused(f"a frame {error} that the checker does not know") from None
+
+
+def _ticks(tables, loop, times) -> Iterator[str]:
+    """Yield a letter for each tick of a pattern."""
+    low, high = for_all.time_of_tick(loop, tables["for_all"].get("tick", {}))
+    for time in times:
+        if abs(time / 1000 - low) < SAME_TIME * low:
+            yield "start"
+        elif abs(time / 1000 - high) < SAME_TIME * high:
+            yield "stop"
+        else:
+            yield decimals(time / 1000)
 
 
 def _messages(loop, messages: Mapping[str, list[int | None]]) -> Iterator[str]:

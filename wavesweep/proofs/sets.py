@@ -15,8 +15,10 @@ from scipy.linalg import matrix_balance
 
 from wavesweep.checker import balls, file, form
 from wavesweep.checker.balls import Refused
+from wavesweep.checker.reader.for_all import TICK
 from wavesweep.engine.sets import Polynomials, Side
 from wavesweep.engine.switched import ALWAYS, Centre, Graph, OnAverage, cover
+from wavesweep.proofs.ticks import AtPlaces
 
 ORDER = 2  # of matrices in doubles, as the checker looks at slacks
 LOGARITHMIC = 4.0  # ratio of the ends of a positive side above which it is divided by factors
@@ -25,17 +27,20 @@ WORK, SEARCH = 1e13, 1e11  # operations of a proof, and of a search for norms in
 MOST = 4000  # cells that are tried: of long frames, some minutes
 LEFT_OPEN = 1e-4  # of a side, from its low end on: where a loop only just decays
 LEAST = 1e-300  # width of a side
+POINTS = (1, -1, 1), (1, 0, -1), (1, 1, 1)  # Bernstein's of c0 + c1 s + c2 s^2, -1 <= s <= 1
 DIGITS = 8, 12, 17  # of the entries of forms, that are tried
 Ends = dict[str, tuple[Fraction, Fraction]]
 Lines = list[dict[str, Any]]
 
 
 class Frame(NamedTuple):
-    """A frame after which the same may follow: its letter, its kind, and the state that it leads to."""
+    """A frame after which the same may follow: its letter, its kind, and the state that it leads to;
+    of a tick that takes any time of a part, a control point."""
 
     letter: str
     kind: str
     after: Any
+    point: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +64,7 @@ class Cells:
     claim: file.Claim
     sides: Sequence[Side]
     frames: Sequence[Frame]
-    rule: np.ndarray | OnAverage
+    rule: np.ndarray | OnAverage | AtPlaces
     units: np.ndarray
     left: Iterator[int] = field(default_factory=lambda: iter(range(MOST)))
 
@@ -82,7 +87,9 @@ class Cells:
         elif "" in family.frames.words:
             frames, rule = [Frame("", "", None)], ALWAYS
         else:
-            frames, rule = _any_order(family)
+            frames, rule = _any_order(family, len(POINTS) if claim.times else 1)
+            if claim.times:
+                rule = AtPlaces(rule, len(family.moves))
         return Cells(family, claim, sides, frames, rule, _units(family, claim))
 
     @property
@@ -156,18 +163,26 @@ class Cells:
 
     def in_box(self, box: np.ndarray) -> _InBox:
         """The matrices of the frames in a box, `(frames, n, n)`. Errors: Refused without a bound."""
-        cell = balls.Cell(self.cell(box))
+        ends = self.cell(box)
+        cell = balls.Cell(ends)
+        times = self.claim.times.items()
+        cells = {letter: balls.Cell(ends | {TICK: time}) for letter, time in times}
         found = {}
         due = np.full(cell.width, LEAST)
-        for kind in {frame.kind for frame in self.frames}:
-            A = self.family.matrix(kind, cell)
-            found[kind] = polynomials_of(A, cell)
+        for letter, kind in {(frame.letter, frame.kind) for frame in self.frames}:
+            own = cells.get(letter, cell)
+            A = self.family.matrix(kind, own)
+            found[kind] = [polynomials_of(A, own)]
+            if times:
+                found[kind] = _at_control_points(found[kind][0])
             for powers, part in A.parts.items():
                 if sum(powers) > ORDER:
-                    due += np.abs(np.array(part, float)).sum() * (1 - 0.5 ** np.array(powers))
+                    shares = 1 - 0.5 ** np.array(powers[: cell.width])
+                    due += np.abs(np.array(part, float)).sum() * shares
         in_units = self.units / self.units[:, None]
-        terms = np.stack([found[frame.kind].terms for frame in self.frames], 1) * in_units
-        rest = np.stack([found[frame.kind].rest for frame in self.frames]) * in_units
+        each = [found[frame.kind][frame.point] for frame in self.frames]
+        terms = np.stack([one.terms for one in each], 1) * in_units
+        rest = np.stack([one.rest for one in each]) * in_units
         return _InBox(self, box, Polynomials(terms, rest, cell.width, ORDER), due)
 
     def line(self, box: np.ndarray, centre: Centre, further: np.ndarray) -> dict[str, Any] | None:
@@ -203,16 +218,17 @@ class Cells:
         if isinstance(self.rule, OnAverage):
             return {"nodes": nodes}
         edges = []
+        leaving: list[set[Frame]] = [set() for _ in nodes]
         for source, symbol, target in zip(
             graph.source.tolist(), graph.symbol.tolist(), graph.target.tolist(), strict=True
         ):
-            edges.append([source, self.frames[symbol].letter, target])
-        first = {*self.family.moves[self.family.start]}
-        start = next(
-            node
-            for node in range(len(nodes))
-            if first <= {edge[1] for edge in edges if edge[0] == node}
-        )
+            leaving[source].add(self.frames[symbol])
+            edge = [source, self.frames[symbol].letter, target]
+            if edge not in edges:  # of several control points
+                edges.append(edge)
+        moves = self.family.moves[self.family.start]
+        first = {Frame(letter, kind, after) for letter, (kind, after, _) in moves.items()}
+        start = next(node for node, frames in enumerate(leaving) if first <= frames)
         return {"nodes": nodes, "edges": edges, "start": start}
 
 
@@ -241,6 +257,19 @@ def polynomials_of(A: form.Matrix, cell: balls.Cell) -> Polynomials:
     return Polynomials(np.array(parts) / balls.ONE, rest / balls.ONE, cell.width, ORDER)
 
 
+def _at_control_points(A: Polynomials) -> list[Polynomials]:
+    """Matrices at the control points of their last number, as polynomials of the others."""
+    numbers = A.numbers - 1
+    wanted = exponents_of(numbers)
+    found = []
+    for point in POINTS:
+        terms = np.zeros((len(wanted), *A.rest.shape))
+        for powers, part in zip(A.exponents.tolist(), A.terms, strict=True):
+            terms[wanted.index(tuple(powers[:-1]))] += point[powers[-1]] * part
+        found.append(Polynomials(terms, A.rest, numbers, ORDER))
+    return found
+
+
 def exponents_of(width: int) -> list[tuple[int, ...]]:
     """Return the monomials of matrices in so many sides."""
     return [*map(tuple, Polynomials.constant(np.zeros(0), width, ORDER).exponents.tolist())]
@@ -248,28 +277,31 @@ def exponents_of(width: int) -> list[tuple[int, ...]]:
 
 def _units(family, claim) -> np.ndarray:
     """Powers of 2 that balance the mean size of all frames in the middle of the sides."""
-    middle = balls.Cell(
-        {name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()}
-    )
+    sides = claim.sides
+    if claim.times:
+        sides = sides | {TICK: claim.times["0"]}
+    middle = balls.Cell({name: ((low + high) / 2,) * 2 for name, (low, high) in sides.items()})
     sizes = []
     for kind in family.frames.words:
-        sizes.append(np.abs(np.array(family.matrix(kind, middle).parts[()], float)) / balls.ONE)
+        A = family.matrix(kind, middle)
+        sizes.append(np.abs(np.array(A.parts[()], float)) / balls.ONE)
     _, (units, _) = matrix_balance(np.mean(sizes, 0), permute=False, separate=True)
     return units
 
 
-def _any_order(family):
-    """The frames that differ in what follows, and which may follow which."""
+def _any_order(family, points):
+    """The frames that differ in what follows, and which may follow which. points: of a frame."""
     frames = []
     for moves in family.moves.values():
         for letter, (kind, after, _) in moves.items():
-            frames.append(Frame(letter, kind, after))
+            frames += [Frame(letter, kind, after, point) for point in range(points)]
     frames = list(dict.fromkeys(frames))
     place = {frame: at for at, frame in enumerate(frames)}
     follows = np.zeros((len(frames), len(frames)), dtype=bool)
     for at, frame in enumerate(frames):
         for letter, (kind, after, _) in family.moves[frame.after].items():
-            follows[at, place[Frame(letter, kind, after)]] = True
+            for point in range(points):
+                follows[at, place[Frame(letter, kind, after, point)]] = True
     return frames, follows
 
 

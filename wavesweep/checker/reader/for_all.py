@@ -17,6 +17,7 @@ from wavesweep.checker.reader.expressions import names_in, parsed
 from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
 
 RATIO = "rates.ratio"
+TICK = "for_all.tick"  # the side that is the time of a tick
 DELAY = "environment.delay"
 WHOLE = {RATIO, DELAY, "device.delay", "local_model.delay"} | {
     f"filters.{name}.order" for name in ("lp1", "hp", "lp2")
@@ -31,7 +32,7 @@ class ForAll:
     """ranges, listed: numbers that are constant but not known; varying: those that may change from frame to frame.
 
     shares, following: weights of the values of those that vary at random, alone or after each value. lost: slow results in a row
-    that may not come; loss: the probability that one does not.
+    that may not come; loss: the probability that one does not. tick: the times of a tick, another one each time.
     """
 
     ranges: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
@@ -41,6 +42,7 @@ class ForAll:
     following: dict[str, list] = field(default_factory=dict)
     lost: int = 0
     loss: Any = None
+    tick: dict[str, Any] = field(default_factory=dict)
 
     @property
     def members(self) -> list[dict[str, Any]]:
@@ -63,14 +65,18 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
             found.lost = _whole(exact(given))
         elif name == "loss":
             found.loss = given
+        elif name == "tick":
+            found.tick = given
         elif isinstance(given, list):
             _of_number(found, path, {"values": given}, exact, whole)
-        elif not isinstance(given, dict) or name == "tick":
+        elif not isinstance(given, dict):
             raise Unreadable(f"for_all.{name} has no proof here")
         elif given.get("varying") and path not in (RATIO, DELAY) and "controller" in tables:
             raise Unreadable(f"{name} varies from frame to frame, of which there is no proof here")
         else:
             _of_number(found, path, given, exact, whole)
+    if found.tick and len(tables["for_all"]) > 1:
+        raise Unreadable("tick stands alone in [for_all]")
     if len(found.members) > MOST:
         raise Unreadable(f"{len(found.members)} combinations of values; at most {MOST}")
     return found
@@ -225,6 +231,65 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
             "results at once, beside others of the next sample or steps that elapse, have no proof here"
         )
     return loop.schedule(lost)
+
+
+def time_of_tick(loop: Loop, given: dict) -> tuple[Fraction, Fraction]:
+    """The shortest and the longest time (s) of a tick of [for_all] tick; the program counts with its own one."""
+    exact = loop.arithmetic.exact
+    keys = given.keys() - {"steps"}
+    if keys == {"late"}:
+        low, high = loop.T, loop.T + exact(given["late"])
+    elif keys == {"start", "stop"}:
+        low, high = exact(given["start"]), exact(given["stop"])
+    else:
+        raise Unreadable(f"for_all.tick has late, or start and stop, and not {', '.join(keys)}")
+    if given.get("steps", "nominal") != "nominal":
+        raise Unreadable(
+            "for_all.tick: a program that divides by the measured time has no proof here"
+        )
+    if not 0 < low <= loop.T <= high or low == high:
+        raise Unreadable(
+            "for_all.tick: times up from start to stop, above 0, with the spec's own one among them"
+        )
+    return low, high
+
+
+def ticks_of(
+    loop: Loop, times: dict[str, tuple[Fraction, Fraction]]
+) -> tuple[dict[str, Schedule], Moves]:
+    """Each tick of a period by itself, whose times are those of some letters, {letter: from a time to another}.
+
+    What moves does so for as long as the tick takes; all else is that of the own tick. Equal ticks are one kind.
+    """
+    whole = loop.schedule()
+    dead = loop.late if isinstance(loop, Drawing) else loop.key("device.dead_time", 0) != 0
+    if (
+        dead
+        or has_messages(loop)
+        or [time for time, _ in whole.times] != [at * loop.T for at in range(len(whole.times))]
+    ):
+        raise Unreadable(
+            "for_all.tick beside dead times, messages, or a frame of no whole ticks has no proof here"
+        )
+    schedules = {}
+    moves: Moves = {}
+    instants = [instant for _, instant in whole.times]
+    for place, instant in enumerate(instants):
+        moves[place] = {}
+        for letter, ends in times.items():
+            kind = f"{instants.index(instant)}: {letter}"
+            low, high = ends
+            time = loop.arithmetic.side(TICK, ends) if low < high else low
+            schedules[kind] = Schedule(
+                time,
+                {instant: whole.kinds[instant]},
+                [(Fraction(0), instant)],
+                {},
+                whole.motion,
+                {},
+            )
+            moves[place][letter] = kind, (place + 1) % len(instants), None
+    return schedules, moves
 
 
 def has_messages(loop: Loop) -> bool:

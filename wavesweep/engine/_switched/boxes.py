@@ -29,7 +29,7 @@ from wavesweep.engine._switched.average import (
 from wavesweep.engine._switched.frames_over import constant_frames
 from wavesweep.engine._switched.graph import Family, Graph
 from wavesweep.engine._switched.norm_check import outside_each, shrink_over
-from wavesweep.engine._switched.norms import CALLS, Centre, find_norms, recentred, sloped
+from wavesweep.engine._switched.norms import CALLS, Centre, find_norms, recentred
 from wavesweep.engine._switched.patterns import Word, growing, growth
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.loop import Loops
@@ -728,7 +728,8 @@ def _forms(
     # Three steps of Newton's method, from the norms of the box that this is a half of.
     centre = recentred(centre, (1 + BACK * room) * at_middle, 3)
     spent = centre.work
-    centre, slopes = sloped(centre.rounded(), (1 + BACK * room) * A.terms[: 1 + A.numbers])
+    terms = A.terms[: 1 + A.numbers]
+    centre, slopes = centre.rounded().sloped((1 + BACK * room) * terms)
     return (centre, slopes), spent + centre.work
 
 

@@ -65,6 +65,23 @@ class Centre:
         P = back.mT @ self.P @ back
         return replace(self, P=(P + P.mT) / 2, basis=self.basis @ back, inverse=to @ self.inverse)
 
+    def sloped(self, terms: np.ndarray) -> tuple["Centre", np.ndarray]:
+        """Return forms after a Newton step, and their slopes along some numbers, `(numbers, nodes, n,
+        n)`, from the same equations.
+
+        terms: the matrices, and their slopes along each number, `(1 + numbers, symbols, n, n)`, of x.
+        """
+        A, *changes = (self.in_basis(each) for each in terms)
+        newton = _Newton.of(self.P, A, self.graph)
+        small = 1e-4
+        slopes = []
+        for change in changes:
+            moved, _ = _gradient(self.P, A + small * change, self.graph)
+            slopes.append(newton.solved(-(moved - newton.gradient) / small))
+        P = _nearer(self, newton, A)
+        work = newton.work * (1 + len(changes) / 4)
+        return replace(self, P=P, work=work), np.array(slopes).reshape(len(changes), *P.shape)
+
 
 def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return a basis in which matrices A `(symbols, n, n)` are small, and its inverse."""
@@ -272,24 +289,6 @@ def advanced(
         reached = x + step
     centre = replace(centre, P=P + step * tangent, work=centre.work + newton.work)
     return recentred(centre, matrices(reached)), reached
-
-
-def sloped(centre: Centre, terms: np.ndarray) -> tuple[Centre, np.ndarray]:
-    """Return forms after a Newton step, and their slopes along some numbers, `(numbers, nodes, n,
-    n)`, from the same equations.
-
-    terms: the matrices, and their slopes along each number, `(1 + numbers, symbols, n, n)`, of x.
-    """
-    A, *changes = (centre.in_basis(each) for each in terms)
-    newton = _Newton.of(centre.P, A, centre.graph)
-    small = 1e-4
-    slopes = []
-    for change in changes:
-        moved, _ = _gradient(centre.P, A + small * change, centre.graph)
-        slopes.append(newton.solved(-(moved - newton.gradient) / small))
-    P = _nearer(centre, newton, A)
-    work = newton.work * (1 + len(changes) / 4)
-    return replace(centre, P=P, work=work), np.array(slopes).reshape(len(changes), *P.shape)
 
 
 def _nearer(centre: Centre, newton: "_Newton", A: np.ndarray) -> np.ndarray:
