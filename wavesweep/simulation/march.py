@@ -144,19 +144,22 @@ class Results:
     def ages(self, times: np.ndarray) -> np.ndarray:
         """How long before each of these times (s), of the ticks, the result was computed that is in
         place then; NaN where none is."""
-        ticks = np.arange(len(times))
-        computed = np.array([k for k in ticks.tolist() if self.origin.runs(k)] + [0])
-        late = [*self.late[: len(computed) - 1], None]
-        arrives = computed + np.array([np.inf if each is None else each for each in late])
-        newest = np.full(len(times), -1)
-        for number in np.flatnonzero(arrives < len(times)):
-            newest[int(arrives[number])] = number
-        newest = np.maximum.accumulate(newest)
-        none = newest < 0
-        if self.zero:
-            last_run = computed[np.searchsorted(computed[:-1], ticks, side="right") - 1]
-            none |= arrives[newest] < last_run
-        return np.where(none, np.nan, times - times[computed[newest]])
+        arrivals: dict[int, float] = {}  # of the result that is computed last, for each tick
+        newest = -np.inf
+        shown = np.nan
+        ages = []
+        for k, time in enumerate(times.tolist()):
+            runs = self.shown(k)
+            late = self.late[self.number(k)] if runs else None
+            if late is not None:
+                arrivals[k + late] = time
+            arrived = arrivals.get(k, -np.inf)
+            if arrived > newest:
+                newest = shown = arrived
+            elif runs and self.zero:
+                shown = np.nan
+            ages.append(time - shown)
+        return np.array(ages)
 
 
 def results_of(loop: MarchedLoop) -> list[Results]:
@@ -286,21 +289,10 @@ class March:
         energy = energies(loop, signals, moved)
         times = signals["time_s"]
         ages = {each.channel: each.ages(times) for each in self.results if each.channel}
-        return Simulation(
-            signals, energy, late, loop.frame, stopped, shown, self._lacking(), starts, ages
-        )
-
-    def _lacking(self) -> frozenset[str] | None:
-        """The columns that say nothing about a loop that a spec draws; None for a controller,
-        whose table has all."""
-        if not self.drawn:
-            return None
-        lacking = set()
-        if not self.loop.walled:
-            lacking.add("touching")
-        if not self.late:
-            lacking.add("late")
-        return frozenset(lacking)
+        lacking = None  # of a controller, whose table has all columns
+        if self.drawn:
+            lacking = frozenset(["touching"] * (not loop.walled) + ["late"] * (not self.late))
+        return Simulation(signals, energy, late, loop.frame, stopped, shown, lacking, starts, ages)
 
     def draw_lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is
@@ -314,8 +306,13 @@ class March:
         ] = {}  # of slow results; those of a loop are late together
         for result in self.results:
             origin = result.origin
-            if result.channel:
-                result.late = self._lateness_of_messages(result.channel, origin.count(count) + 1)
+            if result.channel:  # in turn, or lost at random
+                most = origin.count(count) + 1
+                pattern = cycle(self.messages.get(result.channel, ()))
+                number = [*self.loop.channels].index(result.channel)
+                keys = self.loop.channels[result.channel]
+                in_turn = list(islice(pattern, most))
+                result.late = in_turn or losses(self.effects, keys, most, number)
                 continue
             if origin not in drawn:
                 stream = (len(drawn),) if drawn else ()
@@ -326,31 +323,14 @@ class March:
                 drawn[origin] = [None if delay is None else late for late, delay in pairs]
             pairs = zip(drawn[origin], cycle(self.loop.delays), strict=False)
             result.late = [None if late is None else late + delay for late, delay in pairs]
-        return self._first_lateness(count, drawn)
-
-    def _lateness_of_messages(self, channel: str, most: int) -> list[int | None]:
-        """The ticks by which so many messages of a channel are late: in turn, or lost at random."""
-        pattern = self.messages.get(channel)
-        if pattern:
-            return list(islice(cycle(pattern), most))
-        number = [*self.loop.channels].index(channel)
-        return losses(self.effects, self.loop.channels[channel], most, number)
-
-    def _first_lateness(
-        self, count: int, drawn: Mapping[Rhythm, list[int | None]]
-    ) -> tuple[list[int], np.ndarray]:
-        """The ticks by which results of the first slow blocks are late, and which is last in
-        each tick."""
         first = next(iter(self.results), None)
         origin = first.origin if first else Rhythm(self.loop.frame)
         numbers = np.array([origin.count(k) - 1 for k in range(count)], int)
         if first is None:
-            late = [0] * (origin.count(count) + 1)
-        elif first.channel:
-            late = first.late
+            of_first = [0] * (origin.count(count) + 1)
         else:
-            late = drawn[origin]
-        return [-1 if ticks is None else ticks for ticks in late], numbers
+            of_first = first.late if first.channel else drawn[origin]
+        return [-1 if late is None else late for late in of_first], numbers
 
     def _rows(
         self,
@@ -383,11 +363,18 @@ class March:
         measure = encoder(self.effects.resolution)
         most = self.effects.max_force or np.inf
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
-        whole_ticks = _spans_of_ticks(body, self.effects.uneven, lengths, loop.tick)
+        if self.effects.uneven:
+            increments = zero_order_hold(*body[:3], lengths).tolist()
+        else:
+            increments = repeat(zero_order_hold(*body[:3], loop.tick).tolist())
+        whole_ticks = zip(lengths.tolist(), increments, strict=False)
         late, gone_by = loop.late
         change = ticks.place(besides(f"{device}.f{AT}{late}"))
         of_motors = ticks.place(AT + late)
-        parts = _parts_of_tick(body, loop.tick, gone_by) if late else []
+        parts = []  # of a tick, before and after what the motors are late with arrives
+        for part in (gone_by, 1.0 - gone_by) if late else ():
+            seconds = part * loop.tick
+            parts.append((seconds, zero_order_hold(*body[:3], seconds).tolist()))
         running = Running(loop, ticks, self.results, self.effects.wall, self.late)
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
@@ -428,26 +415,6 @@ class March:
             running.tick(len(force))
             x = z[position]
         return MarchedRows(rows, touched, x, "")
-
-
-def _parts_of_tick(body: Body, tick: float, gone_by: float) -> list[tuple[float, list]]:
-    """The parts of a tick before and after what the motors are late with arrives: their lengths
-    (s), and how the body moves in them."""
-    parts = []
-    for share in (gone_by, 1.0 - gone_by):
-        seconds = share * tick
-        parts.append((seconds, zero_order_hold(*body[:3], seconds).tolist()))
-    return parts
-
-
-def _spans_of_ticks(body, uneven, lengths, tick):
-    """The real length (s) of each tick, and how the device moves in it; unless they are uneven
-    all move alike."""
-    if uneven:
-        increments = zero_order_hold(*body[:3], lengths).tolist()
-    else:
-        increments = repeat(zero_order_hold(*body[:3], tick).tolist())
-    return zip(lengths.tolist(), increments, strict=False)
 
 
 class Running:
