@@ -23,7 +23,7 @@ from wavesweep.engine.poles import count_outside
 # tried.
 MOST_SHARE, LEAST_SHARE = 0.9, 0.001
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
-MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
+MOST_PIECES = 60  # that are tried in a proof
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -266,19 +266,15 @@ class Along:
         goal = _goal(low, top)
         reached = top
         share = MOST_SHARE
-        # Conditions that all pieces of a proof may have together.
-        affordable = 30000 // self.loop.conditions.R.value.size
-        for _ in range(min(MOST_PIECES, max(LEAST_PIECES, affordable))):
-            if reached <= goal:
+        for _ in range(MOST_PIECES):
+            if reached <= goal or share < LEAST_SHARE:
                 break
             below = max(goal, reached - share * max(abs(reached), goal))
             if self.loop.found(self.wall(reached), self.wall(below)):
                 reached = below
                 share = min(MOST_SHARE, share * LONGER)
-            elif share > LEAST_SHARE:
-                share *= SHORTER
             else:
-                break
+                share *= SHORTER
         return reached
 
     def motion(self, end: float, limit: float) -> tuple[float, str]:
