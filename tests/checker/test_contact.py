@@ -88,7 +88,7 @@ BOTH = [["1000"]], [["1000"]]
 CHANGES = {
     "a higher end": ({"sides": {"K_VE": ["0", "255"], "B_VE": ["1", "1"]}}, {}, "that does not come to rest"),
     "less damping": ({"sides": {"K_VE": ["0", "240"], "B_VE": ["0.9", "0.9"]}}, {}, "that does not come to rest"),
-    "a wall that pulls back": ({"sides": {"K_VE": ["-1", "240"], "B_VE": ["1", "1"]}}, {}, "does not move the rest away"),
+    "a wall that pulls back": ({"sides": {"K_VE": ["-1", "240"], "B_VE": ["1", "1"]}}, {}, "K_VE = -1 is not at least 0"),
     "two ranges": ({"sides": {"K_VE": ["0", "240"], "B_VE": ["1", "2"]}}, {}, "more than one number"),
     "stiffness alone": ({"sides": {"K_VE": ["0", "240"]}, "numbers": {"B_VE": "1"}}, {}, "the stiffness and the damping"),
     "the damping first": ({"sides": {"B_VE": ["1", "1"], "K_VE": ["0", "240"]}}, {}, "the stiffness and the damping"),
@@ -108,7 +108,7 @@ def test_what_says_more_is_refused(tmp_path, change):
     head, cell = written(DIRECT)
     head = {key: value for key, value in (head | of_claim).items() if value is not None}
     code, words = checked(tmp_path, DIRECT, [head, cell | of_cell])
-    assert code == 1
+    assert code in (1, 2)
     assert why in words
 
 

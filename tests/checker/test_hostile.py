@@ -6,9 +6,11 @@ from copy import deepcopy
 
 import pytest
 from checker.test_hand_made import ABOVE, BELOW, HALVES, OUTSIDE, SPEC, STATES, UNIT
+from support import proofs
 from support.proofs import checked
 
 from wavesweep.checker import file
+from wavesweep.checker.__main__ import main
 
 SECONDS = 5  # of one processor, of which a spec of these takes a tenth
 VALUES = [
@@ -106,6 +108,79 @@ def test_a_spec_of_any_kind_is_refused_in_a_line(case, tmp_path):
     assert time.process_time() - started < SECONDS
     assert code in (1, 2), words
     assert words.count("\n") == (2 if code == 1 else 1), words
+
+
+BLOCKS = {
+    "mass": ('a = { type = "mass", mass = %s }', "block.a.mass", True),
+    "inertia": ('a = { type = "inertia", inertia = "%s*k" }', "block.a.inertia", True),
+    "cutoff": ('a = { type = "lowpass", cutoff_hz = %s }', "block.a.cutoff_hz", True),
+    "time constant": ('a = { type = "pid", kp = 1, tau = %s }', "block.a.tau", False),
+    "quality": ('a = { type = "notch", frequency_hz = 10, q = %s }', "block.a.q", True),
+    "wave impedance": ('a = { type = "avatar", b = %s }', "block.a.b", True),
+}
+WIRES = '"a.u" = "prev(a.y)"', '"a.f" = "0"', '"a.in" = "0"\n"a.f" = "0"'
+CONTROLLERS = [
+    ("rates.fast_hz", True), ("device.mass", True), ("device.damping", False),
+    ("operator.mass", False), ("operator.stiffness", False), ("environment.K_VE", False), ("environment.B_VE", False),
+    ("controller.b", True), ("controller.Kp", False), ("controller.K_VC", True), ("filters.lp1.cutoff_hz", True),
+    ("filters.lp1.order", False), ("local_model.K_LM", False),
+]  # fmt: skip
+
+
+def refusal(spec: str, tmp_path, **claim) -> str:
+    """Why a spec is not read; empty if it is."""
+    code, words = checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": ["@none"]} | claim])
+    return words if code == 2 else ""
+
+
+@pytest.mark.parametrize(("path", "above"), CONTROLLERS)
+def test_a_key_of_a_controller_below_its_range_is_refused(path, above, tmp_path):
+    table, _, key = path.rpartition(".")
+    for value, wrong in (("-1", True), ("0", above), ("1", False)):
+        kind = "" if table == "controller" else "[controller]\n"
+        spec = f"{kind}[{table}]\n{key} = {value}\n"
+        spec = spec.replace("[controller]\n", '[controller]\nkind = "pmw-lm"\n')
+        said = refusal(spec, tmp_path)
+        assert bool(said) == wrong, (value, said)
+        assert f"{path} = {value} is not" in said or not wrong
+
+
+def test_a_range_has_to_be_one_of_its_key_as_a_whole(tmp_path):
+    spec = '[controller]\nkind = "dc"\n'
+    for low in ("-0.001", "0"):
+        said = refusal(spec, tmp_path, sides={"K_VE": [low, "1"]})
+        assert ("environment.K_VE = -0.001 is not at least 0" in said) == (low != "0"), said
+
+
+@pytest.mark.parametrize("case", BLOCKS)
+def test_a_key_of_a_block_below_its_range_is_refused(case, tmp_path):
+    block, path, above = BLOCKS[case]
+    wires = WIRES[2 if "avatar" in block else 1 if "mass" in block or "inertia" in block else 0]
+    for value, wrong in (("-1", True), ("0", above), ("1", False)):
+        said = refusal(drawn(block % value, wires), tmp_path)
+        assert bool(said) == wrong, (value, said)
+        assert f"{path} = " in said or not wrong
+
+
+def test_ticks_that_take_no_time_or_less_are_refused(tmp_path):
+    for hz in ("0", "-1000"):
+        said = refusal(SPEC.replace("tick_hz = 1000", f"tick_hz = {hz}"), tmp_path)
+        assert f"rates.tick_hz = {hz} is not above 0" in said
+
+
+def test_processor_time_has_a_limit_that_can_be_raised(tmp_path, capsys, monkeypatch):
+    """Of a frame of 19,000 instants with a plant, which takes seconds."""
+    spec = drawn('a = { type = "hold", every = 19000 }\np = { type = "mass", mass = 1 }', '"a.u" = "p.x"\n"p.f" = "-k*a.y"')
+    monkeypatch.setattr(proofs, "main", lambda _: None)  # the files alone are wanted
+    checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": STATES}, {"L": UNIT, "signs": "++"}])
+    files = str(tmp_path / "spec.toml"), str(tmp_path / "spec.proof")
+    assert main(["--seconds", "0.02", *files]) == 2
+    assert "more than 0.02 s of processor time; --seconds N allows for more" in capsys.readouterr().err
+    assert main(["--seconds", "100", str(tmp_path / "no.toml"), files[1]]) == 2
+    assert "No such file" in capsys.readouterr().err
+    for words in (["--seconds", *files], ["--seconds", "-1", *files], ["--seconds", "nan", *files]):
+        assert main(words) == 2
+        assert "usage" in capsys.readouterr().err
 
 
 def test_a_name_cannot_make_a_line_of_its_own(tmp_path):

@@ -1,8 +1,11 @@
 """`python -m wavesweep.checker SPEC FILE`: a line for each claim of a proof file, proved or refused.
 
-Exit code 0: all are proved; 1: one is refused; 2: the file is not about this spec, or one of the two cannot be read.
+Exit code 0: all are proved; 1: one is refused; 2: the file is not about this spec, one of the two cannot be read, or they take
+more processor time than --seconds allows (600; 0 for any).
 """
 
+import re
+import signal
 import sys
 from decimal import Context, Decimal
 from fractions import Fraction
@@ -11,7 +14,9 @@ from pathlib import Path
 from wavesweep.checker.file import LONGEST_SPEC, OF_WALLS, Claim, check
 from wavesweep.checker.reader.loops import Unreadable
 
-USAGE = "usage: python -m wavesweep.checker SPEC.toml FILE.proof"
+USAGE = "usage: python -m wavesweep.checker [--seconds N] SPEC.toml FILE.proof"
+SECONDS = 600.0  # of processor time, of which the largest files of the documents take a tenth
+NUMBER = re.compile(r"[0-9]{1,9}(\.[0-9]{1,9})?")
 DIGITS = 300  # more than a number of a file has
 SCOPES = {
     "modes": "the spec's own loop",
@@ -86,11 +91,16 @@ def _written(number: Fraction) -> str:
 
 
 def main(arguments: list[str]) -> int:
+    seconds = SECONDS
+    if arguments[:1] == ["--seconds"] and NUMBER.fullmatch("".join(arguments[1:2])):
+        seconds = float(arguments[1])
+        arguments = arguments[2:]
     if len(arguments) != 2:
         print(USAGE, file=sys.stderr)
         return 2
     verdicts = []
     try:
+        limited(seconds)
         with Path(arguments[0]).open("rb") as spec, Path(arguments[1]).open("rb") as file:
             for claim, why in check(spec.read(LONGEST_SPEC + 1), file):
                 verdicts.append(not why)
@@ -101,8 +111,23 @@ def main(arguments: list[str]) -> int:
     except (Unreadable, OSError) as error:
         print(_one_line(f"not checked: {error}"), file=sys.stderr)
         return 2
+    finally:
+        limited(0)
     print(f"{sum(verdicts)} of {len(verdicts)} claims proved")
     return 0 if all(verdicts) else 1
+
+
+def limited(seconds: float) -> None:
+    """Raise Unreadable after so much processor time, on a system that has such a clock; never for 0."""
+
+    def stop(*_):
+        raise Unreadable(
+            f"the spec or the file takes more than {seconds:g} s of processor time; --seconds N allows for more"
+        )
+
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGPROF, stop)
+        signal.setitimer(signal.ITIMER_PROF, seconds, 1.0 if seconds else 0.0)
 
 
 def _one_line(text: str) -> str:

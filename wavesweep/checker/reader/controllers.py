@@ -13,6 +13,7 @@ from wavesweep.checker.reader.loops import (
     bounded,
     form,
     scaled,
+    within,
 )
 
 PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m), where they are known
@@ -50,6 +51,18 @@ KEYS = {  # all that a loop may have, read or not by its kind
     "local_model": ("K_LM", "B_LM", "integration", "delay"),
     **{f"filters.{name}": ("order", "cutoff_hz", *EDGES) for name in FILTERS},
 }
+ABOVE_0 = {
+    "rates",
+    "filters.lp1",
+    "filters.hp",
+    "filters.lp2",
+}  # tables whose numbers are, but orders
+ABOVE_0 |= {
+    "device.mass",
+    "controller.b",
+    "controller.K_VC",
+    "controller.B_VC",
+}  # all others are at least 0
 
 
 class Controller:
@@ -61,6 +74,13 @@ class Controller:
         self.kind = key("controller.kind")
         if self.kind not in KINDS:
             raise Unreadable(f"the controller {self.kind!r} is not known")
+        for table, names in KEYS.items():
+            for name in names:
+                path = f"{table}.{name}"
+                given = Keys(tables)(path)
+                if given is not None and not isinstance(given, str):
+                    above = path in ABOVE_0 or (table in ABOVE_0 and name != "order")
+                    within(arithmetic, path, given, above)
         exact = self.arithmetic.exact
         fast = exact(key("rates.fast_hz", 1000))
         self.T = 1 / fast
@@ -69,6 +89,7 @@ class Controller:
         if slow is not None:
             self.ratio = fast / exact(slow)
         else:
+            self.arithmetic.whole(20 if ratio is None else ratio)
             self.ratio = exact(20 if ratio is None else ratio)
         if self.kind == "dc":
             self.ratio = Fraction(1)

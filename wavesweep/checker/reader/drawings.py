@@ -31,10 +31,23 @@ from wavesweep.checker.reader.loops import (
     product,
     scaled,
     transposed,
+    within,
 )
 
 DEVICES = tuple(devices.DEFAULTS)  # of several axes
 RESERVED = {*FUNCTIONS, "prev", "pi", "dt"}
+ABOVE_0 = {
+    "mass",
+    "inertia",
+    "cutoff_hz",
+    "a",
+    "zero_hz",
+    "pole_hz",
+    "frequency_hz",
+    "q",
+    "b",
+}  # keys of blocks
+AT_LEAST_0 = {"tau", "depth"}
 PLANTS = {"mass", "inertia", "mass_matrix", *DEVICES, "spring", "ss", "tf"}
 
 
@@ -51,7 +64,9 @@ class Drawing:
             self.numbers[name] = given["value"] if isinstance(given, dict) else given
         self.known: dict[str, object] = {}
         self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
-        self.T = 1 / arithmetic.exact(self.number(self.key("rates.tick_hz")))
+        hz = arithmetic.exact(self.number(self.key("rates.tick_hz")))
+        within(arithmetic, "rates.tick_hz", hz, above=True)
+        self.T = 1 / hz
         self.signals = self.key("signals", {})
         self.blocks = self.key("block", {})
         self.wires = self.key("wire", {})
@@ -104,7 +119,10 @@ class Drawing:
         given = self.word(block, key, default)
         if given is None:
             raise Unreadable(f"block.{block}.{key} is missing")
-        return self.number(given, self.period(block))
+        found = self.number(given, self.period(block))
+        if key in ABOVE_0 | AT_LEAST_0:
+            within(self.arithmetic, f"block.{block}.{key}", found, key in ABOVE_0)
+        return found
 
     def whole(self, block: str, key: str, default=None) -> int:
         given = self.number(self.word(block, key, default))

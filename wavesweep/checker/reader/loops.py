@@ -25,6 +25,17 @@ def bounded(count, what: str) -> int:
     return int(count)
 
 
+def within(arithmetic, path: str, value, above: bool) -> None:
+    """Refuse a number that its key does not allow: below 0, or also 0 itself where it has to be above. Of a range its least value
+    counts; what is computed by more than sums is not looked at."""
+    try:
+        least = arithmetic.least(value)
+    except Unreadable:
+        return
+    if least < 0 or (above and not least):
+        raise Unreadable(f"{path} = {float(least):g} is not {'above' if above else 'at least'} 0")
+
+
 class Arithmetic(Protocol):
     """What coefficients are computed with: values with + - * / ** and a truth that is False of an exact 0 alone."""
 
