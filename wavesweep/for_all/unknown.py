@@ -367,6 +367,8 @@ class Case:
 
         def report(reached, share):
             ends = sorted((begun, float(first.number(reached))))
+            if ends[0] == ends[1]:  # nothing is proved yet
+                return
             PROOF_LOGGER.info(SO_FAR, name_of(first.path), *ends, 100 * share_of_all(share))
 
         found = cover(frames, box, ALWAYS, work, up, report=report)

@@ -150,7 +150,8 @@ def _text_of(kind: str, device: str | None, shown: str, settings: tuple[str, ...
     """The file of a kind; shown: its name, as its comments have it."""
     if kind in CONTROLLERS:
         if device is not None:
-            _known(device, DEVICES, "device")
+            of_file = f"expected one of {', '.join(DEVICES)}, or of a file that identify wrote its [device] and [for_all] in the spec"
+            _known(device, DEVICES, "device", of_file)
         return starter(kind, device, shown, settings)
     if device is not None:
         raise click.UsageError(
