@@ -35,9 +35,10 @@ def named(margin, size, text):
     return float(value["m"]), turn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("require", "of_frame"),  # a frame is of N ticks
-    [({"radius": 0.998}, 0.998**N), pytest.param({"settling": 1.6}, 0.02 ** (N * T / 1.6), marks=pytest.mark.slow)],
+    [({"radius": 0.998}, 0.998**N), ({"settling": 1.6}, 0.02 ** (N * T / 1.6))],
 )
 def test_all_modes_are_within_a_radius_for_all_and_one_of_a_refuter_is_not(require, of_frame):
     tables = tables_with({}, (2.0, 900.0), for_all={"m": {"start": 0.9, "stop": 1.1}})
@@ -55,16 +56,28 @@ def test_all_modes_are_within_a_radius_for_all_and_one_of_a_refuter_is_not(requi
         assert proved == pytest.approx(fails, rel=0.01)
 
 
-def test_a_proof_within_a_radius_ends_where_a_mode_leaves_it():
-    """Also where nothing has been looked at before."""
+def case_within(radius, along, span):
     tables = tables_with({}, (2.0, 900.0), for_all={"m": {"start": 0.9, "stop": 1.1}})
-    tables["sweep"]["require"] = {"radius": 0.998}
+    tables["sweep"]["require"] = {"radius": radius}
     spec = load(tables)
     rules = replace(Rules.of(spec), require=spec.require)
-    (case,) = cases_of(rules, "numbers.kp", (2.0, 900.0), Loops(spec.drawing, dict(spec.values)))
-    proved = case.cover(50.0, 900.0)
+    (case,) = cases_of(rules, along, span, Loops(spec.drawing, dict(spec.values)))
+    return case
+
+
+def test_all_of_a_box_is_proved_to_be_within_a_radius_and_not_within_less():
+    slowest = max(largest(m, 100.0, 1.0) for m in np.linspace(0.9, 1.1, 9)) ** (1 / N)
+    for more, proved in ((1e-4, True), (-1e-4, False)):
+        case = case_within(slowest + more, "", (0.0, 0.0))
+        assert (case.cover().whole, case.begins_unstable()) == (proved, not proved)
+
+
+@pytest.mark.slow
+def test_a_proof_within_a_radius_ends_where_a_mode_leaves_it():
+    """Also where nothing has been looked at before."""
+    proved = case_within(0.998, "numbers.kp", (2.0, 900.0)).cover(300.0, 600.0)
     assert not proved.whole
-    assert proved.low == 50
+    assert proved.low == 300
     assert largest(0.9, proved.high, 1.0) < 0.998**N < largest(0.9, proved.high * 1.03, 1.0)
 
 
@@ -182,6 +195,7 @@ def test_check_says_whether_the_spec_keeps_the_margin_for_all(margin, size, kp, 
         assert max(largest(m, kp, factors_of(margin, size)) for m in (0.9, 1.0, 1.1)) < 1
 
 
+@pytest.mark.slow
 def test_check_says_with_which_member_a_mode_is_too_slow_and_not_that_it_is_unstable():
     tables = tables_with({}, (2.0, 900.0), for_all={"m": {"start": 0.9, "stop": 1.1}})
     tables["sweep"]["require"] = {"radius": 0.998}
