@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.proofs import checked
 
+pytest.importorskip("wavesweep.contact", reason="multipliers are found by it")
 from wavesweep.checker import balls, contact, file
 from wavesweep.contact.rows import wall_cut
 from wavesweep.contact.wall_loop import WallLoop
