@@ -47,19 +47,15 @@ class InFrames:
         frames, unit = _in_units(frames)
         alone = InFrames(frames, None, unit)
         loops = []
-        size = (0, 0)
-        # Frames that a node knows, and directions in which rests differ that are no errors:
-        # proofs begin with the first, and go on with those after it.
-        for ahead, spread in ((0, 2), (0, 3), (1, 2), (2, 2)):
-            edges = edges_of(frames, ahead, spread)
+        # Frames that a node knows: proofs begin with the first, and go on with those after it.
+        for ahead in range(3):
+            edges = edges_of(frames, ahead, 2)
             if edges is None:
                 return alone if alone.unstable else None
             conditions = Conditions.on_edges(frames, edges)
-            before = size
-            size = (conditions.R.value.size, len(edges))
-            if loops and size[0] > 150:  # conditions of a proof
+            if loops and conditions.R.value.size > 150:  # conditions of a proof
                 break
-            if size != before and conditions.are_met_by_rests:
+            if conditions.are_met_by_rests:
                 loops.append(InFrames(frames, conditions, unit))
             if conditions.exact:
                 break
@@ -208,8 +204,7 @@ class Along:
             begin, end = proved
             goal = _goal(low, end)
             begin = finer.down(begin, goal)
-            knows_more = loop.conditions.source.max() > self.loop.conditions.source.max()
-            if knows_more and end < high:
+            if end < high:
                 beyond = finer.proved_alone(end, high)
                 if beyond and beyond[0] == end:
                     end = beyond[1]
