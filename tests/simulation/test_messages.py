@@ -5,6 +5,7 @@ import pytest
 from support.messages import marched_blocks, random_blocks, spec_of_blocks
 from support.networks import back, random_messages, random_network, spec_of
 
+import wavesweep
 from wavesweep.program.spec import load
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.hardware import Effects, losses
@@ -95,3 +96,10 @@ def test_what_is_zero_without_a_message_has_no_age():
     age = table.columns["age_of_net"]
     assert age == pytest.approx([np.nan, 1, 2, *[np.nan] * 6, 0, 1, 2, np.nan, 1, 2], nan_ok=True)
     assert (np.isnan(age) == (table.columns["got"] == 0))[3:].all()  # the step begins after the first message
+
+
+def test_the_library_has_the_age_of_a_message_too():
+    tables = spec_of(random_network(np.random.default_rng(0)))
+    table = wavesweep.compile(tables | {"simulate": {"input": "step", "duration_s": 0.2}}).simulate()
+    assert [name for name in table if name.startswith("age_of_")] == ["age_of_there", "age_of_back"]
+    assert table.attrs["units"]["age_of_back"] == "s"

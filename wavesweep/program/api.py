@@ -24,7 +24,7 @@ from wavesweep.program.analyses.asked import (
 from wavesweep.program.analyses.claim_words import fact_of
 from wavesweep.program.analyses.claims import Claim, own_figures
 from wavesweep.program.analyses.spec_loops import refuse_singular
-from wavesweep.program.columns import Columns, joined
+from wavesweep.program.columns import Columns, age_column, joined
 from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.spec import Axis, Spec, load
 from wavesweep.program.spec.loading import naming
@@ -528,10 +528,10 @@ def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[st
     columns: dict[str, tuple[str, ...]] = dict.fromkeys(names, ()) | (
         {"along": (along,)} if along else {}
     )
-    return {
-        field.name: field.unit
-        for field in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})
-    }
+    aged = age_column("")
+    channels = [name.removeprefix(aged) for name in names if name.startswith(aged)]
+    facts = {"spec": spec.tables() if spec.drawing else {}, "channels": channels}
+    return {field.name: field.unit for field in fields_of(kind, columns, facts)}
 
 
 def figure_of_table(
