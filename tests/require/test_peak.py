@@ -63,6 +63,20 @@ def test_the_gain_and_the_peak_of_a_slow_input_say_what_is_read():
     )
 
 
+@pytest.mark.asks("designs")
+def test_a_search_ranks_by_the_peak_that_is_proved(monkeypatch):
+    from wavesweep.designs.family import scenarios_of
+    from wavesweep.designs.wishes import evaluate
+
+    wish = {"peak": {"at_most": 3.0, "from": "ref", "to": "place"}}
+    spec = load(SLOW | {"design": {"vary": {"K": [35.0, 36.0]}, "wish": wish}})
+    about = spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": np.array([35.0])}, 1.0
+    proved = evaluate(*about)["peak"]
+    assert proved.certified.all()
+    monkeypatch.setattr(Panel, "label", None)  # nothing is proved
+    assert evaluate(*about, ranked=True)["peak"].value == proved.value
+
+
 @pytest.mark.slow
 def test_a_peak_that_is_wished_is_the_largest_and_certified():
     wish = {"peak": {"at_most": 3.0, "from": "ref", "to": "place"}}

@@ -48,9 +48,9 @@ def _seen_along(drawing: Drawing, items: tuple, route: tuple[str, str], size: in
     return stable, port, [matrix.part(stable, None) for matrix in maps]
 
 
-def _peak(loops: Loops, size: int, **ends: str):
+def _peak(loops: Loops, size: int, *, proved: bool, **ends: str):
     """The largest gain of sines of each loop, missing if it is not stable, and whether it is
-    certified, to SPARED."""
+    certified, to SPARED, or seen alone."""
     import numpy as np
 
     from wavesweep.require.disc_panels import GOOD
@@ -69,7 +69,8 @@ def _peak(loops: Loops, size: int, **ends: str):
         found = Panel(of_loop, 0.0, arc, at_rest=False).largest()
         level = found * (1 + SPARED)
         value[loop] = level
-        certified[loop] = Panel(of_loop, level, arc, at_rest=False).label() == GOOD
+        panel = Panel(of_loop, level, arc, at_rest=False)
+        certified[loop] = not proved or panel.label() == GOOD
     return value, certified
 
 
@@ -103,7 +104,8 @@ WISHES = {
         "sines below half the rate at which the input is read",
         "options": ENDS,
         "ports": (),
-        "measure": _peak,
+        "measure": partial(_peak, proved=True),
+        "seen": partial(_peak, proved=False),
     },
 } | {
     name: {
