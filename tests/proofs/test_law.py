@@ -22,9 +22,9 @@ def test_what_is_certified_is_proved(number, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [1, 3, 6, 9, 12, 23])
+@pytest.mark.parametrize("number", [1, 3, 6, 9, 12, 23, 485])
 def test_what_is_certified_of_larger_loops_is_proved(number, tmp_path):
-    """With drifts that depend on the number (1, 9, 12, 23), dead times and several rates."""
+    """With drifts that depend on the number (1, 9, 12, 23), dead times, several rates, entries of 1e-106 in a form (485)."""
     proved_whole(spec_text(number, quick=True), tmp_path)
 
 

@@ -81,7 +81,8 @@ def stays_on_circle(family: file.Family, point: dict[str, tuple[float, float]]) 
 
 
 def _written(matrix):
-    return [[repr(x + 0.0) for x in row] for row in matrix.tolist()]
+    rows = np.where(np.abs(matrix) < 10.0**-balls.EXPONENT, 0.0, matrix)  # and 0 for -0
+    return [[repr(x) for x in row] for row in rows.tolist()]
 
 
 def cells_along(
