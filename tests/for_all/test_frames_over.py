@@ -39,6 +39,19 @@ def test_a_frame_without_a_bound_is_divided_along_the_side_that_it_is_due_to(num
     assert frames_of_spring().over(np.array([cell])) == [side]
 
 
+def test_the_product_of_pieces_of_a_frame_is_the_frame():
+    cell = np.array([[[0.2, 100.0], [0.2001, 100.1]]])
+    loop = own_loop(load(SPRING | {"rates": {"tick_hz": 100}, "block": SPRING["block"] | {"h": {"type": "hold", "every": 5}}}))
+    (whole,) = constant_frames(loop, SIDES, BOX, 4).over(cell)
+    (pieces,) = constant_frames(loop, SIDES, BOX, 4, pieces=2).over(cell)
+    product = np.eye(pieces.matrices.rest.shape[-1])
+    for piece in pieces.matrices.terms[0]:
+        product = piece @ product
+    found, expected = (np.sort(np.abs(np.linalg.eigvals(A)))[::-1] for A in (product, whole.matrices.terms[0, 0]))
+    assert found[: expected.size] == pytest.approx(expected, rel=1e-9)
+    assert found[expected.size :] == pytest.approx(0, abs=1e-9)
+
+
 def test_cells_that_are_enclosed_together_are_what_each_of_them_is_alone():
     """One of them has no bound."""
     frames, rng = frames_of_spring(), np.random.default_rng(4)

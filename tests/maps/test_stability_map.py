@@ -77,6 +77,13 @@ def test_maps_of_a_wall_and_of_three_numbers_hold_at_their_points():
     haptic = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 5000}, "b": {"start": 5, "stop": 100}}}
     _held(wavesweep.load(haptic), ["K_VE", "b"], 0.05, 200)
     _held(wavesweep.load(DRIVE), ["k", "K", "T"], 0.3, 200)
+    # modes as far outside as 1e9
+    clocked = DRIVE | {
+        "rates": {"tick_hz": "1/h"},
+        "numbers": DRIVE["numbers"] | {"h": {"value": 0.002}},
+        "sweep": {"along": "k", "k": {"start": 0.1, "stop": 20000.0}, "h": {"start": 0.002, "stop": 0.03}},
+    }
+    _held(wavesweep.load(clocked), ["k", "h"], 0.1, 200)
     # elsewhere with an offset and on scales that are not logarithmic
     offset = DRIVE | {"sweep": {"along": "k", "k": {"start": -5.0, "stop": 900.0}, "K": {"start": 0.0, "stop": 400.0}}}
     _held(wavesweep.load(offset), ["k", "K"], 0.1, 200)

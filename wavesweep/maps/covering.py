@@ -7,7 +7,7 @@ number that moves its slack most if it is not proved.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from itertools import count
+from itertools import count, product
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,8 @@ OUTWARD = 1e-12
 NARROWEST = 1e-5  # of a place, or of 1 for a logarithm: parts that are narrower stay open
 # of half of a part: by which its halves are taken wider, as OUTWARD is below it from NARROWEST on
 WIDER = 1e-6
+FAR = 2e3  # an eigenvalue of a frame, from which on it is taken in pieces that are no larger
+CORNER = 1e-6  # of the plane, at its corners
 OPEN = -1
 
 
@@ -62,7 +64,13 @@ def covered(
     """
     sides = Sides.of(loop, paths, ends)
     whole = sides.places(ends)
-    frames = constant_frames(loop, sides, whole, ORDER[len(sides) - 2])
+    order = ORDER[len(sides) - 2]
+    frames = constant_frames(loop, sides, whole, order)
+    largest = _largest_at_corners(frames, whole)
+    if largest > FAR:
+        pieces = 1 + int(np.log(largest) / np.log(FAR))
+        frames = constant_frames(loop, sides, whole, order, pieces=pieces)
+    pieces = len(frames.symbols)
     span = scaled(ends, logarithmic)
 
     def numbers_of(boxes):
@@ -92,7 +100,7 @@ def covered(
         outside = np.full(len(batch), OPEN)
         keep = np.zeros(len(batch), bool)
         if with_bound:
-            found = inertia_of_cells(_side_by_side([known[at] for at in with_bound]))
+            found = inertia_of_cells(_side_by_side([known[at] for at in with_bound]), pieces)
             outside[with_bound] = found.outside
             keep[with_bound] = found.rest < SHARED
             side[with_bound] = np.nan_to_num(found.moves, nan=np.inf).argmax(-1)
@@ -121,6 +129,20 @@ def covered(
         outside,
         np.array([-part.order for part, _ in done]),
     )
+
+
+def _largest_at_corners(frames, whole):
+    """The size of the largest eigenvalue at the corners of the plane, 1 where they have no bound."""
+    inward = CORNER * (whole[1] - whole[0])
+    boxes = []
+    for corner in product((0, 1), repeat=len(inward)):
+        low = np.where(corner, whole[1] - inward, whole[0])
+        boxes.append([low, low + inward])
+    largest = 1.0
+    for found in frames.over(np.array(boxes)):
+        if not isinstance(found, int):
+            largest = max(largest, np.abs(np.linalg.eigvals(found.matrices.terms[0])).max())
+    return largest
 
 
 class _Part(NamedTuple):
@@ -163,7 +185,7 @@ def _enclosed(frames, batch, sides):
 
 
 def _side_by_side(matrices):
-    """Matrices of several parts, `(1, n, n)` each, in a row."""
+    """Matrices of several parts, `(pieces, n, n)` each, in a row."""
     terms = np.concatenate([each.terms for each in matrices], 1)
     rest = np.concatenate([each.rest for each in matrices])
     return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
@@ -174,10 +196,11 @@ def _halves_of_known(matrices, number):
     whole = _side_by_side(matrices)
     half = np.ones(whole.numbers)
     half[number] = 0.5 + WIDER
+    pieces = np.arange(len(whole.rest)).reshape(len(matrices), -1)
     halves = []
     for sign in (-1, 1):
         middle = np.zeros(whole.numbers)
         middle[number] = 0.5 * sign
         moved = whole.within(middle, half)
-        halves.append([moved.of([at]) for at in range(len(matrices))])
+        halves.append([moved.of(own) for own in pieces])
     return halves

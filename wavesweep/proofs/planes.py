@@ -76,11 +76,11 @@ def _line(family, ends: Ends, outside: int) -> tuple[dict[str, Any] | None, int]
 
 
 def _of_form(found, exponents, digits) -> dict[str, Any]:
-    P, *further = found.forms[:, 0]
+    P, *further = found.forms[:, 0, 0]
     values, vectors = np.linalg.eigh(P)
     roots = np.sqrt(np.abs(values))[:, None] * vectors.T
     back = np.linalg.inv(roots)
-    L = roots @ np.linalg.inv(found.basis[0])
+    L = roots @ np.linalg.inv(found.basis[0, 0])
     slopes = []
     for powers, each in zip(exponents, further, strict=False):
         Q = back.T @ each @ back

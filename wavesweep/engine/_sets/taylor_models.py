@@ -801,19 +801,22 @@ class Polynomials:
         rounding = 4 * (len(e) + self.order) * UNIT_ROUNDING * np.abs(self.terms).sum(0)
         return self._like(terms, self.rest + rounding)
 
-    def similar(self, basis: np.ndarray, inverse: np.ndarray) -> Polynomials:
-        """Matrices similar to these: `B^-1 A B` for the exact inverse of the basis B, of all or of
-        each; `inverse` is nearly that.
+    def similar(
+        self, basis: np.ndarray, inverse: np.ndarray, after: np.ndarray | None = None
+    ) -> Polynomials:
+        """Matrices similar to these: `C^-1 A B` for the exact inverse of the basis C, of all or of
+        each; `inverse` is nearly that. after: C, by default B.
 
-        With `inverse B = I + D` they are `(I + D)^-1 inverse A B`.
+        With `inverse C = I + D` they are `(I + D)^-1 inverse A B`.
         """
+        after = basis if after is None else after
         size = np.abs(inverse)
         n = basis.shape[-1]
         terms = inverse @ self.terms @ basis
         rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT_ROUNDING * (
             size @ np.abs(self.terms).sum(0) @ np.abs(basis)
         )
-        D = np.abs(inverse @ basis - np.eye(n)) + 2 * n * UNIT_ROUNDING * (size @ np.abs(basis))
+        D = np.abs(inverse @ after - np.eye(n)) + 2 * n * UNIT_ROUNDING * (size @ np.abs(after))
         share = D.sum(-1).max(-1)[..., None, None]
         with np.errstate(divide="ignore"):
             off = D + share * D.max((-1, -2), keepdims=True) / (1 - share)
@@ -845,7 +848,7 @@ class Polynomials:
         on the entry for all values of the numbers, polynomial and rest together.
         """
         self.refuse(~np.isfinite(self.whole).all((-1, -2)))
-        units = _units(self.whole)
+        units = balanced(self.whole)
         ratio = units[..., None, :] / units[..., :, None]
         scaled = self.times(ratio)
         norm = scaled.whole.sum(-1).max(-1, initial=0.0)
@@ -890,7 +893,7 @@ class Polynomials:
             C = Polynomials.constant(_inverses(self.terms[0]), self.numbers, self.order)
             one = self.identity()
             D = one - C @ self
-            units = _units(D.whole)
+            units = balanced(D.whole)
             ratio = units[..., None, :] / units[..., :, None]
             D = D.times(ratio)
             X = self._like(one.terms.copy(), one.rest)
@@ -947,7 +950,7 @@ def _inverses(matrices: np.ndarray) -> np.ndarray:
         return np.stack([_inverses(each) for each in matrices])
 
 
-def _units(size: np.ndarray) -> np.ndarray:
+def balanced(size: np.ndarray) -> np.ndarray:
     """Powers of 2 for the states in which rows and columns of sizes are alike, `(*cells, n)`."""
     units = np.ones(size.shape[:-1])
     own = np.diagonal(size, axis1=-2, axis2=-1)

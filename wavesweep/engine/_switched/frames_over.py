@@ -273,9 +273,11 @@ def constant_frames(
     box: np.ndarray,
     most: int = ORDERS[1],
     radius: float = 1.0,
+    pieces: int = 1,
 ) -> FramesOver:
     """Return the frames of a loop whose frames are all alike over the cells of a box of sides.
-    most: of the order. radius: that the frames are divided by, so that it is their unit circle."""
+    most: of the order. radius: that the frames are divided by, so that it is their unit circle.
+    pieces: in which a frame is given, as far as it has so many ticks, as symbols in their order."""
     inside = inside_of(box)
     values = dict(loop.values)
     for at, side in enumerate(sides):
@@ -311,10 +313,19 @@ def constant_frames(
         place = int(np.argmax(kind == index))
         ticks.append((enclosed, TickPlace(drawn, place, held)))
     drift = lasting(drift, lambda points: ticks_at(points)[0], box)
-    *row, sample = kind.tolist()
-    symbol = Symbol(len(kind))
-    scale = 1.0 if radius == 1 else np.nextafter(1 / radius, np.inf)  # of a radius within this one
-    return FramesOver(ticks, drift, (tuple(row),), (sample,), (symbol,), copies, scale=scale)
+    words = [tuple(word.tolist()) for word in np.array_split(kind, min(pieces, len(kind)))]
+    scale = 1.0
+    if radius != 1:  # of a radius within this one
+        scale = np.nextafter((1 / radius) ** (1 / len(words)), np.inf)
+    return FramesOver(
+        ticks,
+        drift,
+        tuple(word[:-1] for word in words),
+        tuple(word[-1] for word in words),
+        tuple(Symbol(len(word)) for word in words),
+        copies,
+        scale=scale,
+    )
 
 
 def inside_of(box: np.ndarray) -> np.ndarray:

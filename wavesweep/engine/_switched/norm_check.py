@@ -213,25 +213,30 @@ def shrink_over(
     return bool(_exceeds_each(slack, A.numbers).all()), slack
 
 
-def outside_each(forms: Polynomials, A: Polynomials) -> tuple[np.ndarray, Slack]:
-    """Return for each of some single matrices, `(cells, n, n)`, how many of its eigenvalues its own
-    form proves to be outside the unit circle all over its box, -1 if it proves nothing; and what the
-    slack of each consists of.
+def outside_each(forms: Polynomials, A: Polynomials, pieces: int = 1) -> tuple[np.ndarray, Slack]:
+    """Return for each of some products of so many matrices how many of its eigenvalues the forms of
+    its pieces prove to be outside the unit circle all over its box, -1 if they prove nothing; and what
+    the slack of each piece consists of.
 
-    If `F(s) = P(s) - A(s)' P(s) A(s)` is positive definite for every s, no eigenvalue is on the
-    circle, P(s) is regular, and as many are outside as P(s) has negative eigenvalues, which are as
-    many as P(0) has (A. Ostrowski, H. Schneider, J. Math. Anal. Appl. 4, 72-84, 1962). P(0) has so
-    many if it is negative definite on that many states, and positive definite on all others.
+    forms, A: of each piece, `(cells pieces, n, n)`, in their order, the first one after the last.
+
+    If `F_j(s) = P_j(s) - A_j(s)' P_(j+1)(s) A_j(s)` is positive definite for every s and j, then so is
+    `P_j - B' P_j B` with the product B that begins with piece j. So no eigenvalue is on the circle,
+    P_j(s) is regular, and as many are outside as P_j(s) has negative eigenvalues, which are as many as
+    P_j(0) has (A. Ostrowski, H. Schneider, J. Math. Anal. Appl. 4, 72-84, 1962). P_j(0) has so many if
+    it is negative definite on that many states, and positive definite on all others; one j is enough.
     """
-    cells = np.arange(len(A.rest))
-    slack = _slack_over(forms, Graph(cells, cells, cells), A, None)
+    at = np.arange(len(A.rest)).reshape(-1, pieces)
+    graph = Graph(at.ravel(), at.ravel(), np.roll(at, -1, 1).ravel())
+    slack = _slack_over(forms, graph, A, None)
     P = forms.terms
     side = np.where(np.diagonal(P[0], axis1=-2, axis2=-1) < 0, -1.0, 1.0)
     alike = side[:, :, None] == side[:, None, :]
     on_each_side = np.where(alike, side[:, :, None] * P[0], 0.0)
-    proved = definite_each(on_each_side, np.zeros_like(on_each_side))
-    proved &= (np.isfinite(P) & (P.mT == P)).all((0, -1, -2)) & _exceeds_each(slack, A.numbers)
-    return np.where(proved, (side < 0).sum(-1), -1), slack
+    counted = definite_each(on_each_side, np.zeros_like(on_each_side))
+    count = np.where(counted, (side < 0).sum(-1), -1).reshape(at.shape).max(1)
+    exceeds = (np.isfinite(P) & (P.mT == P)).all((0, -1, -2)) & _exceeds_each(slack, A.numbers)
+    return np.where(exceeds.reshape(at.shape).all(1), count, -1), slack
 
 
 def _exceeds_each(slack: Slack, numbers: int) -> np.ndarray:
@@ -305,11 +310,14 @@ def cholesky_of_each(F: np.ndarray) -> np.ndarray:
     except np.linalg.LinAlgError:
         if F.ndim == 2:
             return np.full_like(F, np.nan)
-    factors = np.full_like(F, np.nan)
-    # Where they fail, one by one; eigenvalues say of nearly all that do.
-    for place in np.argwhere(np.linalg.eigvalsh(F)[..., 0] > 0).tolist():
-        factors[*place] = cholesky_of_each(F[*place])
-    return factors
+    # Where some fail, all others at once; eigenvalues say of nearly all that do.
+    n = F.shape[-1]
+    likely = np.linalg.eigvalsh(F)[..., :1, None] > 0
+    try:
+        return np.where(likely, np.linalg.cholesky(np.where(likely, F, np.eye(n))), np.nan)
+    except np.linalg.LinAlgError:
+        each = [cholesky_of_each(matrix) for matrix in F.reshape(-1, n, n)]
+        return np.array(each).reshape(F.shape)
 
 
 def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> bool:
