@@ -42,6 +42,7 @@ wall = { type = "hold", every = 20 }
 hand = { force = "hand", displacement = "device.x", reaction = "wall.y" }
 wall = { stiffness = "K", damping = "B" }
 """
+OFFSET = WAVES + "operator.stiffness = 100"  # hand and avatar apart: a drift with a force
 MEMBERS = (
     DIRECT
     + """
@@ -51,7 +52,7 @@ contact = true
 """
 )
 # spec, and the largest stiffness with a damping of 1
-PROVED = {DIRECT: "240", GRASPED: "150", WAVES: "600", DRAWN: "240", MEMBERS: "200"}
+PROVED = {DIRECT: "240", GRASPED: "150", WAVES: "600", OFFSET: "300", DRAWN: "240", MEMBERS: "200"}
 
 
 @cache
@@ -149,6 +150,23 @@ def test_what_varies_is_refused(tmp_path, more):
     assert "frames and messages that vary" in words or "the sides are not the ranges" in words
 
 
+def test_an_offset_that_the_wall_opposes_is_no_drift_with_a_force(tmp_path):
+    """Without the spring of the hand nothing keeps hand and avatar apart, and the wall's force moves the rest."""
+    code, words = checked(tmp_path, WAVES, written(OFFSET))
+    assert code == 1
+    assert "share of x in a drift" in words
+    head, *cells = written(OFFSET)
+    head = dict(head)
+    code, words = checked(tmp_path, OFFSET, [head | {"drifts": []}, *cells])
+    assert code == 1
+    assert "does not move the rest away" in words
+    turned = [["@x", *(name for name in names if name != "@x")] for names in head["drifts"]]
+    del head["rest"]
+    code, words = checked(tmp_path, OFFSET, [head | {"drifts": turned}, *cells])
+    assert code == 1
+    assert "takes a force of the wall" in words
+
+
 def test_each_member_needs_its_proof(tmp_path):
     lines = written(MEMBERS)
     assert [line["member"] for line in lines if "member" in line] == [{"device.mass": "0.09"}, {"device.mass": "0.12"}]
@@ -184,11 +202,11 @@ def test_a_wall_that_is_not_one_force_once_in_a_frame_is_refused(tmp_path, befor
     assert why in words
 
 
-@pytest.mark.parametrize("spec", [DIRECT, GRASPED, WAVES])
+@pytest.mark.parametrize("spec", [DIRECT, GRASPED, WAVES, OFFSET])
 @pytest.mark.parametrize("K", [0, 300])
 def test_what_is_left_over_is_the_condition_on_the_circle(spec, K):
     """Whatever P is, on the circle it is Re M (1 + L), with the responses that the package has by another road."""
-    claim = file.Claim("contact", {}, {"K_VE": (Fraction(K),) * 2, "B_VE": (Fraction(2),) * 2})
+    claim = file.Claim("contact", {}, {"K_VE": (Fraction(0), Fraction(1000)), "B_VE": (Fraction(2),) * 2})
     head = written(spec)[0]
     claim.drifts, claim.rest = head["drifts"], head.get("rest", [])
     family = file.family_of(file.spec_of(spec.encode()), claim)

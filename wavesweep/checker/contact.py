@@ -93,8 +93,14 @@ class Opened(NamedTuple):
     turns: Ball
 
 
-def opened_at(cell: Cell, A, rest: Form | None, states: list[str], stiff: bool) -> Opened:
-    """At a point of the sides. A: the rows of a frame; rest: p first, and what moves with it; stiff: whether K is not 0."""
+def opened_at(
+    cell: Cell, A, rest: Form | None, states: list[str], stiff: bool, held: bool
+) -> Opened:
+    """At a point of the sides. A: the rows of a frame; rest: p first, and what moves with it; stiff: whether K is not 0.
+
+    held: whether a drift has the force 1. It keeps (A - 1) v + b = 0 with p in v, so (w, 1) b = 0: R is 0, and k q a constant, as of
+    a push.
+    """
     ring = cell.ring
     zero = (0, 0)
     y = A[FORCE]
@@ -112,8 +118,8 @@ def opened_at(cell: Cell, A, rest: Form | None, states: list[str], stiff: bool) 
         row[at] = add(row[at], (0, ONE))
     w = dict(enumerate(_solved(cell, left, l)))
     R = add(r, _dot(cell, w, {at: row[-1] for at, row in enumerate(moved)}))
-    turns = ring.multiply(k, R)
-    if turns[0] + turns[1] >= 0:
+    turns = zero if held else ring.multiply(k, R)
+    if not held and turns[0] + turns[1] >= 0:
         raise Refused("a force of the wall does not move the rest away from it")
     for at, share in w.items():
         read[at] = add(read[at], negative(ring.multiply(k, share)))

@@ -101,8 +101,8 @@ class Family:
     """Kinds of frames of one loop in coordinates without drifts.
 
     moves: {state of what may follow: {letter: (kind of frame, next state, chance)}}; start: the state in which a run begins.
-    word: kinds of frames in their order, whose product is the only frame. radius: that matrices are divided by. rest: see
-    `contact.opened_at`.
+    word: kinds of frames in their order, whose product is the only frame. radius: that matrices are divided by. rest, held:
+    see `contact.opened_at`.
     """
 
     frames: Frames
@@ -113,6 +113,7 @@ class Family:
     word: list[str]
     radius: Fraction
     rest: Form | None = None
+    held: bool = False
 
     def matrix(self, kind: str, cell: Cell) -> form.Matrix:
         if self.word and not kind:
@@ -162,13 +163,16 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     middle = Cell({name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()})
     drifts = drifts_of([*schedules.values()], claim.drifts, frames.live, middle)
     rest = None
+    given = [names for names in claim.drifts if names[0] != contact.FORCE]
+    held = len(given) < len(claim.drifts)
+    drifts = [drift for drift in drifts if next(iter(drift)) != contact.FORCE]
     if claim.rest:
-        *_, rest = drifts_of([free], [*claim.drifts, claim.rest], frames.live, middle)
+        *_, rest = drifts_of([free], [*given, claim.rest], frames.live, middle)
     if any(contact.FORCE in drift for drift in (*drifts, rest or ())):
         raise Refused("a drift that takes a force of the wall")
     states = states_of(frames, [*drifts, rest] if rest else drifts)
     states = [name for name in states if name != contact.FORCE]
-    return Family(frames, drifts, states, moves, start, word, claim.radius, rest)
+    return Family(frames, drifts, states, moves, start, word, claim.radius, rest, held)
 
 
 def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
@@ -549,7 +553,7 @@ def opened_at(family: Family, point: Mapping[str, Fraction]) -> contact.Opened:
     cell = Cell({name: (value, value) for name, value in point.items()})
     A = reduced(cell, family.frames.matrix("", cell), family.drifts)
     stiff = bool(next(iter(point.values())))
-    return contact.opened_at(cell, A, family.rest, family.states, stiff)
+    return contact.opened_at(cell, A, family.rest, family.states, stiff, family.held)
 
 
 def _graph(family: Family, times: Mapping, cell: Cell, line: dict, box):

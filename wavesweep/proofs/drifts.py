@@ -34,7 +34,13 @@ def drifts_and_rest(
     touched. Errors: Refused if that is more than one position."""
     schedules = file.schedules_of(tables, claim, member)[0]
     cut, free = contact.opened(schedules[""], wall_of(tables)[0])
-    own = _directions({"": cut}, claim.sides)
+    every = _directions({"": cut}, claim.sides)
+    own = [names for names in every if contact.FORCE not in names]
+    held = [
+        sorted(names, key=lambda name: name != contact.FORCE)
+        for names in every
+        if contact.FORCE in names
+    ]
     fixed = {names[0] for names in own}
     live = frame.Frames(frame.steps_of({"": cut})).live
     silent = {name for names in own if drifts.is_unread([free], names, live) for name in names}
@@ -44,7 +50,7 @@ def drifts_and_rest(
     rests = [*_next(list(filter(None, rows)), live - silent - fixed, _cells(claim.sides))]
     if len(rests) > 1:
         raise Refused("more than one position drifts while the wall is not touched")
-    return own, rests[0] if rests else []
+    return own + held, rests[0] if rests else []
 
 
 def _cells(sides):
