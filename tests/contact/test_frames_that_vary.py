@@ -342,6 +342,16 @@ def test_a_force_moves_the_rest_of_waves_away_from_the_wall_where_frames_are_mis
     assert max(every) <= max(most for _, most in turned) < min(0, max(every) + room)
 
 
+def test_waves_behind_a_slow_amplifier_are_taken_where_frames_of_three_lengths_are_missed():
+    """Rests are told apart by enough frames to come to see that each force moves them away from the wall."""
+    tables = waves([17, 34, 51]) | {"filters": {"lp1": {"order": 1, "cutoff_hz": 4}}}
+    tables["device"] = {"mass": 0.08, "damping": 0.6, "delay": 2, "velocity": "difference"}
+    tables["environment"] = {"integration": "explicit", "delay": "frame", "B_VE": 1.0}
+    spec = load(tables)
+    loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
+    assert loop.conditions.are_met_by_rests
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("lengths", "delay", "proved", "word", "unstable"),

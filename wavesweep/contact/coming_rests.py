@@ -58,7 +58,7 @@ def edges_of(frames: Any, ahead: int, spread: int) -> list[Edge] | None:
         return None
     kinds = range(len(frames.follows))
     # Rests are told apart by so many words of frames to come.
-    while every.first.size * len(kinds) <= 512:
+    while every.first.size * len(kinds) <= 2200:
         every = _Rests.joined([every.before(frames, i, backward, step) for i in kinds])
     edges = []
     for word in _words(frames.follows, ahead + 1):
