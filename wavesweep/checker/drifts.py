@@ -80,15 +80,28 @@ def _next(rows, unknown, identities) -> tuple[Form, str]:
 
 
 def is_unread(schedules: Iterable[Schedule], drift: list[str], live: set[str]) -> bool:
-    """Whether it is one memory and what is made of that alone, as a sum that is only shown, which nothing else reads."""
-    names = set(drift)
-    return live.intersection(names) == {drift[0]} and all(
-        name in names or not any(number(terms[each]) for each in names.intersection(terms))
-        for schedule in schedules
-        for instant in (*schedule.kinds.values(), schedule.motion)
-        for equations in (instant.equations, instant.writes)
-        for name, terms in equations.items()
-    )
+    """Whether it is one memory and what is made of that alone, as a sum that is only shown, on which no other memory depends."""
+    first = drift[0]
+    return live.intersection(drift) == {first} and not needed(schedules, live - {first}) & {*drift}
+
+
+def needed(schedules: Iterable[Schedule], memory: set[str]) -> set[str]:
+    """A memory, and all on which it depends."""
+    instants = [
+        each for schedule in schedules for each in (*schedule.kinds.values(), schedule.motion)
+    ]
+    wanted: set[str] = set()
+    more = memory
+    while more:
+        wanted |= more
+        terms_of = (
+            each.get(name, {})
+            for instant in instants
+            for each in (instant.equations, instant.writes)
+            for name in more
+        )
+        more = {other for terms in terms_of for other, c in terms.items() if number(c)} - wanted
+    return wanted
 
 
 def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
@@ -99,17 +112,7 @@ def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
     found: dict[frozenset, Form] = {}
     instants = [(kind, False) for schedule in schedules for kind in schedule.kinds.values()]
     instants += [(schedule.motion, True) for schedule in schedules]
-    wanted: set[str] = set()
-    more = memory
-    while more:
-        wanted |= more
-        terms_of = (
-            each.get(name, {})
-            for instant, _ in instants
-            for each in (instant.equations, instant.writes)
-            for name in more
-        )
-        more = {other for terms in terms_of for other, c in terms.items() if number(c)} - wanted
+    wanted = needed(schedules, memory)
     variants: dict[str, dict[frozenset, str]] = {}
     for instant, flows in instants:
         here = {}
