@@ -3,10 +3,12 @@
 import gzip
 import json
 
+import numpy as np
 import pytest
 from support.proofs import checked_file
 
 from wavesweep.program.cli import main
+from wavesweep.proofs.cells import written
 
 WALL = """
 [rates]
@@ -108,3 +110,9 @@ def test_what_has_no_proof_file_is_refused(tmp_path, capsys, words, said):
     spec.write_text(WALL)
     assert _run(*(spec if word == "SPEC" else word for word in words)) == 2
     assert said in capsys.readouterr().err
+
+
+def test_what_is_too_small_for_a_file_is_0_in_it():
+    entries = np.array([[1e-106, -0.0], [1e-99, -1.25]])
+    assert written(entries) == [["0.0", "0.0"], ["1e-99", "-1.25"]]
+    assert written(entries, 8) == [["0", "0"], ["1e-99", "-1.25"]]

@@ -57,11 +57,11 @@ def cell_of(family: file.Family, box: dict[str, tuple[float, float]]) -> Cell | 
     if found is None:
         return terms
     line: dict[str, Any] = {
-        "L": _written(found.L),
+        "L": written(found.L),
         "signs": "".join("+" if sign > 0 else "-" for sign in found.signs),
     }
     if found.slopes:
-        line["Q"] = [[[at + 1], _written(each)] for at, each in enumerate(found.slopes)]
+        line["Q"] = [[[at + 1], written(each)] for at, each in enumerate(found.slopes)]
     if found.turn:
         line["turn"] = found.turn
     signs = [int(sign) for sign in found.signs]
@@ -80,9 +80,13 @@ def stays_on_circle(family: file.Family, point: dict[str, tuple[float, float]]) 
     return bool(np.abs(sizes - 1).min() < ON_CIRCLE)
 
 
-def _written(matrix):
-    rows = np.where(np.abs(matrix) < 10.0**-balls.EXPONENT, 0.0, matrix)  # and 0 for -0
-    return [[repr(x) for x in row] for row in rows.tolist()]
+def written(matrix: np.ndarray, digits: int = 17) -> list[list[str]]:
+    """Return the entries of a form in so many digits; 0 in place of those that the checker does not
+    read for being too small, and of -0."""
+    rows = np.where(np.abs(matrix) < 10.0**-balls.EXPONENT, 0.0, matrix).tolist()
+    if digits == 17:
+        return [[repr(x) for x in row] for row in rows]
+    return [[f"{x:.{digits}g}" for x in row] for row in rows]
 
 
 def cells_along(

@@ -20,6 +20,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.asked import key_named
 from wavesweep.program.number_words import rounded_up
 from wavesweep.program.spec import SYMBOLS, Spec, sweep_axes
+from wavesweep.program.tables.kind import count
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 from wavesweep.proofs.cells import WINDOW, exactly
 from wavesweep.proofs.claims import (
@@ -301,13 +302,14 @@ class _Proofs:
 
     def in_words(self, name: str) -> Iterator[str]:
         """Yield what the file has, and what has no proof."""
-        counts = [f"{self.proved[what]} of {count} {what}" for what, count in self.wanted.items()]
+        counts = [f"{self.proved[what]} of {wanted} {what}" for what, wanted in self.wanted.items()]
         if counts:
-            yield f"{name}: {len(self.claims)} claims prove {', '.join(counts)}"
+            prove = "proves" if len(self.claims) == 1 else "prove"
+            yield f"{name}: {count(len(self.claims), 'claim')} {prove} {', '.join(counts)}"
         if self.begins:
             yield f"  {self.axis} from {rounded_up(self.begins, 3)} on: next to lower ends no form is found"
-        for why, count in self.unproved.items():
-            yield f"  no proof of {count} {why}"
+        for why, unproved in self.unproved.items():
+            yield f"  no proof of {unproved} {why}"
 
 
 def _slices(spec: Spec, columns: Columns) -> Iterator[tuple[str, dict[str, str], Columns]]:

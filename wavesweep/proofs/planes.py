@@ -8,8 +8,8 @@ import numpy as np
 from wavesweep.checker import balls, file, form
 from wavesweep.checker.balls import Refused
 from wavesweep.engine.switched import inertia_of_cells
-from wavesweep.proofs.cells import exactly
-from wavesweep.proofs.sets import DIGITS, Ends, Leaf, exponents_of, polynomials_of, tree, written
+from wavesweep.proofs.cells import exactly, written
+from wavesweep.proofs.sets import DIGITS, Ends, Leaf, exponents_of, polynomials_of, tree
 
 SMALLER = 5  # times a part of a map is halved before it stays open
 

@@ -18,6 +18,7 @@ from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader.for_all import TICK
 from wavesweep.engine.sets import Polynomials, Side
 from wavesweep.engine.switched import ALWAYS, Centre, Graph, OnAverage, cover
+from wavesweep.proofs.cells import written
 from wavesweep.proofs.ticks import AtPlaces
 
 ORDER = 2  # of matrices in doubles, as the checker looks at slacks
@@ -320,13 +321,6 @@ def _chain(family):
             weight.append(chance.value(balls.POINT)[1] / balls.ONE)
     graph = Graph(*np.array(edges).T)
     return frames, OnAverage(graph, np.array(weight))
-
-
-def written(matrix: np.ndarray, digits: int) -> list[list[str]]:
-    """Return the entries of a form in so many digits."""
-    if digits == 17:
-        return [[repr(x + 0.0) for x in row] for row in matrix.tolist()]
-    return [[f"{x + 0.0:.{digits}g}" for x in row] for row in matrix.tolist()]
 
 
 def lines_over(cells: Cells, words: Sequence[tuple[int, ...]] = ()) -> tuple[float, Lines]:
