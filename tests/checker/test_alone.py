@@ -1,6 +1,7 @@
 """The checker is alone: what it shares with the package would be wrong in both."""
 
 import ast
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -21,12 +22,13 @@ def test_it_imports_the_standard_library_and_itself():
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom):
-                names = [node.module]
+                within = len(source.relative_to(FOLDER).parts)
+                assert node.level <= within, source
+                names = [] if node.level else [node.module]
             else:
                 continue
             for name in names:
-                own = name == "wavesweep.checker" or name.startswith("wavesweep.checker.")
-                assert own or name.split(".")[0] in sys.stdlib_module_names, (source, name)
+                assert name.split(".")[0] in sys.stdlib_module_names, (source, name)
 
 
 def test_an_import_loads_nothing_of_the_package():
@@ -37,6 +39,17 @@ def test_an_import_loads_nothing_of_the_package():
     run = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True)
     loaded = {name for name in run.stdout.split() if name.startswith("wavesweep")}
     assert loaded == {"wavesweep", "wavesweep.checker", *modules}
+
+
+def test_the_folder_runs_wherever_it_is_copied(tmp_path):
+    """Its first line has its own version, whatever stands beside it."""
+    lines = [BELOW, WITHIN, ABOVE | {"outside": 1}, OUTSIDE]
+    _, words = checked(tmp_path, SPEC, lines)
+    shutil.copytree(FOLDER, tmp_path / "reviewed", ignore=shutil.ignore_patterns("__pycache__"))
+    command = [sys.executable, "-S", "-m", "reviewed", "spec.toml", "spec.proof"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (1, "")
+    assert run.stdout == f"wavesweep checker {wavesweep.checker.VERSION}\n{words}"
 
 
 @pytest.mark.slow

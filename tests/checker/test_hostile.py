@@ -168,17 +168,19 @@ def test_ticks_that_take_no_time_or_less_are_refused(tmp_path):
         assert f"rates.tick_hz = {hz} is not above 0" in said
 
 
-def test_processor_time_has_a_limit_that_can_be_raised(tmp_path, capsys, monkeypatch):
-    """Of a frame of 19,000 instants with a plant, which takes seconds."""
+def test_time_and_memory_have_limits_that_can_be_raised(tmp_path, capsys, monkeypatch):
+    """Of a frame of 19,000 instants with a plant, which takes seconds and tens of megabytes."""
     spec = drawn('a = { type = "hold", every = 19000 }\np = { type = "mass", mass = 1 }', '"a.u" = "p.x"\n"p.f" = "-k*a.y"')
     monkeypatch.setattr(proofs, "main", lambda _: None)  # the files alone are wanted
     checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": STATES}, {"L": UNIT, "signs": "++"}])
     files = str(tmp_path / "spec.toml"), str(tmp_path / "spec.proof")
     assert main(["--seconds", "0.02", *files]) == 2
     assert "more than 0.02 s of processor time; --seconds N allows for more" in capsys.readouterr().err
+    assert main(["--seconds", "100", "--megabytes", "3", *files]) == 2
+    assert "more than 3 MB of memory; --megabytes N allows for more" in capsys.readouterr().err
     assert main(["--seconds", "100", str(tmp_path / "no.toml"), files[1]]) == 2
     assert "No such file" in capsys.readouterr().err
-    for words in (["--seconds", *files], ["--seconds", "-1", *files], ["--seconds", "nan", *files]):
+    for words in (["--seconds", *files], ["--seconds", "-1", *files], ["--megabytes", "nan", *files]):
         assert main(words) == 2
         assert "usage" in capsys.readouterr().err
 

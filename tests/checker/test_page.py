@@ -7,6 +7,8 @@ from pathlib import Path
 
 from support.proofs import checked_file
 
+from wavesweep.checker import VERSION
+
 PAGE = Path(__file__).parents[2] / "docs/check-it-yourself.md"
 
 
@@ -19,4 +21,5 @@ def test_the_proof_of_the_page_is_proved_in_its_words(tmp_path):
     shown = re.search(r"\n    \$ python -m wavesweep\.checker turn\.toml turn\.proof\n((?:    .*\n)+)", text)
     code, words = checked_file(tmp_path / "turn.toml", tmp_path / "turn.proof")
     assert code == 0
-    assert words.splitlines() == [line.strip() for line in shown[1].splitlines()]
+    first = f"wavesweep checker {VERSION}"
+    assert [first, *words.splitlines()] == [line.strip() for line in shown[1].splitlines()]

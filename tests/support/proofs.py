@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 
+from wavesweep.checker import VERSION
 from wavesweep.checker.__main__ import main
 from wavesweep.program import cli
 
@@ -22,10 +23,11 @@ def checked(folder, spec: str, lines: list[dict], header: dict | None = None) ->
 
 
 def checked_file(spec, file) -> tuple[int, str]:
+    """Exit code and lines after the first one, which has the version."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
         code = main([str(spec), str(file)])
-    return code, printed.getvalue()
+    return code, printed.getvalue().removeprefix(f"wavesweep checker {VERSION}\n")
 
 
 def written(folder, text: str, command: str, *words) -> tuple:

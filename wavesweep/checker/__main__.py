@@ -1,7 +1,7 @@
 """`python -m wavesweep.checker SPEC FILE`: a line for each claim of a proof file, proved or refused.
 
 Exit code 0: all are proved; 1: one is refused; 2: the file is not about this spec, one of the two cannot be read, or they take
-more processor time than --seconds allows (600; 0 for any).
+more processor time than --seconds allows, or more memory than --megabytes (600 and 900; 0 for any).
 """
 
 import re
@@ -11,11 +11,18 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from pathlib import Path
 
-from wavesweep.checker.file import LONGEST_SPEC, OF_WALLS, Claim, check
-from wavesweep.checker.reader.loops import Unreadable
+from . import VERSION
+from .file import LONGEST_SPEC, OF_WALLS, Claim, check
+from .reader.loops import Unreadable
 
-USAGE = "usage: python -m wavesweep.checker [--seconds N] SPEC.toml FILE.proof"
-SECONDS = 600.0  # of processor time, of which the largest files of the documents take a tenth
+try:
+    import resource
+except ImportError:  # where no system limits memory
+    resource = None  # type: ignore[assignment]
+
+USAGE = f"usage: python -m {__package__} [--seconds N] [--megabytes N] SPEC.toml FILE.proof"
+# processor time, of which the largest files of the documents take a tenth, and memory
+LIMITS = {"--seconds": 600.0, "--megabytes": 900.0}
 NUMBER = re.compile(r"[0-9]{1,9}(\.[0-9]{1,9})?")
 DIGITS = 300  # more than a number of a file has
 SCOPES = {
@@ -91,16 +98,17 @@ def _written(number: Fraction) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    seconds = SECONDS
-    if arguments[:1] == ["--seconds"] and NUMBER.fullmatch("".join(arguments[1:2])):
-        seconds = float(arguments[1])
+    limits = dict(LIMITS)
+    while arguments[:1] and arguments[0] in limits and NUMBER.fullmatch("".join(arguments[1:2])):
+        limits[arguments[0]] = float(arguments[1])
         arguments = arguments[2:]
     if len(arguments) != 2:
         print(USAGE, file=sys.stderr)
         return 2
+    print(f"wavesweep checker {VERSION}", flush=True)
     verdicts = []
     try:
-        limited(seconds)
+        limited(*limits.values())
         with Path(arguments[0]).open("rb") as spec, Path(arguments[1]).open("rb") as file:
             for claim, why in check(spec.read(LONGEST_SPEC + 1), file):
                 verdicts.append(not why)
@@ -111,14 +119,22 @@ def main(arguments: list[str]) -> int:
     except (Unreadable, OSError) as error:
         print(_one_line(f"not checked: {error}"), file=sys.stderr)
         return 2
+    except MemoryError:
+        size = f"{limits['--megabytes']:g} MB of memory; --megabytes N"
+        print(
+            f"not checked: the spec or the file takes more than {size} allows for more",
+            file=sys.stderr,
+        )
+        return 2
     finally:
-        limited(0)
+        limited(0, 0)
     print(f"{sum(verdicts)} of {len(verdicts)} claims proved")
     return 0 if all(verdicts) else 1
 
 
-def limited(seconds: float) -> None:
-    """Raise Unreadable after so much processor time, on a system that has such a clock; never for 0."""
+def limited(seconds: float, megabytes: float) -> None:
+    """Raise Unreadable after so much processor time, and MemoryError beyond so much more memory than now, on a system
+    that has such limits; never for 0."""
 
     def stop(*_):
         raise Unreadable(
@@ -128,6 +144,12 @@ def limited(seconds: float) -> None:
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGPROF, stop)
         signal.setitimer(signal.ITIMER_PROF, seconds, 1.0 if seconds else 0.0)
+    pages = Path("/proc/self/statm")
+    if resource and pages.exists():
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        used = int(pages.read_text().split()[0]) * resource.getpagesize()
+        soft = used + int(megabytes * 2**20) if megabytes else hard
+        resource.setrlimit(resource.RLIMIT_AS, (min(soft, hard) if hard > 0 else soft, hard))
 
 
 def _one_line(text: str) -> str:

@@ -13,7 +13,7 @@ from functools import cache, lru_cache
 from itertools import product as all_of
 from math import isqrt
 
-from wavesweep.checker.reader.loops import Unreadable
+from .reader.loops import Unreadable
 
 BITS = 192
 ONE = 1 << BITS

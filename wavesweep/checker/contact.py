@@ -35,10 +35,10 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import NamedTuple
 
-from wavesweep.checker import form
-from wavesweep.checker.balls import ONE, POINT, Cell, Number, Refused, add, ball, negative, number
-from wavesweep.checker.drifts import Form, reduced
-from wavesweep.checker.reader.loops import Instant, Schedule
+from . import form
+from .balls import ONE, POINT, Cell, Number, Refused, add, ball, negative, number
+from .drifts import Form, reduced
+from .reader.loops import Instant, Schedule
 
 FORCE, READ = "@force of the wall", "read by the wall"
 LAGS = 64  # N at most

@@ -6,9 +6,9 @@ A file names what takes part in one, first a memory whose share is 1. The shares
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from wavesweep.checker.balls import Cell, Number, Refused, add, negative, number
-from wavesweep.checker.identities import Identities
-from wavesweep.checker.reader.loops import Schedule
+from .balls import Cell, Number, Refused, add, negative, number
+from .identities import Identities
+from .reader.loops import Schedule
 
 Form = dict[str, Number]
 APART = "~"  # in the name of a variable, before a number

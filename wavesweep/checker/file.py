@@ -55,13 +55,13 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import IO, Any
 
-from wavesweep.checker import balls, contact, form
-from wavesweep.checker.balls import Cell, Refused, decimal
-from wavesweep.checker.drifts import Form, drifts_of, reduced
-from wavesweep.checker.frame import Frames, states_of, steps_of
-from wavesweep.checker.reader import for_all, loop_of, unknown_key, wall_of, with_numbers
-from wavesweep.checker.reader.controllers import SYMBOLS
-from wavesweep.checker.reader.loops import Unreadable
+from . import balls, contact, form
+from .balls import Cell, Refused, decimal
+from .drifts import Form, drifts_of, reduced
+from .frame import Frames, states_of, steps_of
+from .reader import for_all, loop_of, unknown_key, wall_of, with_numbers
+from .reader.controllers import SYMBOLS
+from .reader.loops import Unreadable
 
 FORMAT = "wavesweep proof 1"
 LONGEST_SPEC = 1 << 20  # bytes

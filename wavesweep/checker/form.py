@@ -11,8 +11,8 @@ from itertools import product as all_of
 from operator import mul
 from typing import NamedTuple
 
-from wavesweep.checker.balls import BITS, ONE, Cell, Refused
-from wavesweep.checker.reader.loops import diagonal, product, transposed
+from .balls import BITS, ONE, Cell, Refused
+from .reader.loops import diagonal, product, transposed
 
 HALF = BITS // 2  # digits of what a file gives, so that L' S L is exact
 KEPT = 3  # orders of a frame that its form sees; the rest counts as an error

@@ -4,7 +4,7 @@ A map is {memory: {memory: coefficient}}, a row for each memory that it changes;
 steps, each a map. Those that depend on no side of a cell are multiplied once.
 """
 
-from wavesweep.checker.balls import (
+from .balls import (
     BITS,
     POINT,
     UNIT,
@@ -15,7 +15,7 @@ from wavesweep.checker.balls import (
     least,
     number,
 )
-from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
+from .reader.loops import Instant, Schedule, Unreadable
 
 LARGEST = 200  # memory of a loop
 INSTANTS = 20_000  # of a frame

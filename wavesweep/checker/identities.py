@@ -8,7 +8,7 @@ side, or the number of a function's value. Denominators are kept as factors, {po
 from fractions import Fraction
 from typing import NamedTuple
 
-from wavesweep.checker.balls import Number, Refused, Ring, sum_of
+from .balls import Number, Refused, Ring, sum_of
 
 Polynomial = dict[frozenset, Fraction]
 ONE: Polynomial = {frozenset(): Fraction(1)}

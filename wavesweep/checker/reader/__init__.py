@@ -4,9 +4,9 @@
 doubles, or numbers that are enclosed while others have any value of a range. It shares nothing with the package's own reader.
 """
 
-from wavesweep.checker.reader.controllers import KEYS, SYMBOLS, Controller
-from wavesweep.checker.reader.drawings import Drawing
-from wavesweep.checker.reader.loops import Unreadable
+from .controllers import KEYS, SYMBOLS, Controller
+from .drawings import Drawing
+from .loops import Unreadable
 
 OTHERS = {
     "sweep",

@@ -2,7 +2,7 @@
 
 import ast
 
-from wavesweep.checker.reader.loops import Unreadable
+from .loops import Unreadable
 
 MOST = 1000  # blocks of classes: one that has itself as a block would never end
 

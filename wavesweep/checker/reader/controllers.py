@@ -4,8 +4,8 @@ import math
 from fractions import Fraction
 from typing import Any
 
-from wavesweep.checker.reader import filters
-from wavesweep.checker.reader.loops import (
+from . import filters
+from .loops import (
     Instant,
     Keys,
     Schedule,

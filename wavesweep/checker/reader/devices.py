@@ -6,7 +6,7 @@ which are roots of lengths.
 
 from fractions import Fraction
 
-from wavesweep.checker.reader.loops import diagonal, dot, identity, outer, plus, times, transposed
+from .loops import diagonal, dot, identity, outer, plus, times, transposed
 
 DEFAULTS = {
     "five-bar": {

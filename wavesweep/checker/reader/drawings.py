@@ -7,10 +7,10 @@ import math
 from fractions import Fraction
 from typing import Any
 
-from wavesweep.checker.reader import devices, filters
-from wavesweep.checker.reader.classes import written_out
-from wavesweep.checker.reader.controllers import add_model, add_sections
-from wavesweep.checker.reader.expressions import (
+from . import devices, filters
+from .classes import written_out
+from .controllers import add_model, add_sections
+from .expressions import (
     FUNCTIONS,
     linear,
     multiplied_out,
@@ -18,7 +18,7 @@ from wavesweep.checker.reader.expressions import (
     parsed,
     terms_of,
 )
-from wavesweep.checker.reader.loops import (
+from .loops import (
     Instant,
     Keys,
     Schedule,

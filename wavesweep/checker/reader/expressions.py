@@ -4,7 +4,7 @@ import ast
 import re
 from collections.abc import Callable
 
-from wavesweep.checker.reader.loops import Unreadable, form, scaled
+from .loops import Unreadable, form, scaled
 
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")
 LONGEST = 10_000  # characters of an expression

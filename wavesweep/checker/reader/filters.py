@@ -1,6 +1,6 @@
 """Digital filters from their analog ones by the bilinear transform, as (A, B, C, D): lists, and D a coefficient."""
 
-from wavesweep.checker.reader.loops import Unreadable, dot
+from .loops import Unreadable, dot
 
 MOST = 64  # poles of a filter
 

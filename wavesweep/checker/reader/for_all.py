@@ -11,10 +11,10 @@ from fractions import Fraction
 from itertools import product
 from typing import Any
 
-from wavesweep.checker.reader.controllers import SYMBOLS, Controller
-from wavesweep.checker.reader.drawings import Drawing
-from wavesweep.checker.reader.expressions import names_in, parsed
-from wavesweep.checker.reader.loops import Instant, Schedule, Unreadable
+from .controllers import SYMBOLS, Controller
+from .drawings import Drawing
+from .expressions import names_in, parsed
+from .loops import Instant, Schedule, Unreadable
 
 RATIO = "rates.ratio"
 TICK = "for_all.tick"  # the side that is the time of a tick
