@@ -207,9 +207,9 @@ def _losses(request: Request, key: Key) -> Any:
 
 def _refuse_what_is_swept(request: Request, axes: Iterable[Axis]) -> None:
     """Add the mistakes of numbers that are axes of [sweep] as well."""
-    swept = {axis.path for axis in request.sweep}
+    swept = {axis.name for axis in request.sweep}  # one by another name is a mistake already
     for axis in axes:
-        if axis.path in swept:
+        if axis.name in swept:
             expected = "a number that [sweep] does not have as well"
             request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, axis.name)
 

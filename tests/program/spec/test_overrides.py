@@ -1,5 +1,7 @@
 """`--set` replaces what the spec gives before anything is checked, and says its own mistakes."""
 
+import tomllib
+
 import pytest
 
 from wavesweep.program.spec import SYMBOLS, load
@@ -64,3 +66,51 @@ def test_an_override_without_a_value_leaves_the_key_out():
     spec = load(tables, ["b=", "sweep.device.mass="])
     assert spec.values["controller.b"] == 25.0
     assert [axis.name for axis in spec.sweep] == ["b"]
+
+
+NAMES = """
+rates.tick_hz = 100
+numbers.contact = { value = 6.0, unit = "N*s/m" }
+type.watch.numbers.g = 2.0
+type.watch.block.k = { type = "gain", k = "g" }
+type.watch.wire = { "k.u" = "seen" }
+type.watch.ports = { inputs = ["seen"], outputs = { told = "k.y" } }
+block.x = { type = "mass", mass = 0.1, damping = "contact" }
+block.one = { type = "watch" }
+wire = { "one.seen" = "-100*x.x", "x.f" = "one.told" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "written", "override", "axes"),
+    [
+        (None, {"controller.b": [3]}, "b=[5, 6]", {"controller.b": (5, 6)}),
+        (None, {"b": {"start": 3, "stop": 4}}, "controller.b.stop=9", {"b": (3, 9)}),
+        (
+            None,
+            {"b": [1], "rates.slow_hz": {"start": 20, "stop": 50}},
+            "rates.ratio=[4, 5]",
+            {"b": (1,), "rates.ratio": (4, 5)},
+        ),
+        (None, {"rates.ratio": [4, 5]}, "rates.slow_hz=[20, 50]", {"rates.slow_hz": (20, 50)}),
+        (None, {"rates.ratio": [4, 5], "controller.b": [3]}, "b=", {"rates.ratio": (4, 5)}),
+        (NAMES, {"numbers.contact": [3]}, "contact=[5, 6]", {"numbers.contact": (5, 6)}),
+        (NAMES, {"contact": {"start": 3, "stop": 4}}, "numbers.contact.start=2", {"contact": (2, 4)}),
+        (NAMES, {"one_g": [1]}, "numbers.one_g=[2, 3]", {"one_g": (2, 3)}),
+        (NAMES, {"contact": [1]}, "numbers.one_g=[2, 3]", {"contact": (1,), "numbers.one_g": (2, 3)}),
+    ],
+)
+@pytest.mark.parametrize("table", ["sweep", "for_all"])
+def test_a_number_of_a_table_is_replaced_by_any_of_its_names(table, text, written, override, axes):
+    """It keeps the name that the table has; the other key of the slow rate is left out."""
+    if table == "for_all" and "slow_hz" in f"{written}{override}":
+        pytest.skip("[for_all] has ratios alone")
+    spec = load((tomllib.loads(text) if text else LOOP) | {table: written}, [f"{table}.{override}"])
+    read = spec.sweep if table == "sweep" else spec.for_all.axes
+    assert {axis.name: axis.values or (axis.start, axis.stop) for axis in read} == axes
+
+
+def test_a_number_of_a_class_is_replaced_by_any_of_its_names():
+    loop = tomllib.loads(NAMES)
+    for name in ("one_g", "numbers.one_g", "block.one.g"):
+        assert load(loop, ["block.one.g=7", f"{name}=3", "contact=6000 g/s"]).values["numbers.one_g"] == 3.0

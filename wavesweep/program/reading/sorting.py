@@ -159,7 +159,7 @@ class _Sorter:
         if self._is_key(table, rest[0], section):
             self._put_under_key_of_section(table, rest, leaf)
             return
-        for length in range(1, len(rest) + 1):
+        for length in range(len(rest), 0, -1):  # `numbers` may be a number's name too
             name = ".".join(rest[:length])
             if self.names.find(name) or (table == "bode" and name == "frequency_hz"):
                 self._put_part(table, name, rest[length:], leaf, section)

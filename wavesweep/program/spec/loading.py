@@ -34,8 +34,8 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
         python-control or scipy.signal, see `wavesweep.engine.loop_from_blocks`.
     overrides : iterable of str, optional
         Texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They
-        replace values of the source before anything is checked; `rates.ratio` also replaces the
-        source's `rates.slow_hz`, and the other way round.
+        replace values of the source, under any name, before anything is checked; `rates.ratio`
+        also replaces the source's `rates.slow_hz`, and the other way round.
 
     Returns
     -------
@@ -177,8 +177,11 @@ def _overridden(
         except SpecError as error:
             mistakes += error.mistakes
         else:
+            if path[0] == "numbers" and path[1:2] and path[1] in symbols:  # also that of a class
+                path = (*symbols[path[1]].split("."), *path[2:])
             # A number that has a unit keeps it.
             path = normal_path((*path, "value") if (*path, "value") in leaves else path)
+            path = _as_written(path, leaves, symbols)
             if value == "" and not any(
                 _alike(path, known_path) for known_path in (*source, *leaves)
             ):
@@ -194,10 +197,49 @@ def _overridden(
                     continue
                 value = number
             leaves = _override(leaves, path, value, where)
-            twin = tuple(TWINS.get(".".join(path), "").split("."))
-            if value != "" and twin in source and leaves.get(twin) is source[twin]:
-                del leaves[twin]
+            if value != "":
+                leaves = _without_twin(path, leaves, source)
     return leaves
+
+
+def _as_written(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]) -> Path:
+    """Return the path of --set with the name by which a table has the number already, if it is in
+    a table of axes. symbols: short names of paths."""
+    section = section_of(path)
+    depth = len(section)
+
+    def in_full(inside: Path) -> Path:
+        name = inside[depth]
+        if name not in symbols:
+            return inside
+        number = symbols[name] if symbols is SYMBOLS else path_of(name)
+        return (*section, *number.split("."), *inside[depth + 1 :])
+
+    if not section or path == section:
+        return path
+    full = in_full(path)
+    for other in leaves:
+        if other[:depth] == section != other:
+            name = in_full(other[: depth + 1])
+            if full[: len(name)] == name:
+                return (*other[: depth + 1], *full[len(name) :])
+            if _alike(full, other):
+                return full
+    return path
+
+
+def _without_twin(
+    path: Path, leaves: dict[Path, Leaf], source: Mapping[Path, Leaf]
+) -> dict[Path, Leaf]:
+    """Return the leaves without what the source has of the other key of a quantity in the same
+    table. path: of --set."""
+    section = section_of(path)
+    twin = (*section, *TWINS.get(".".join(path[len(section) :][:2]), "").split("."))
+    return {
+        other: leaf
+        for other, leaf in leaves.items()
+        if other[: len(twin)] != twin or source.get(other) is not leaf
+    }
 
 
 def _unit_at(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]) -> str | None:

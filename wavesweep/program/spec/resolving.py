@@ -36,6 +36,12 @@ FEW_TICKS_IN_STEP = 2000
 TWINS = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}
 
 
+def quantity_of(path: str) -> str:
+    """Return the path that stands for all keys of one quantity: that of the ratio for the slow rate
+    too."""
+    return "rates.ratio" if path in TWINS else path
+
+
 @dataclass(frozen=True, slots=True)
 class Given:
     """The leaves of the loop's own tables by path, and the place of their source."""

@@ -18,8 +18,8 @@ from wavesweep.program.reading.keys import (
     HapticDevice,
 )
 from wavesweep.program.reading.sorting import Sorted
-from wavesweep.program.reading.tables import TableValue, missing, table_at, tables
-from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit
+from wavesweep.program.reading.tables import TableValue, missing, sections, table_at, tables
+from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit, quantity_of
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 # of its value, up and down: how far a number without a span is searched by `check` and by tables
@@ -86,20 +86,29 @@ class Request:
 
     def axes(self, section: str) -> list[Axis]:
         """Return the axes of a section, and add their mistakes."""
-        axes = []
-        first = {}
-        for name, leaves in self.belongs.axes[section].items():
-            path = getattr(self.names.find(name), "path", name)
-            path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
-            if path in first:
-                repeated = f"the key of the axis {first[path]} again"
-                self.mistakes.refuse(
-                    axis_place(leaves), f"{section}.{name}", "each key once", repeated
-                )
-            first.setdefault(path, name)
-            axis = build_axis(section, name, leaves, self.mistakes, self.names)
-            axes += [axis] if axis else []
-        return axes
+        named = self.belongs.axes[section].items()
+        axes = (
+            build_axis(section, name, leaves, self.mistakes, self.names) for name, leaves in named
+        )
+        return [axis for axis in axes if axis]
+
+    def refuse_repeated(self) -> None:
+        """Add the mistakes of numbers that one table, or two, have by two names or keys."""
+        first: dict[str, tuple[str, str]] = {}
+        for path, section in sections().items():
+            table = ".".join(path)
+            axes = {} if section.takes else self.belongs.axes.get(table, {})
+            for name, leaves in axes.items():
+                quantity = quantity_of(getattr(self.names.find(name), "path", name))
+                where, other = first.setdefault(quantity, (table, name))
+                if other == name:
+                    continue
+                expected = "one key for one number in all tables"
+                found = f"{other} of [{where}] beside it"
+                if where == table:
+                    expected = "each key once"
+                    found = f"the key of the axis {other} again"
+                self.mistakes.refuse(axis_place(leaves), f"{table}.{name}", expected, found)
 
     def refuse_other_edges(self, section: str, axes: Iterable[Axis], spared: bool = False) -> None:
         """Add the mistakes of axes of a filter that is given in the other way. spared: whether
@@ -158,6 +167,7 @@ def hardware_of(
 def build_studies(request: Request) -> Studies:
     """Return the studies and add their mistakes."""
     mistakes = request.mistakes
+    request.refuse_repeated()
     axes = {study: request.axes(study) for study in ("sweep", "bode")}
     for study, swept_axes in axes.items():
         request.refuse_other_edges(study, swept_axes)
