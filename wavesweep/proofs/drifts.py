@@ -1,7 +1,8 @@
 """What drifts in a loop, as the checker counts it: directions of its memory that every equation keeps."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
+from math import inf, log2, sqrt
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,8 @@ from wavesweep.checker.reader import wall_of
 PLACES = [
     Fraction(place, 1000) for place in (480, 1, 310, 770, 999)
 ]  # of the sides, that are looked at
-SAME = 1e-11  # singular values up to which a direction is kept
-LEAST = 1e-12  # share of a direction
-LEAST_OWN = 1e-7  # share of a memory that may stand for a direction: others may be rounding
+NOTHING = (0, 0)  # the enclosure of 0
+UNIT = (0, balls.ONE)
 
 
 def drifts_of(
@@ -79,62 +79,99 @@ def _directions(kinds, sides):
 
 
 def _next(rows, live, cells):
-    """Yield drifts of equations at rest, as the checker solves them."""
-    others = {name for row in rows for name in row} - live
-    names = [*sorted(live), *sorted(others)]
-    kept = [_kept(rows, names, cell) for cell in cells]
-    for pivot, shares in _echelon(kept, len(live)):
+    """Yield drifts of equations at rest, as the checker solves them, each with a lead of its own.
+
+    Leads are memories against which no other share grows much over the places; of those that are
+    alike in this up to a power of two, the last by name is eliminated first.
+    """
+    variables = sorted({name for row in rows for name in row} - live)
+    memory = sorted(live)
+    names = variables + memory
+    if not _kept(rows, names, cells[0]):
+        return
+    steadiness = _steadiness([_kept(rows, names, cell) for cell in cells], memory)
+    steady = sorted(memory, key=lambda name: -steadiness[name])
+    kept = [_kept(rows, variables + steady[::-1], cell) for cell in cells]
+    leads = [*kept[0]]
+    if any([*directions] != leads for directions in kept) or not live.issuperset(leads):
+        return
+    for lead in reversed(leads):
+        moved = {name for directions in kept for name in directions[lead]}
         taking_part = [
-            names[at].partition(drifts.APART)[0] for at in np.flatnonzero(shares > LEAST)
+            name.partition(drifts.APART)[0] for name in memory + variables if name in moved
         ]
-        drift = [names[pivot], *dict.fromkeys(taking_part)]
+        drift = [*dict.fromkeys([lead, *taking_part])]
         try:
-            v = drifts.drift_of(rows, drift, cells[0])
+            drifts.drift_of(rows, drift, cells[0])
         except Refused:
             continue
-        taking_part = [
-            name.partition(drifts.APART)[0]
-            for name, share in v.items()
-            if any(_is_share(share, cell) for cell in cells)
-        ]
-        yield [*dict.fromkeys(taking_part)]
-
-
-def _is_share(number, cell):
-    """Whether it is not 0, as that of a name which the directions have by rounding alone."""
-    radius, middle = number.value(cell)
-    return abs(middle) > radius
+        yield drift
 
 
 def _kept(rows, names, cell):
-    """Orthogonal directions of memory and variables that the equations at rest keep at a point."""
-    column = {name: at for at, name in enumerate(names)}
-    matrix = np.zeros((len(rows), len(names)))
-    for at, row in enumerate(rows):
-        for name, share in row.items():
-            matrix[at, column[name]] = share.value(cell)[1] / balls.ONE
-    matrix /= np.abs(matrix).max(axis=1, keepdims=True, initial=1e-300)
-    _, sizes, directions = np.linalg.svd(matrix)
-    return directions[np.append(sizes, np.zeros(len(names) - len(sizes))) < SAME]
+    """Return the directions that the equations at rest keep at a point, `{lead: {name: share}}`.
+
+    Each lead is 1 in its own direction and 0 in the others. By Gauss and Jordan in enclosures, in
+    whole numbers: a share is 0 by algebra, not by rounding. names: in the order of elimination;
+    leads are those that no equation is left for.
+    """
+    ring = cell.ring
+    left = [{name: share.value(cell) for name, share in row.items()} for row in rows]
+    solved = {}
+    for name in names:
+        pivot = max(left, key=lambda row: _size(row.get(name, NOTHING)), default={})
+        if not _size(pivot.get(name, NOTHING)):
+            continue
+        left = [row for row in left if row is not pivot]
+        inverse = ring.reciprocal(pivot.pop(name))
+        shares = {column: ring.multiply(inverse, entry) for column, entry in pivot.items()}
+        for row in (*left, *solved.values()):
+            _eliminate(ring, row, name, shares)
+        solved[name] = shares
+    directions = {name: {name: UNIT} for name in names if name not in solved}
+    for name, shares in solved.items():
+        for lead, share in shares.items():
+            if lead in directions and _size(share):
+                directions[lead][name] = balls.negative(share)
+    return directions
 
 
-def _echelon(kept: Sequence[np.ndarray], live: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield a memory of each drift, of the first columns, that no other has, and its largest shares."""
-    count = len(kept[0])
-    if any(len(each) != count for each in kept):
+def _size(ball):
+    """The least size of what is enclosed, at a point; 0 if that may be 0."""
+    radius, middle = ball
+    return max(abs(middle) - radius, 0)
+
+
+def _eliminate(ring, row, name, shares):
+    """Take from a row the multiple of an equation, `name + shares = 0`, that leaves it without the name."""
+    if name not in row:
         return
-    # Memory against which no other share grows much, as against the middle.
-    sizes = np.array([np.linalg.norm(each[:, :live], axis=0) for each in kept])
-    ratios = np.where(
-        sizes[0] > LEAST_OWN * sizes[0].max(initial=0), sizes / np.maximum(sizes[0], LEAST), 0.0
-    )
-    away = (ratios / np.maximum(ratios.max(axis=1, keepdims=True), LEAST)).min(axis=0)
-    pivots: list[int] = []
-    for at in np.argsort(-away, kind="stable").tolist():
-        if np.linalg.matrix_rank(kept[0][:, [*pivots, at]], tol=LEAST) > len(pivots):
-            pivots.append(at)
-    if len(pivots) == count:
-        shares = [np.abs(np.linalg.solve(each[:, pivots], each)) for each in kept]
-        largest = np.max(shares, axis=0)
-        largest[:, pivots] = 0
-        yield from zip(pivots, largest, strict=True)
+    factor = balls.negative(row.pop(name))
+    for column, share in shares.items():
+        term = ring.multiply(factor, share)
+        row[column] = balls.add(row[column], term) if column in row else term
+
+
+def _steadiness(kept, memory):
+    """Return the least share of each memory over the places, as against the middle and against the
+    memory that grows most there, in powers of two."""
+    sizes = np.array([_sizes(directions.values(), memory) for directions in kept])
+    moved = sizes[0] > 0
+    ratios = np.where(moved, sizes / np.where(moved, sizes[0], 1.0), 0.0)
+    largest = ratios.max(axis=1, keepdims=True)
+    least = (ratios / np.where(largest > 0, largest, 1.0)).min(axis=0)
+    powers = [round(log2(share)) if share > 0 else -inf for share in least.tolist()]
+    return dict(zip(memory, powers, strict=True))
+
+
+def _sizes(directions, memory):
+    """Return the lengths of the axes' projections on directions, in any basis of these."""
+    basis: list[np.ndarray] = []
+    for shares in directions:
+        row = np.array([shares.get(name, NOTHING)[1] / balls.ONE for name in memory])
+        for unit in basis:
+            row = row - (row * unit).sum() * unit
+        length = sqrt((row * row).sum())
+        if length > 0:
+            basis.append(row / length)
+    return np.sqrt(sum(unit * unit for unit in basis)) if basis else np.zeros(len(memory))
