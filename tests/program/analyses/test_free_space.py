@@ -1,11 +1,14 @@
 """A wall that is stable may have to be touched: without it the loop is not."""
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 import pytest
 
 import wavesweep
 from tests.whole.test_what_stays import summary
-from wavesweep.program.analyses.free_space import radius_without_wall
+from wavesweep.program.analyses.free_space import first_unstable_without_wall, radius_without_wall
 from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import load
 
@@ -37,6 +40,23 @@ def test_tables_and_check_say_it_and_a_loop_that_is_stable_there_says_nothing():
     for tables, told in ((COUPLING, True), (COUPLING | {"controller": {"kind": "dc-vc", "K_VC": 50, "B_VC": 3}}, False)):
         assert (said in summary(tables)) == told
         assert (f"  {said}" in own_lines(load(tables), own_design(load(tables)))) == told
+
+
+def test_of_a_sweep_the_first_loop_is_said_that_is_so_by_itself():
+    """Axes of the wall do not count; some loops have other branches, and other ticks."""
+    coupling = {"K_VC": [50.0, 150.0, 200.0], "rates.ratio": [10, 14], "device.damping": [0.5, 0.0]}
+    spec = load(COUPLING | {"sweep": coupling | COUPLING["sweep"]})
+    axes = [axis for axis in spec.sweep if axis.path not in spec.wall]
+    alone = []
+    for values in product(*(axis.values for axis in axes)):
+        changes = dict(zip((axis.path for axis in axes), values, strict=True))
+        alone.append((values, radius_without_wall(spec.with_values(changes))))
+    unstable = [(values, radius) for values, radius in alone if radius]
+    assert 0 < len(unstable) < len(alone)
+    assert unstable[0] != alone[0]
+    assert first_unstable_without_wall(spec, axes) == unstable[0]
+    stable = [replace(axis, values=axis.values[:1]) for axis in axes]
+    assert first_unstable_without_wall(spec, stable) is None
 
 
 def test_a_row_of_contact_that_is_empty_for_that_reason_has_it():

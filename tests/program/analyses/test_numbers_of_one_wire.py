@@ -8,6 +8,7 @@ import pytest
 import wavesweep
 from wavesweep.engine._search import one_gain, open_loops
 from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.program.analyses.interval_jobs import job_of, searches_of
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -48,6 +49,16 @@ def test_loops_are_connected_once_also_if_they_are_asked_again(opened):
     assert len(opened) == 1
     loop.stable_intervals("K", (0, 10000), b=[15.0, 41.0], B=[1.0])
     assert len(opened) == 2
+
+
+def test_a_loop_is_opened_once_for_its_slices_with_a_wall_damping_and_without():
+    """Also if another number, which a cut does not leave out, is 0 in some of the loops."""
+    sweep = {"K_VE": {"start": 0, "stop": 20000}, "K_LM": [0.0, 10.0, 20.0], "B_VE": [0.0, 2.0]}
+    job = job_of(load({"controller": {"kind": "pmw-lm"}, "sweep": sweep}))
+    searches = searches_of(job, job.chunks[0]).searches
+    groups = [group for search in searches for group in search.opened_groups()]
+    assert sorted(members.tolist() for members, _ in groups) == [[0, 1], [2, 3, 4, 5]]
+    assert [slices.opened.loops.second for _, slices in groups] == ["environment.B_VE"] * 2
 
 
 def test_a_number_with_which_a_loop_of_direct_terms_has_no_solution_is_named():

@@ -7,6 +7,7 @@ it about smaller questions, and about the columns that it leaves in doubt.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 from types import ModuleType
 
 import numpy as np
@@ -108,27 +109,37 @@ class Search:
     def opened_groups(self) -> list[tuple[np.ndarray, Slices]]:
         """The members and the slices of each group; groups that may have a loop without the
         number in common are one."""
-        groups = self.groups
         question = self.question
+        groups = self.groups
         for _, loops in () if self.checked else groups:
             loops.refuse_unsuitable()
-        if (merged := self._with_zeros()) is not None:
-            members, loops = merged
-            opened = Opened.of(loops, question.number, members.size, find_port=question.find_port)
-            if opened and opened.loops.second:
-                return [(members, Slices(loops, members.size, opened))]
-        of_groups = []
-        for members, loops in groups:
-            opened = Opened.of(loops, question.number, members.size, find_port=question.find_port)
-            of_groups.append((members, Slices(loops, members.size, opened)))
-        return of_groups
+        batches = []
+        paired: set[int] = set()
 
-    def _with_zeros(self) -> tuple[np.ndarray, Loops] | None:
+        def opened(members: np.ndarray, loops: Loops) -> Slices:
+            size = members.size
+            found = Opened.of(loops, question.number, size, find_port=question.find_port)
+            return Slices(loops, size, found)
+
+        for pair in combinations(range(len(groups)), 2):
+            both = paired.isdisjoint(pair) and self._with_zeros(*(groups[index] for index in pair))
+            if not both:
+                continue
+            slices = opened(*both)
+            if slices.opened and slices.opened.loops.second:
+                batches.append((both[0], slices))
+                paired.update(pair)
+        for index, (members, loops) in enumerate(groups):
+            if index not in paired:
+                batches.append((members, opened(members, loops)))
+        return batches
+
+    def _with_zeros(
+        self, group: tuple[np.ndarray, Loops], other: tuple[np.ndarray, Loops]
+    ) -> tuple[np.ndarray, Loops] | None:
         """Two groups as one, that are apart since a number which loops may be without is 0 in
         one of them; else None."""
-        if len(self.groups) != 2:
-            return None
-        (first, loops), (second, others) = self.groups
+        (first, loops), (second, others) = group, other
         arrays = [path for path, v in loops.values.items() if np.ndim(v)]
         zero = [
             path for path in arrays if np.any(loops.values[path]) != np.any(others.values[path])

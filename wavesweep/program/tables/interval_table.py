@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice, product
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -276,20 +275,18 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
 def _without_wall(stage: Stage) -> dict[str, Any]:
     """A fact of the first loop of a sweep that is unstable where its wall is not touched, of those
     that differ in other numbers than the wall's."""
-    from wavesweep.program.analyses.free_space import radius_without_wall
+    from wavesweep.program.analyses.free_space import first_unstable_without_wall
 
     grid = stage.job.grid
     if stage.job.asked.axis.path not in grid.spec.wall:
         return {}
     axes = [axis for axis in grid.axes if axis.path not in grid.spec.wall]
-    # Loops of a sweep that are looked at without their wall.
-    for values in islice(product(*(axis.values for axis in axes)), 64):
-        changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
-        radius = radius_without_wall(grid.spec.with_values(changes) if changes else grid.spec)
-        if radius:
-            at = {axis.name: value for axis, value in zip(axes, values, strict=True)}
-            return {"without_wall": {"at": at, "radius": radius}}
-    return {}
+    unstable = first_unstable_without_wall(grid.spec, axes)
+    if unstable is None:
+        return {}
+    values, radius = unstable
+    at = {axis.name: value for axis, value in zip(axes, values, strict=True)}
+    return {"without_wall": {"at": at, "radius": radius}}
 
 
 def _first_without(
