@@ -22,11 +22,11 @@ def columns(seed, along):
     return np.concatenate([[0], r.uniform(0, 15, 3) if along == "K_VE" else np.exp(r.uniform(0, 9, 3))])
 
 
-@pytest.mark.parametrize(("first", "along"), [(0, "K_VE")])
-def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, first):
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along):
     """Loops of all kinds, 4 columns each, 350 points a column; K_VE = 0 and B_VE = 0 among the columns."""
     span = K_SPAN if along == "K_VE" else B_SPAN
-    for seed in range(first, first + 15):
+    for seed in range(8):
         cut, fixed = cut_of(random_values(seed)), columns(seed, along)
         found = stable_intervals(cut, NUMBER[along], span, fixed[None])
         assert mislabelled(cut, along, span, fixed, found) == [], seed
@@ -39,11 +39,11 @@ def test_random_columns_along_the_stiffness_are_all_certified():
         assert found.certified.all(), seed
 
 
-@pytest.mark.parametrize("along", ["K_VE"])
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
 def test_dominance_finds_what_the_polynomial_finds(along, monkeypatch):
     """The two ways share nothing but the loop; both prove nearly every column."""
     span, fixed, compared = *((K_SPAN, "B_VE") if along == "K_VE" else (B_SPAN, "K_VE")), 0
-    for seed in range(0, 60, 12):
+    for seed in range(0, 60, 20):
         loop, axis = wavesweep.compile(nested(random_values(seed))), {fixed: columns(seed, along)[1:]}
         usual = loop.stable_intervals(along, span, **axis)
         with monkeypatch.context() as patch:
@@ -55,7 +55,7 @@ def test_dominance_finds_what_the_polynomial_finds(along, monkeypatch):
                 ends = ["low", "high", "low_omega", "high_omega"]
                 np.testing.assert_allclose(one[ends], two[ends], rtol=1e-9)
                 compared += 1
-    assert compared > 13
+    assert compared > 7
 
 
 HARD = [  # in double precision: a long filter with slow poles, and next to no damping
