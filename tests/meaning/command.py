@@ -12,6 +12,7 @@ from functools import partial
 from meaning.attacked import judge_attacked
 from meaning.coverage import lines
 from meaning.judge import Found, compiled, judge
+from meaning.pairs import judge_pair
 from meaning.rewritten import judge_rewritten
 from meaning.sets_rewritten import judge_rewritten_set
 from meaning.specs import spec_text
@@ -29,6 +30,7 @@ def main():
     parser.add_argument("--rewritten", type=int, default=0, help="so many specs against the same in other words, and no others")
     parser.add_argument("--rewritten-sets", type=int, default=0, help="so many specs with sets against the same in other words")
     parser.add_argument("--attacked", type=int, default=0, help="so many specs with sets, attacked, and no others")
+    parser.add_argument("--pairs", type=int, default=0, help="so many specs with two keys that may override each other")
     parser.add_argument("--required", type=int, default=10, help="requirements of each so manieth of these alone")
     chosen = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -47,6 +49,9 @@ def main():
     if chosen.rewritten_sets:
         numbers = range(chosen.seed, chosen.seed + chosen.rewritten_sets)
         work = partial(attempt_of, judge_rewritten_set)
+    if chosen.pairs:
+        numbers = range(chosen.seed, chosen.seed + chosen.pairs)
+        work = partial(attempt_of, judge_pair)
     if chosen.jobs == 1:
         sys.exit(tally(map(work, numbers)))
     with ProcessPoolExecutor(chosen.jobs) as pool:

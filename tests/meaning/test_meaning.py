@@ -9,6 +9,7 @@ from meaning import exported
 from meaning.attacked import judge_attacked
 from meaning.coverage import drawn, uncovered
 from meaning.judge import compiled, judge
+from meaning.pairs import judge_pair
 from meaning.reading import machine_of, radius_of, with_numbers
 from meaning.required import Case, judge_bounded, judge_case, judge_required
 from meaning.rewritten import judge_rewritten
@@ -34,6 +35,7 @@ RARE = (14, 72, 19, 27, 17, 69, 59, 107, 153)  # of specs that have what most do
 ATTACKED = (87, 27, 30, 6)  # numbers of sets that take little time
 BEHIND_CHANNELS = (18, 26, 98, 137, 164, 176, 198, 200, 222, 248, 272, 473)
 SETS_REWRITTEN = (30, 66, 72)  # the same
+PAIRS = (39, 55, 64, 66, 77, 88, 96, 102)  # of two keys that both readers take, some by --set
 REWRITTEN = (2, 7, 29, 70, 498)  # numbers of specs that take little time
 
 
@@ -75,6 +77,12 @@ def test_what_is_rare_means_the_same(number, tmp_path):
 @pytest.mark.parametrize("number", REWRITTEN)
 def test_a_spec_in_other_words_has_the_same_answers(number, tmp_path):
     assert [(one.what, one.mine, one.theirs) for one in judge_rewritten(number, tmp_path) if not one.same] == []
+
+
+@pytest.mark.parametrize("number", PAIRS)
+def test_keys_that_may_override_each_other_mean_the_same(number):
+    """By any of their names, in the spec, in [sweep] and [for_all], and by --set."""
+    assert [one for one in judge_pair(number) if not one.same] == []
 
 
 @pytest.mark.parametrize("number", ATTACKED)

@@ -74,13 +74,12 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
         noun = "a dead time" if block.dead_time else f"a {block.type} that is continuous"
         expected = f"1, since {noun} runs in every tick"
         yield Condition(lambda ticks: ticks == 1, expected, by_name["every"])
-    else:
-        yield Condition(
-            operator.lt,
-            lambda _, every: f"a whole number < every = {every:g}",
-            by_name["phase"],
-            by_name["every"],
-        )
+    yield Condition(
+        operator.lt,
+        lambda _, every: f"a whole number < every = {every:g}",
+        by_name["phase"],
+        by_name["every"],
+    )
     for name in TYPES[block.type].below_half:
         reads = by_name[name], tick, by_name["every"], by_name.get("order", ("", ONE))
         yield Condition(
