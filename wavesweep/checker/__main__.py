@@ -13,6 +13,7 @@ from pathlib import Path
 
 from . import VERSION
 from .file import LONGEST_SPEC, OF_WALLS, Claim, check
+from .gain import Gain
 from .reader.loops import Unreadable
 
 try:
@@ -32,6 +33,7 @@ SCOPES = {
     "mean square": "the chances of [for_all] and its channels",
     "contact": "any wall that pushes and never pulls",
     "goes on": "a wall that pushes and never pulls",
+    "gain": "the spec's own loop",
 }
 WALLS = "function of stiffness times depth plus damping times speed that is 0 at 0 and has slopes from 0 to 1, the same in all frames"
 
@@ -68,6 +70,8 @@ def in_words(claim: Claim) -> str:
     elif claim.claim == "goes on":
         forces = ", ".join(map(_written, claim.forces))
         words += f"its forces are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
+    elif claim.gain:
+        words += f"stable, and {_of_gain(claim.gain)}"
     elif claim.outside:
         modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
         words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
@@ -86,6 +90,14 @@ def in_words(claim: Claim) -> str:
     if claim.drifts:
         words += f" ({len(claim.drifts)} {'drift' if len(claim.drifts) == 1 else 'drifts'} set aside, which nothing opposes)"
     return words
+
+
+def _of_gain(gain: Gain) -> str:
+    level = _written(gain.at_most)
+    if gain.cut:
+        less = f" - {_written(gain.less)}" if gain.less else ""
+        return f"|1/(1 + L){less}| at {gain.cut} is below {level} at all frequencies"
+    return f"in the energy of all ticks {gain.signal} is below {level} times {gain.source}, whatever comes in"
 
 
 def _written(number: Fraction) -> str:

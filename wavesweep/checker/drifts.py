@@ -8,7 +8,7 @@ from typing import Any
 
 from .balls import Cell, Number, Refused, add, negative, number
 from .identities import Identities
-from .reader.loops import Schedule
+from .reader.loops import INPUT, OUTPUT, Schedule
 
 Form = dict[str, Number]
 APART = "~"  # in the name of a variable, before a number
@@ -28,6 +28,8 @@ def drifts_of(
         v = drift_of(at_rest(schedules, live - silent), names, middle)
         if is_unread(schedules, names, live):
             silent.update(names)
+        if any(name.startswith((INPUT, OUTPUT)) for name in v):
+            raise Refused(f"an input, or an output, takes part in the drift of {names[0]}")
         found.append({name: share for name, share in v.items() if name in live})
     for v, names in zip(found, given, strict=True):
         if names[0] not in v or sum(names[0] in other for other in found) > 1:
@@ -128,7 +130,7 @@ def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
                 row = {
                     here.get(other, other): number(c)
                     for other, c in terms.items()
-                    if other[0] != "!"
+                    if not other.startswith(("!", INPUT))
                 }
                 own = here.get(name, name)
                 if not (written and flows):
@@ -139,7 +141,12 @@ def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
 
 
 def _contents(terms: Mapping[str, Any]) -> frozenset:
-    return frozenset((name, _content(number(c))) for name, c in terms.items())
+    """What two rows have in common if they say the same, whatever comes in."""
+    return frozenset(
+        (name, _content(number(c)))
+        for name, c in terms.items()
+        if not name.startswith(("!", INPUT))
+    )
 
 
 def _content(c: Number):

@@ -59,9 +59,10 @@ from . import balls, contact, form
 from .balls import Cell, Refused, decimal
 from .drifts import Form, drifts_of, reduced
 from .frame import Frames, states_of, steps_of
+from .gain import Gain, opened, stays_below
 from .reader import for_all, loop_of, unknown_key, wall_of, with_numbers
 from .reader.controllers import SYMBOLS
-from .reader.loops import Unreadable
+from .reader.loops import INPUT, OUTPUT, Unreadable
 
 FORMAT = "wavesweep proof 1"
 LONGEST_SPEC = 1 << 20  # bytes
@@ -70,9 +71,20 @@ LONGEST_FILE = 1 << 30  # once it is unpacked
 CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
 NODES = 256
-KINDS = ("modes", "for all", "refuted", "mean square", "contact", "goes on")
+KINDS = ("modes", "for all", "refuted", "mean square", "contact", "goes on", "gain")
 OF_WALLS = "contact", "goes on"
-FIELDS = {"claim", "numbers", "sides", "outside", "open", "word", "radius", "forces", "ticks"}
+FIELDS = {
+    "claim",
+    "numbers",
+    "sides",
+    "outside",
+    "open",
+    "word",
+    "radius",
+    "forces",
+    "ticks",
+    "gain",
+}
 COORDINATES = {"drifts", "states", "rest"}
 
 
@@ -91,6 +103,7 @@ class Claim:
     rest: list[str] = field(default_factory=list)
     forces: list[Fraction] = field(default_factory=list)
     ticks: list[Fraction] = field(default_factory=list)
+    gain: Gain | None = None
     times: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)  # of a tick
     shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
     in_touch: bool = False  # whether [for_all] asks for walls that let go, which is not claimed
@@ -115,13 +128,15 @@ class Family:
     rest: Form | None = None
     held: bool = False
 
+    def rows(self, kind: str, cell: Cell) -> dict:
+        """Those of a frame, without its drifts."""
+        return reduced(cell, self.frames.matrix(kind, cell), self.drifts)
+
     def matrix(self, kind: str, cell: Cell) -> form.Matrix:
         if self.word and not kind:
             frames = {each: self.matrix(each, cell) for each in self.word}
             return form.product_of([frames[each] for each in self.word])
-        A = form.matrix_of(
-            cell, reduced(cell, self.frames.matrix(kind, cell), self.drifts), self.states
-        )
+        A = form.matrix_of(cell, self.rows(kind, cell), self.states)
         return A if self.radius == 1 else form.divided(A, self.radius)
 
 
@@ -171,7 +186,9 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     if any(contact.FORCE in drift for drift in (*drifts, rest or ())):
         raise Refused("a drift that takes a force of the wall")
     states = states_of(frames, [*drifts, rest] if rest else drifts)
-    states = [name for name in states if name != contact.FORCE]
+    states = [
+        name for name in states if name != contact.FORCE and not name.startswith((INPUT, OUTPUT))
+    ]
     return Family(frames, drifts, states, moves, start, word, claim.radius, rest, held)
 
 
@@ -184,14 +201,18 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     }
 
     def loop_with(more: dict):
-        return loop_of(with_numbers(tables, values | more), balls)
+        return loop_of(
+            with_numbers(tables, values | more), balls, claim.gain.cut if claim.gain else ""
+        )
 
     loop = loop_with({})
     own = {"": loop.schedule()}
+    if claim.gain:
+        own = {"": opened(tables, own[""], claim.gain)}
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker")
-    if claim.claim == "modes":
+    if claim.claim in ("modes", "gain"):
         return own, {None: {"": ("", None, None)}}, None
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
@@ -401,9 +422,24 @@ def _claim(line) -> Claim:
     ticks = [_fraction(time) for time in _expect(line.get("ticks", []), list, "ticks")]
     if ticks and kind != "for all":
         raise Unreadable("what holds for all has ticks alone")
-    claim = Claim(kind, numbers, sides, line.get("outside"), word=word, radius=radius)
+    if ("gain" in line) != (kind == "gain"):
+        raise Unreadable("a claim of a gain, and no other, has a gain")
+    gain = _gain(_expect(line["gain"], dict, "a gain")) if "gain" in line else None
+    claim = Claim(kind, numbers, sides, line.get("outside"), word=word, radius=radius, gain=gain)
     claim = replace(claim, forces=forces, ticks=ticks)
     return claim if "states" not in line else _with_coordinates(claim, line)
+
+
+def _gain(given: dict) -> Gain:
+    if given.keys() not in ({"from", "to", "at_most"}, {"cut", "less", "at_most"}):
+        raise Unreadable("a gain has from, to and at_most, or cut, less and at_most")
+    names = [_expect(given.get(key, ""), str, key) for key in ("from", "to", "cut")]
+    less, at_most = (_fraction(given.get(key, "0")) for key in ("less", "at_most"))
+    if at_most <= 0 or not 0 <= less < 1:
+        raise Unreadable(
+            "the level of a gain is above 0, and the share that is taken off from 0 to 1"
+        )
+    return Gain(*names, less, at_most)
 
 
 def _holds(tables, claim: Claim, lines: Iterator[dict]):
@@ -412,7 +448,7 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         raise Refused("no mode is said to be outside, so nothing is refuted")
     members: list[dict] = [{}]
     try:
-        allowed = for_all.read({} if claim.claim == "modes" else tables, balls.exact)
+        allowed = for_all.read({} if claim.claim in ("modes", "gain") else tables, balls.exact)
         wall = wall_of(tables)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise Unreadable(f"[for_all] cannot be read: {error!r}") from None
@@ -505,6 +541,8 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
             boxes += [{**box, name: (at, high)}, {**box, name: (low, at)}]
         elif claim.claim == "contact":
             _rests(family, line, box)
+        elif claim.gain:
+            _stays_below(family, claim.gain, Cell(box), line, box)
         elif "nodes" in line:
             if claim.claim not in ("for all", "mean square"):
                 raise Refused("a graph is for frames in any order, or at random")
@@ -546,6 +584,15 @@ def _rests(family: Family, line: dict, box):
             contact.left_over(loop, e, h, rows_of(rows, len(family.states) + len(e)))
         ):
             raise Refused(f"there may be a motion that does not come to rest {_in_words(box)}")
+
+
+def _stays_below(family: Family, gain: Gain, cell: Cell, line: dict, box):
+    """Refused, unless a form shows that a gain stays below its level; see `gain.py`."""
+    if line.keys() - {"L", "Q"}:
+        raise Unreadable("what stays below has L and Q alone")
+    P = form_from(line, cell, [1] * len(family.states))
+    if not stays_below(cell, family.rows("", cell), family.states, P, gain.at_most):
+        raise Refused(f"the gain may be {float(gain.at_most)!r} or more {_in_words(box)}")
 
 
 def opened_at(family: Family, point: Mapping[str, Fraction]) -> contact.Opened:

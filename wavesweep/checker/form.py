@@ -97,11 +97,11 @@ def _cut(matrix: Matrix, order: int) -> Matrix:
     return Matrix(low, _sum((matrix.error, Matrix(high, []).size)) if high else matrix.error)
 
 
-def matrix_of(cell: Cell, A: dict, states: list[str]) -> Matrix:
-    """The matrix of a frame in the order of its states."""
+def matrix_of(cell: Cell, A: dict, states: list[str], columns: list[str] | None = None) -> Matrix:
+    """The matrix of a frame in the order of its states, or of these rows with other columns."""
     most = max((len(c) for row in A.values() for c in row.values()), default=2)
     nothing = (0,) * most
-    entries = [[A[row].get(column, nothing) for column in states] for row in states]
+    entries = [[A[row].get(column, nothing) for column in columns or states] for row in states]
     parts = {}
     for place in range(1, most):
         rows = [[c[place] if place < len(c) else 0 for c in row] for row in entries]

@@ -15,7 +15,7 @@ from .balls import (
     least,
     number,
 )
-from .reader.loops import Instant, Schedule, Unreadable
+from .reader.loops import OUTPUT, Instant, Schedule, Unreadable
 
 LARGEST = 200  # memory of a loop
 INSTANTS = 20_000  # of a frame
@@ -174,7 +174,8 @@ def _row(cell: Cell, row, others, missing):
 class Frames:
     """Kinds of frames over one memory: of each the list of its steps, and their matrices in cells.
 
-    words: {name of a frame: steps}. The memory is what some frame reads before it writes it, whichever frame comes next.
+    words: {name of a frame: steps}. The memory is what some frame reads before it writes it, whichever frame comes next, and
+    outputs.
     """
 
     def __init__(self, words: dict[str, list[Written | Flow]]):
@@ -185,8 +186,17 @@ class Frames:
             for row in step.reads.values()
             for name in row
         }
+        shown = {
+            name
+            for steps in words.values()
+            for step in steps
+            for name in step.reads
+            if name.startswith(OUTPUT)
+        }
+        live |= shown
         while True:  # what is written before it is read needs not be kept
             before = {name for steps in words.values() for name in _needed(steps, live)[0]}
+            before |= shown
             if before == live:
                 break
             live = before

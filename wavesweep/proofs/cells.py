@@ -1,6 +1,6 @@
 """Cells along one number, each with a form, up to windows about the crossings between them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import copysign, sqrt
@@ -30,6 +30,10 @@ class Cell:
     high: float
     line: dict[str, Any]
     outside: int
+
+
+# what gives a cell of a box, or the terms of its matrix
+Find = Callable[[dict[str, tuple[float, float]]], Cell | list[np.ndarray]]
 
 
 def exactly(value: float) -> Fraction:
@@ -90,22 +94,22 @@ def written(matrix: np.ndarray, digits: int = 17) -> list[list[str]]:
 
 
 def cells_along(
-    family: file.Family, name: str, low: float, high: float, ends: Sequence[float]
+    name: str, low: float, high: float, ends: Sequence[float], find: Find
 ) -> list[Cell]:
     """Return the cells of a range in order, with gaps where none are found. ends: crossings that
-    are known."""
+    are known. find: gives the cell of a box, or the terms of its matrix, as `cell_of`."""
     cells = []
     at = low
     for end in sorted(ends):
         before, after = (end + sign * WINDOW * abs(end) for sign in (-1, 1))
         if at < before:
-            cells += _cells(family, name, (at, before), (low, high), [*ends])
+            cells += cells_between(name, (at, before), (low, high), [*ends], find)
         at = after
-    cells += _cells(family, name, (at, high), (low, high), [*ends])
+    cells += cells_between(name, (at, high), (low, high), [*ends], find)
     return sorted(cells, key=lambda cell: cell.low)
 
 
-def _cells(family, name, stretch, rims, anchors):
+def cells_between(name, stretch, rims, anchors, find):
     """The cells of a stretch without crossings that are known.
 
     rims: ends of the whole range, which may be next to the circle. anchors: the known crossings.
@@ -123,7 +127,7 @@ def _cells(family, name, stretch, rims, anchors):
         if stop - start > widest and start not in rims and stop not in rims:
             waiting += [(middle, stop), (start, middle)]
             continue
-        found = cell_of(family, {name: (start, stop)})
+        found = find({name: (start, stop)})
         if isinstance(found, Cell):
             done.append(found)
             widest = WIDER * (stop - start)

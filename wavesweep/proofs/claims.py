@@ -5,6 +5,7 @@ import gzip
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,7 @@ def claims_along(
     for place in PLACES:
         if stays_on_circle(family, {name: (low + place * (high - low),) * 2}):
             raise Refused("a mode stays next to the unit circle")
-    for run in stretches(cells_along(family, name, *span, ends)):
+    for run in stretches(cells_along(name, *span, ends, partial(cell_of, family))):
         low = run[0].low
         high = run[-1].high
         outside = run[0].outside

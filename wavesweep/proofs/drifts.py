@@ -10,6 +10,7 @@ import numpy as np
 from wavesweep.checker import balls, contact, drifts, file, frame
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import wall_of
+from wavesweep.checker.reader.loops import INPUT
 
 PLACES = [
     Fraction(place, 1000) for place in (480, 1, 310, 770, 999)
@@ -67,6 +68,7 @@ def _directions(kinds, sides):
     """The drifts of schedules of all kinds of frames."""
     schedules = [*kinds.values()]
     live = frame.Frames(frame.steps_of(kinds)).live
+    live = {name for name in live if not name.startswith(INPUT)}
     cells = _cells(sides)
     unread: list[list[str]] = []
     while True:

@@ -74,6 +74,10 @@ def scaled(factor, terms) -> dict[str, Any]:
     return {name: factor * coefficient for name, coefficient in terms.items()}
 
 
+# Memory of what comes in from outside, and of what is shown, in the tick whose number follows.
+INPUT, OUTPUT = "@input ", "@output "
+
+
 @dataclass
 class Instant:
     """What happens at once: variables from equations, and memory that is written afterwards."""

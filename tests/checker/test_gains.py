@@ -1,0 +1,125 @@
+"""Gains below a level: what is proved holds by closed forms and marches, and what says more is refused."""
+
+import tomllib
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from support.proofs import checked
+
+from wavesweep.checker import file
+from wavesweep.checker.gain import Gain
+from wavesweep.proofs.gains import claims_of_gain
+
+# x+ = a x + (1 - a) u in every second tick, whose output is held: y = (x, x)
+SMOOTHED = """
+rates.tick_hz = 100
+numbers = { a = 0.5, k = 1.0 }
+[block]
+lag = { type = "lowpass", a = "1 - a", every = 2 }
+[wire]
+"lag.u" = "k*ref"
+[ports]
+inputs = { ref = "ref", other = "other" }
+outputs = { y = "lag.y" }
+"""
+# an integrator in a loop of one tick: L = K/(z - 1), 1/(1 + L) = (z - 1)/(z - 1 + K), largest at z = -1: 2/(2 - K)
+LOOP = """
+rates.tick_hz = 100
+numbers = { K = 0.5 }
+[block]
+sum = { type = "integrator" }
+gain = { type = "gain", k = "100*K" }
+[wire]
+"sum.u" = "ref - gain.y"
+"gain.u" = "sum.y"
+[ports]
+inputs = { ref = "ref" }
+outputs = { y = "sum.y" }
+[sweep]
+along = "K"
+K = { start = 0.1, stop = 1.5 }
+"""
+ROOT = 2**0.5  # an input of every second tick, shown in both
+
+
+def claim(spec: str, gain: Gain, name="", span=(0.0, 0.0)) -> list[dict]:
+    found = claims_of_gain(tomllib.loads(spec, parse_float=Fraction), {}, name, span, gain)
+    return [line for lines in found for line in lines]
+
+
+def of(source: str, signal: str, level: float) -> Gain:
+    return Gain(source, signal, "", Fraction(0), Fraction(level))
+
+
+def at(cut: str, less: str, level: float) -> Gain:
+    return Gain("", "", cut, Fraction(less), Fraction(level))
+
+
+@pytest.mark.parametrize(
+    ("spec", "gain", "norm"),
+    [
+        (SMOOTHED, of("ref", "y", 1), ROOT),
+        (LOOP, of("ref", "y", 1), 1 / 50),
+        (LOOP, at("gain.y", "0", 1), 2 / 1.5),
+        (LOOP, at("gain.y", "1/2", 1), 2 / 1.5 - 0.5),
+    ],
+)
+def test_a_gain_is_proved_next_to_its_closed_form_and_nothing_below(tmp_path, spec, gain, norm):
+    above = claim(spec, gain._replace(at_most=Fraction(norm * (1 + 1e-6))))
+    assert checked(tmp_path, spec, above)[0] == 0
+    below = [above[0] | {"gain": above[0]["gain"] | {"at_most": repr(norm * (1 - 1e-9))}}, *above[1:]]
+    assert "the gain may be" in checked(tmp_path, spec, below)[1]
+    assert not claim(spec, gain._replace(at_most=Fraction(norm * (1 - 1e-9))))
+
+
+def test_a_gain_is_proved_along_a_number_up_to_its_end(tmp_path):
+    # Ms = 2/(2 - K) is 1.6 at K = 0.75
+    lines = claim(LOOP, at("gain.y", "0", 1.6), "K", (0.1, 0.75))
+    assert checked(tmp_path, LOOP, lines)[0] == 0
+    low, high = map(float, lines[0]["sides"]["K"])
+    assert low == 0.1
+    assert 0.75 - 1e-6 < high < 0.75
+    wider = [lines[0] | {"sides": {"K": ["0.1", "0.7500001"]}}, *lines[1:]]
+    assert "the gain may be" in checked(tmp_path, LOOP, wider)[1]
+
+
+def test_the_energy_of_an_output_stays_below_what_is_proved():
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        u = rng.normal(size=(400, 2)) * (rng.random((400, 1)) < 0.5)
+        u[:, 0] += np.sign(rng.normal()) * np.linspace(0, 3, 400) ** 2
+        x = 0.0
+        energy = 0.0
+        for first, _ in u:
+            x = 0.5 * x + 0.5 * first
+            energy += 2 * x * x
+        assert energy < 2 * (1 + 1e-6) ** 2 * (u**2).sum()
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"from": "other"}, "nothing reads the input other"),
+        ({"to": "nowhere"}, "'nowhere' is not known"),
+        ({"at_most": "0"}, "is above 0"),
+        ({"less": "0.5"}, "a gain has from, to and at_most"),
+        ({"at_most": "1.0"}, "the gain may be 1.0"),
+    ],
+)
+def test_another_gain_is_refused(tmp_path, change, why):
+    head, *cells = claim(SMOOTHED, of("ref", "y", ROOT * 1.1))
+    assert why in checked(tmp_path, SMOOTHED, [head | {"gain": head["gain"] | change}, *cells])[1]
+
+
+def test_a_form_that_is_no_energy_is_refused(tmp_path):
+    head, cell = claim(LOOP, at("gain.y", "0", 1.6))
+    assert "the gain may be" in checked(tmp_path, LOOP, [head, {"L": [["0", "0"], ["0", "0"]]}])[1]
+    unstable = LOOP.replace("K = 0.5", "K = 2.5")  # a mode at -1.5, Ms = 2/0.5 in size
+    assert "the gain may be" in checked(tmp_path, unstable, [head | {"gain": head["gain"] | {"at_most": "9"}}, cell])[1]
+
+
+def test_an_output_that_shows_a_drift_has_no_gain():
+    spec = LOOP.replace('"ref - gain.y"', '"ref"')
+    with pytest.raises(file.Refused, match="takes part in the drift"):
+        claim(spec, of("ref", "y", 9))
