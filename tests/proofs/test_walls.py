@@ -1,7 +1,7 @@
 """Proof files of rows and verdicts through contact."""
 
 import pytest
-from proofs.test_contact import DIRECT, DRAWN
+from checker.test_contact import DIRECT, DRAWN
 from support.proofs import checked_file, lines_of, written
 
 from wavesweep.checker.balls import Refused
