@@ -1,6 +1,6 @@
 """Loops of one structure with their numbers put in: what the engine computes with, one loop or a batch."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple, Self
 
@@ -200,14 +200,30 @@ class Loops(NamedTuple):
         out, second: numbers that are taken out, see `drawn`. watched: signals that are read in
         every tick.
         """
-        with np.errstate(all="ignore"):
-            return _drift(*self.twins(out, second), tuple(watched))
+        by_structure = _drift_of_structure(
+            self.drawing, self._structure, (out, second), tuple(watched)
+        )
+        return by_structure.of(lambda: _drift(*self.twins(out, second), tuple(watched)))
 
     def drift_of_frames(self) -> MarginalModes:
         """`drift`, and with it what nothing opposes from frame to frame, whatever it does in
         between."""
-        with np.errstate(all="ignore"):
-            return _drift_of_frames(*self.twins())
+        by_structure = _drift_of_structure(self.drawing, self._structure)
+        return by_structure.of(lambda: _drift_of_frames(*self.twins()))
+
+    @property
+    def _structure(self) -> tuple[tuple[str, Any], ...]:
+        """The pairs of the numbers; of one that varies, and that decides nothing about how loops
+        are built, the signs of its ends in place of its values."""
+        if self.drawing.dead_times:
+            return self.items
+        pairs = dict(self.items)
+        for path, value in self.values.items():
+            if isinstance(value, np.ndarray) and name_of(path) not in self.drawing.shaping:
+                low = float(np.min(value.real))
+                high = float(np.max(value.real))
+                pairs[path] = (np.sign(low), np.sign(high), "varied") if low < high else low
+        return tuple(pairs.items())
 
     def drift_at_hand(self) -> MarginalModes:
         """The drift as the hand's port sees it."""
@@ -252,6 +268,33 @@ class Loops(NamedTuple):
     def blocks_without_solution(self) -> list[str] | None:
         """Names of the blocks on a loop of direct terms that has no solution with these numbers; None if all have one."""
         return _blocks_without_solution(self.drawing, self.items)
+
+
+class _DriftOfStructure:
+    """The drift of loops that differ in the values of numbers alone, none of which it depends on.
+
+    If the shapes of all modes are the same in two loops, they are so for any values of the numbers
+    that vary, but for a few that none of the two has. A drift that depends on them is found for each
+    batch, and so is none at all, which is also what is known where numbers have no exact value.
+    """
+
+    def __init__(self) -> None:
+        self.constant: MarginalModes | None = None
+
+    def of(self, find: Callable[[], MarginalModes]) -> MarginalModes:
+        """The drift that is known, or else is found now."""
+        if self.constant is not None:
+            return self.constant
+        with np.errstate(all="ignore"):
+            found = find()
+        if found.constant and not found.varying:
+            self.constant = found
+        return found
+
+
+@lru_cache(maxsize=256)
+def _drift_of_structure(*_: Any) -> _DriftOfStructure:
+    return _DriftOfStructure()
 
 
 # twins of the same numbers are the same objects
