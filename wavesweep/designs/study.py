@@ -13,6 +13,7 @@ import numpy as np
 
 from wavesweep.designs.best import judged, miss
 from wavesweep.designs.family import Scenario, count_of, described, frames_are_tried, scenarios_of
+from wavesweep.designs.furthest import SHORTEST, climbed, furthest, wanted_number
 from wavesweep.designs.search import (
     Evolution,
     Judged,
@@ -210,7 +211,8 @@ def design(spec: Spec, **given: Any) -> Table:
         "processor_s": run.tally.seconds,
         "workers": run.workers.count,
     }
-    facts = facts_of(spec, METHODS, counts, timings, _notices(job), claims=claims_of(job))
+    notices = [*_notices(job), *_how_far(spec, run.ends, columns)]
+    facts = facts_of(spec, METHODS, counts, timings, notices, claims=claims_of(job))
     facts |= {
         "warnings": warnings,
         "own": of_own,
@@ -237,9 +239,12 @@ def _front(spec, run, evolution, own):
     if not (best.violation == 0).any():
         _refuse_missed(spec, run, run.everything(), run.job.asked.scenarios)
     genes = spread(best, FRONT).genes
-    if len(genes) == 1:
-        return _with_similar(run, genes, own)
-    return genes
+    if len(genes) > 1:
+        return genes
+    similar = _with_similar(run, genes, own)
+    if wanted_number(spec):
+        return np.unique(np.concatenate([similar, run.furthest(genes[0])]), axis=0)
+    return similar
 
 
 def _refuse_missed(spec, run, records, scenarios):
@@ -404,6 +409,7 @@ class _Run:
         self.forget = store.remove
         self.latest = 0  # generation
         self.since = 0  # the first generation that was judged over all that is held for now
+        self.ends: list[dict[str, float]] = []  # see `furthest`
 
     def judge(self, number: int, genes: np.ndarray) -> Judged:
         """Return the designs of a generation, judged; those of one structure are computed
@@ -490,6 +496,32 @@ class _Run:
         _, violation = judged(wanted, records)
         good = violation == 0
         return genes[good], records[good]
+
+    def furthest(self, genes: np.ndarray) -> np.ndarray:
+        """The genes of designs in which the number that is wanted large or small is at its last
+        value or just inside, and which may meet all wishes; genes: of a design that does."""
+        study = self.job.asked
+        spec = self.job.grid.spec
+        evaluation = Evaluation.of(self.job, study.scenarios, last=False)
+
+        def judge(genes):
+            records = evaluation.records(designs_of(spec.design.vary, genes), len(genes))
+            _, violation = judged(spec.design, records)
+            margins = [np.full(len(genes), np.inf)]
+            for wish in spec.design.wishes:
+                if wish.bound is not None:
+                    margins.append(wish.margin(records[wish.name]))
+            return violation == 0, np.min(margins, axis=0)
+
+        best = climbed(spec, judge, genes)
+        columns = designs_of(spec.design.vary, best[None])
+        numbers = {path: column.item() for path, column in columns.items()}
+        try:
+            self.ends = furthest(spec, numbers, study.finest)
+        except WavesweepError:  # of a wish that [sweep] require does not have, or not along it
+            self.ends = []
+        ends = [genes_of(spec.design.vary, numbers | end) for end in self.ends]
+        return np.stack([best, *ends])
 
     def next_to(self, others: np.ndarray, genes: np.ndarray, apart: float, most: int) -> np.ndarray:
         """The first of some designs, the best first, that differ from those of a result and from
@@ -632,6 +664,21 @@ def claims_of(job: Job) -> dict[str, Claim]:
     if proof and not all(wish.kind.reads for wish in spec.design.wishes):
         claims["loops"] = proof.claim(spec)
     return claims
+
+
+def _how_far(spec, ends, columns):
+    """Yield how the wanted number of the best design was looked for; ends: see `furthest`."""
+    found = wanted_number(spec)
+    if not found:
+        return
+    wish, number = found
+    axis = spec.design.vary[number]
+    best = columns[axis.name][0]
+    if any(np.isclose(best, end[axis.path], rtol=1e-12, atol=0) for end in ends):
+        last = f"{axis.name} = {ends[0][axis.path]:.6g}"
+        yield f"{wish.name}: with the best design's other numbers all wishes are met up to {last}, exactly"
+    elif not axis.values:
+        yield f"{wish.name}: {axis.name} was looked at in steps of {100 * SHORTEST:.2g} % of its range, not exactly"
 
 
 def _notices(job):

@@ -95,7 +95,7 @@ def evaluate(
                 searched[damping] = points, stiffest
             measured[wish.name] = _worst_wall(wish, *searched[damping], stop)
             continue
-        walls = _walls_of(spec, wish)
+        walls = walls_of(spec, wish)
         points = points_of(designs, scenarios, {} if wish.kind.reads else walls)
         seen = wish.kind.seen or wish.kind.measure
         measure = partial(_offered, seen) if seen else _MEASURES[wish.word]
@@ -120,7 +120,7 @@ def evaluate(
     return measured
 
 
-def _walls_of(spec, wish):
+def walls_of(spec, wish):
     """The walls that a wish is about: path -> values."""
     walls = {}
     for path, option in zip(spec.wall, ("walls", "B_VE"), strict=False):
