@@ -11,6 +11,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.on_check import facts
 from wavesweep.for_all.rows import cases_of
+from wavesweep.for_all.unknown import Part
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.factors_at_cut import with_factors
 from wavesweep.program.spec import load
@@ -121,6 +122,18 @@ def test_each_of_several_margins_at_several_cuts_is_kept():
     turned = np.exp(1j * np.radians(70))
     assert largest(0.9, high, turned) < 1 < largest(0.9, rows["fails_from"][row] * (1 + 1e-9), turned)
     assert largest(0.9, high, factors_of("gain", 2.0)) < 1
+
+
+@pytest.mark.slow
+def test_an_end_that_the_factor_of_one_margin_sets_is_narrowed_by_those_of_others():
+    """Whose members have a factor that the refuter does not name."""
+    spec = spec_of({"cut": "c.y", "phase_deg": 60.0, "gain": 2.0}, {"start": 0.9, "stop": 1.1}, (100.0, 800.0))
+    rules = replace(Rules.of(spec), require=spec.require)
+    cases = cases_of(rules, "numbers.kp", (100.0, 800.0), Loops(spec.drawing, dict(spec.values)))
+    part = Part(100.0, 300.0, high_by={"numbers.m": 0.9, "of another margin": 17.5})
+    high = min(case.narrowed([part])[0].high for case in cases)
+    turned = np.exp(1j * np.radians(60))
+    assert largest(0.9, high * (1 - 1e-6), turned) < 1 < largest(0.9, high * (1 + 1e-6), turned)
 
 
 @pytest.mark.parametrize(

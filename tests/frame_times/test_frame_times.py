@@ -399,8 +399,9 @@ def test_stamps_of_fast_ticks_give_their_interval(wavesweep, written, fixed):
     late[:2] = 0.0, 2e-4
     times = 5 + 1e-3 * np.arange(3000) + (late if fixed else np.cumsum(late))
     written("time", times)
-    code, _, err = wavesweep("identify", "--frames", "times.csv", "--fast-hz", "1000")
-    assert code == 0, err
+    for _ in range(2):  # its own spec is in place of it the second time
+        code, _, err = wavesweep("identify", "--frames", "times.csv", "--fast-hz", "1000")
+        assert code == 0, err
     spans = np.diff(times)
     tick = tomllib.loads(Path("results/times/frames.toml").read_text())["for_all"]["tick"]
     assert tick["start"] <= spans.min() + 1e-12

@@ -115,7 +115,7 @@ def test_every_file_that_cannot_be_used_has_one_message(tmp_path):
 @pytest.mark.parametrize("size", [np.nan, np.inf, 1e-320, -1e300])
 def test_an_option_of_no_usable_size_is_refused(option, size, tmp_path):
     (tmp_path / "log.csv").write_text("\n".join(GOOD))
-    with pytest.raises(UsageError, match=rf"^--{option}: expected a number of size 1e-30 to 1e\+30, or 0, found "):
+    with pytest.raises(UsageError, match=rf"^--{option}: expected a number from 1e-30 to 1e\+30, or 0, found "):
         wavesweep.identify(tmp_path / "log.csv", **{option: size})
 
 

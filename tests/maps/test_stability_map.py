@@ -89,6 +89,16 @@ def test_maps_of_a_wall_and_of_three_numbers_hold_at_their_points():
     _held(wavesweep.load(offset), ["k", "K"], 0.1, 200)
 
 
+def test_a_map_of_a_block_that_nothing_drives_is_that_of_its_matrix():
+    block = {"type": "ss", "A": [["a", "b"], ["-b", "a"]], "inputs": [], "B": [[], []], "C": [[1, 0]]}
+    sweep = {"along": "a", "a": {"start": -2.0, "stop": 1.0}, "b": {"start": 0.0, "stop": 2.0}}
+    tables = {"rates": {"tick_hz": 10.0}, "numbers": {"a": 0.3, "b": 0.2}, "block": {"x": block}, "sweep": sweep}
+    columns = stability_map(wavesweep.load(tables), ["a", "b"], 0.02).columns
+    assert {*columns["proved"]} == {"stable", "unstable", "open"}
+    assert (columns["first_high"][columns["proved"] == "stable"] <= 0).all()
+    assert (columns["first_low"][columns["proved"] == "unstable"] >= 0).all()
+
+
 def test_the_largest_rectangle_about_a_point_is_that_of_all_tries():
     rng = np.random.default_rng(3)
     whole = np.array([[0.0, 0.0], [6.0, 6.0]])
@@ -96,6 +106,8 @@ def test_the_largest_rectangle_about_a_point_is_that_of_all_tries():
         corners = rng.integers(0, 6, (6, 2))
         obstacles = np.stack([corners, corners + 1], 1).astype(float)
         point = rng.integers(0, 6, 2) + 0.5
+        on_floor = np.array([[point - 0.5, point + 0.5]]) * [1, 0] + [[0, 0], [0, 1]]  # under which no room is left
+        assert largest_about(point * [1, 0], whole, np.concatenate([obstacles, on_floor])) is None
         inside = ((obstacles[:, 0] < point) & (point < obstacles[:, 1])).all(-1).any()
         found = largest_about(point, whole, obstacles)
         assert (found is None) == inside

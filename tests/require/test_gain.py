@@ -414,7 +414,7 @@ GAIN = "sweep.require.gain"
     [
         (
             bounded("dust", "own", 1.0)["gain"],
-            f'{GAIN}.from: expected an input in [ports] of a drawn loop (dist, ref), found "dust"',
+            f'{GAIN}.from: expected an input of the loop (dist, ref), found "dust"; did you mean `dist`',
         ),
         ({"from": "ref", "to": "own"}, f"{GAIN}: expected all of gain.from, gain.to, gain.at_most, found none of gain.at_most"),
         (bounded("ref", "own", 0.0)["gain"], f"{GAIN}.at_most: expected a number > 0, found 0"),

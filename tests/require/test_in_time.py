@@ -258,8 +258,8 @@ def test_a_step_is_known_where_a_state_ends_at_rest_but_for_rounding():
     ("require", "said"),
     [
         ({"rms": {"from": "ref", "to": "own"}}, "expected all of rms.from, rms.to, rms.at_most, found none of rms.at_most"),
-        ({"overshoot": {**ENDS, "to": "won", "at_most": 1}}, "require.overshoot.to: expected an output in [ports]"),
-        ({"rms": {**ENDS, "from": "own", "at_most": 1}}, "rms.from: expected an input in [ports]"),
+        ({"overshoot": {**ENDS, "to": "won", "at_most": 1}}, "require.overshoot.to: expected an output of the loop (own)"),
+        ({"rms": {**ENDS, "from": "own", "at_most": 1}}, "rms.from: expected an input of the loop (ref)"),
         ({"step_settling": {**ENDS, "at_most": 0}}, "step_settling.at_most: expected a number > 0, found 0"),
     ],
 )

@@ -23,7 +23,7 @@ SLOW = {  # an integrator under a gain that reads once in 4 ticks, and holds; `q
     },
     "wire": {"c.u": "ref - p.y", "quick.u": "jerk", "p.u": "K*c.y + 3*quick.y + dist"},
     "ports": {"inputs": {"ref": "ref", "jerk": "jerk", "dist": "dist"}, "outputs": {"place": "p.y"}},
-    "sweep": {"along": "K", "K": {"start": 1.0, "stop": 60.0}},
+    "sweep": {"along": "K", "K": {"start": 0.0, "stop": 60.0}},
 }
 
 
@@ -44,6 +44,24 @@ def test_a_peak_ends_where_a_march_says(source, K):
     for value in (1.5, 10.0, 20.0, 30.0, 45.0, 49.0):
         inside = any(row.low < value < row.high for row in rows.itertuples())
         assert inside == (peak_of(value, source) < level)
+
+
+@pytest.mark.slow
+def test_a_wall_may_begin_at_no_stiffness():
+    """There nothing shows the position, which drifts, and the speed for the hand's force has a peak all the same."""
+    wall = {
+        "controller": {"kind": "dc-slow"},
+        "rates": {"ratio": 4},
+        "device": {"damping": 5.0},
+        "sweep": {"K_VE": {"start": 0.0, "stop": 1400.0}},
+    }
+    require = {"peak": {"from": "f_h", "to": "v", "at_most": 0.3}}
+    rows = wavesweep.compile(wall).stable_intervals(require=require)
+    (row,) = rows.itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    for K, within in ((row.high * (1 - 1e-4), True), (row.high * (1 + 1e-4), False)):
+        machine = machine_of(wall | {"environment": {"K_VE": K}})
+        assert (value_of(machine, "peak", {"from": "f_h", "to": "v"}) < 0.3) == within
 
 
 def test_the_gain_and_the_peak_of_a_slow_input_say_what_is_read():

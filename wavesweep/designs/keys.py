@@ -85,6 +85,24 @@ class Design(TableValue):
         for path, expected, problem in faults:
             mistakes.refuse(self.place, f"design.{path}", expected, problem)
 
+    def refuse_unknown_signals(self, request: Request) -> None:
+        """Add the mistakes of wishes about signals that the loop does not have, or at which it
+        cannot be cut."""
+        from wavesweep.program.analyses.signals import faults_of_ends
+
+        for wish in self.wishes:
+            ends = wish.options.get("from"), wish.options.get("to"), wish.options.get("cut")
+            loop = request.loop((*request.sweep, *self.vary)) if any(ends) else None
+            if loop is None:
+                continue
+            faults = [*faults_of_ends(loop, *ends[:2])] if ends[0] else []
+            fault = fault_of_cut(loop, ends[2]) if ends[2] else None
+            if fault:
+                faults.append(("cut", *fault))
+            for key, *said in faults:
+                path = f"design.wish.{wish.name}.{key}"
+                request.mistakes.refuse(wish.places[key], path, *said, of_key=False)
+
     def unsuited_wishes(self, drawing: Drawing) -> Iterator[tuple[str, str, str]]:
         """Yield key, what is expected and what is there instead for wishes whose ports this
         drawn loop does not have."""
@@ -95,18 +113,6 @@ class Design(TableValue):
                 expected = f"one of {', '.join(drawn_wishes)} for a drawn loop"
                 yield f"wish.{wish.name}", expected, wish.name
                 continue
-            if "cut" in wish.options:
-                fault = fault_of_cut(drawing, wish.options["cut"])
-                if fault:
-                    yield f"wish.{wish.name}.cut", fault[0], fault[1]
-            if "from" in wish.options:
-                from wavesweep.program.analyses.signals import routed
-
-                try:
-                    routed(drawing, wish.options["from"], wish.options["to"], "")
-                except UsageError as error:
-                    end, _, fault = str(error).lstrip(".").partition(": expected ")
-                    yield f"wish.{wish.name}.{end}", *fault.rsplit(", found ", 1)
             needed = {*wish.kind.ports}
             if {"walls", "B_VE"} & set(wish.options):
                 needed.add("wall")
@@ -148,6 +154,8 @@ def build(request: Request) -> Design | None:
         design.refuse_beyond_half(request.hz, request.rate, mistakes)
     if request.drawing:
         design.refuse_unsuited(request.drawing, mistakes)
+    if not any(mistake.key.startswith("design.") for mistake in mistakes):
+        design.refuse_unknown_signals(request)
     if request.values is not None:
         request.refuse_beyond_limits(VARIED, design.vary)
     return design

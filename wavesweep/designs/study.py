@@ -176,13 +176,20 @@ def design(spec: Spec, **given: Any) -> Table:
     warnings: list[str] = []
     store = checkpoint_of(job, work.checkpoint, work.force, warnings)
     run = _Run(job, store, work.progress)
-    run.workers = choose(
-        work.jobs,
-        work.backend,
-        work.scheduler,
-        len(job.chunks),
-        partial(seconds_of, job),
-    )
+    with resumable(job, store, run.tally):
+        run.workers = choose(
+            work.jobs,
+            work.backend,
+            work.scheduler,
+            len(job.chunks),
+            partial(seconds_of, job),
+        )
+        return _best_of(spec, run, started, warnings)
+
+
+def _best_of(spec: Spec, run: _Run, started: float, warnings: list[str]) -> Table:
+    """The best designs of a study that began at this time (s)."""
+    job = run.job
     wanted = spec.design
     evolution = Evolution(**wanted.settings)
     own = genes_of(wanted.vary, spec.values)[None]
@@ -233,9 +240,8 @@ def _front(spec, run, evolution, own):
     """The genes of the front of a search, which begins with the spec's own; of a single one with
     similar ones. Errors: WavesweepError if no design meets all bounds."""
     choices = [len(axis.values or ()) for axis in spec.design.vary]
-    with resumable(run.job, run.store, run.tally):
-        for tried in generations(run.judge, evolution, choices, own, run.look):
-            best = tried
+    for tried in generations(run.judge, evolution, choices, own, run.look):
+        best = tried
     if not (best.violation == 0).any():
         _refuse_missed(spec, run, run.everything(), run.job.asked.scenarios)
     genes = spread(best, FRONT).genes

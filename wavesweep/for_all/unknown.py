@@ -231,10 +231,11 @@ class Case:
         return parts
 
     def _setting(self, by):
-        """The point of the box with the numbers that set an end, if they are of this case."""
+        """The point of the box with the numbers that set an end, and its own for those that only
+        this case has; none if others are fixed here."""
         if by is None or not self.fixed.items() <= by.items():
             return []
-        return [[by[axis.path] for axis in self.ranges]]
+        return [[by.get(axis.path, self.values[axis.path]) for axis in self.ranges]]
 
     @cached_property
     def _starts(self):

@@ -12,9 +12,9 @@ import click
 from wavesweep.capabilities import offered
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.entry import verbosity
-from wavesweep.program.cli.options import PATH, is_given, overwriting
+from wavesweep.program.cli.options import PATH, Number, is_given, overwriting
 
-OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
+OWN = "as wavesweep identify found"  # in the first line of each spec of this command
 # options that frames take
 OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot")
 
@@ -30,7 +30,7 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
 )
 @click.option(
     "--fast-hz",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(min=0, min_open=True),
     metavar="HZ",
     help="Of frames: the rate of the fast loop's ticks.",
 )
@@ -48,7 +48,7 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
 )
 @click.option(
     "--resolution",
-    type=click.FloatRange(min=0),
+    type=Number(min=0),
     metavar="STEP",
     help="Step of the encoder in m (or rad) [default: that which the readings show]. With 0 there is none.",
 )
@@ -67,14 +67,14 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
 )
 @click.option(
     "--delay",
-    type=float,
+    type=Number(min=0),
     metavar="TICKS",
     help="Hold the delay of the force at this number, and do not fit it.",
 )
 @click.option(
     "--rate",
     "rate_hz",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(min=0, min_open=True),
     metavar="HZ",
     help="Of a frequency response: the rate at which its force was held [default: an analogue force].",
 )
@@ -290,7 +290,7 @@ def _refuse_foreign(target: Path, overwrite: bool) -> None:
     if overwrite or not target.is_file():
         return
     with target.open(encoding="utf-8", errors="replace") as file:
-        if not file.readline().startswith(OWN):
+        if OWN not in file.readline():
             raise UsageError(
                 f"{target}: found a spec that identify did not write; give --overwrite to replace it"
             )

@@ -127,11 +127,11 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
     from wavesweep.identification.points import is_response
 
     for name in ("resolution", "delay", "rate_hz"):
-        size = abs(asked.get(name) or 1.0)
+        size = asked.get(name) or 1.0
         if not LEAST <= size <= MOST:
             option = f"--{name.removesuffix('_hz')}"
             raise UsageError(
-                f"{option}: expected a number of size {LEAST:g} to {MOST:g}, or 0, found {asked[name]:g}"
+                f"{option}: expected a number from {LEAST:g} to {MOST:g}, or 0, found {asked[name]:g}"
             )
     rate_hz = asked.get("rate_hz")
     two = asked.get("two_masses", False)

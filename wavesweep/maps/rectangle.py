@@ -42,7 +42,7 @@ def largest_about(point: np.ndarray, whole: np.ndarray, obstacles: np.ndarray) -
     right = np.flatnonzero(low[:, 0] >= point[0])
     to_left = reached(high[:, 0], left[np.argsort(-high[left, 0])], whole[0, 0])
     to_right = reached(low[:, 0], right[np.argsort(low[right, 0])], whole[1, 0])
-    rectangles = []
+    rectangles = [whole[[0, 0]]]  # without an area
     for (start, *before), (stop, *after) in product(to_left, to_right):
         rectangles.append(((start, max(before[0], after[0])), (stop, min(before[1], after[1]))))
     sizes = np.diff(np.array(rectangles), axis=1)[:, 0].clip(0).prod(-1)

@@ -129,7 +129,7 @@ def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:
 def whose_column(columns: Columns) -> str:
     """Return the column that says for whom, or of which spec, a row of intervals is, if the
     table has one."""
-    return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
+    return next((name for name in ("spec", "hand", "guarantee") if name in columns), "")
 
 
 def columns_of_ends(records: np.ndarray, set_by: Sequence[str] = ()) -> Columns:

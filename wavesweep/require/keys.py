@@ -277,10 +277,10 @@ def _at_cut(request: Request, leaves: dict[str, Any]) -> dict[str, float | str]:
         first = next(iter(leaves.values()))
         expected = "cut, and one of Ms, disk, gain, phase_deg"
         mistakes.refuse(first, MARGINS.path, expected, f"none of {missing}")
-    elif request.drawing:
+    elif loop := request.loop(request.sweep):
         from wavesweep.program.analyses.cuts import fault_of_cut
 
-        if fault := fault_of_cut(request.drawing, leaf.value):
+        if fault := fault_of_cut(loop, leaf.value):
             mistakes.refuse(leaf, f"{MARGINS.path}.cut", *fault, of_key=False)
     return values
 
@@ -297,19 +297,16 @@ def _refuse_missing(mistakes: Any, leaves: dict[str, Any]) -> None:
 
 
 def _refuse_unknown_ports(request: Request, leaves: dict[str, Any]) -> None:
-    if not request.drawing:
-        return
-    hand = (request.drawing.hand or ())[:1]
-    for key, ports, columns_known in (
-        ("from", "inputs", hand),
-        ("to", "outputs", ("x", "f_m") if hand else ()),
-    ):
-        for table in BETWEEN:
-            path = f"{PATH}.{table}.{key}"
-            names = [leaves[f"{table}.{key}"].value] if path in request.belongs.keys else []
-            request.refuse_unknown_ends(
-                path, [name for name in names if name not in columns_known], ports
-            )
+    """Add the mistakes of inputs and signals that the loop does not have."""
+    for table in BETWEEN:
+        ends = {key: leaves.get(f"{table}.{key}") for key in ("from", "to")}
+        loop = request.loop(request.sweep) if all(ends.values()) else None
+        if loop is None:
+            continue
+        from wavesweep.program.analyses.signals import faults_of_ends
+
+        for key, *fault in faults_of_ends(loop, *(leaf.value for leaf in ends.values())):
+            request.mistakes.refuse(ends[key], f"{PATH}.{table}.{key}", *fault, of_key=False)
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:

@@ -69,7 +69,8 @@ class Panel:
         self.T = np.stack(diagonals, -1)
         with np.errstate(divide="ignore"):
             self.poles = np.log1p(np.diagonal(self.upper[0]))
-        self.slow = min(1.0, np.abs(self.poles).min()) / self.ticks
+        slow = np.abs(self.poles[self.poles != 0])  # a mode at rest has no angle to look at
+        self.slow = slow.min(initial=1.0) / self.ticks
 
     def _sided(self, theta: np.ndarray, points: int | None) -> tuple[np.ndarray, np.ndarray]:
         """h and Q at angles, `(points, n)`, of the first points."""
@@ -153,6 +154,11 @@ class Panel:
             error[zero] = (self.error(rim) * np.abs(Q[0] / Q_zero)).max()
         return value, error
 
+    def _finite(self, theta: np.ndarray) -> np.ndarray:
+        """The form in the middle at angles, `(n,)`; infinite where a mode is on the circle."""
+        value = self.both(theta, 1)[0][0].real
+        return np.where(np.isfinite(value), value, np.inf)
+
     def lowest(self) -> float:
         """An angle at which the form is about least."""
         M = self.ticks
@@ -164,8 +170,7 @@ class Panel:
         theta = np.concatenate([even, small, modes])
         first = max(low, smallest) if self.at_rest else low
         theta = np.unique(np.clip(theta[(theta >= first) & (theta <= high)], first, high))
-        f, _ = self.both(theta, 1)
-        value = f[0].real
+        value = self._finite(theta)
         inner = np.append(np.inf, value[:-1]) >= value
         inner &= np.append(value[1:], np.inf) >= value
         at = np.flatnonzero(inner)
@@ -175,9 +180,7 @@ class Panel:
         above = theta[np.minimum(at + 1, theta.size - 1)]
         for _ in range(14):  # steps of narrowing
             points = below[:, None] + (above - below)[:, None] * np.linspace(0, 1, NARROWER)
-            f, _ = self.both(points.ravel(), 1)
-            value = f[0].real.reshape(points.shape)
-            lowest = np.where(np.isfinite(value), value, np.inf).argmin(-1)
+            lowest = self._finite(points.ravel()).reshape(points.shape).argmin(-1)
             row = np.arange(at.size)
             best = points[row, lowest]
             below = points[row, np.maximum(lowest - 1, 0)]

@@ -5,6 +5,7 @@ import json
 import shlex
 from pathlib import Path
 
+import click
 import pytest
 
 from wavesweep import load
@@ -21,6 +22,19 @@ def test_every_command_has_help_whose_first_sentence_is_in_the_list(wavesweep):
         assert (code, err) == (0, "")
         assert out.startswith(f"Usage: wavesweep {name} ")
         assert command_of(name).help.split("\n\n")[0] == short
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999"])
+def test_every_option_that_is_a_number_refuses_one_that_is_not_finite_by_its_name(text):
+    options = [(name, option) for name in COMMANDS for option in command_of(name).params]
+    numbers = [(name, option) for name, option in options if isinstance(option.type, click.types.FloatParamType)]
+    assert {option.opts[0] for _, option in numbers} == {"--open", "--fast-hz", "--resolution", "--delay", "--rate"}
+    for name, option in numbers:
+        context = click.Context(command_of(name))
+        with pytest.raises(click.BadParameter) as raised:
+            option.process_value(context, text)
+        said = f"Invalid value for '{option.opts[0]}': expected a finite number, found {text}"
+        assert (raised.value.exit_code, raised.value.format_message()) == (2, said)
 
 
 EXAMPLES = [

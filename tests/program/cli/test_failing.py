@@ -43,6 +43,22 @@ def test_a_failing_run_says_one_line_and_its_code(error, code, line, wavesweep, 
     assert err.strip().endswith(line)
 
 
+@pytest.mark.parametrize("error", [UsageError("no"), ValueError("a fault"), KeyboardInterrupt(), OSError(28, "full")])
+@pytest.mark.parametrize("command", ["zwidth", "design"])
+def test_a_run_that_fails_before_anything_is_finished_leaves_nothing(command, error, wavesweep, tmp_path, monkeypatch):
+    def fail(*_):
+        raise error
+
+    for module in ("wavesweep.program.sweep.running", "wavesweep.designs.study"):
+        monkeypatch.setattr(f"{module}.choose", fail)
+    monkeypatch.chdir(tmp_path)
+    sweep = "[sweep]\nB_VE = { start = 0, stop = 10, num = 300 }\n"
+    study = '[design]\nvary = { "device.damping" = { start = 1, stop = 3 } }\nwish = { z_width = {} }\n'
+    Path("mine.toml").write_text('controller.kind = "dc-slow"\n' + sweep + study)
+    assert wavesweep(command, "mine.toml", "--quiet")[0] in (1, 2, 130)
+    assert not list(tmp_path.glob("results/**/.*"))
+
+
 def run_as_program(before, cwd, *words):
     """Exit code, stdout and stderr of the command line in a process of its own, which runs `before` first."""
     program = f"import atexit, os, signal, sys\n{before}\nsys.argv = ['wavesweep', *{words!r}]\n"

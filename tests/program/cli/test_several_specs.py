@@ -1,5 +1,6 @@
 """`zwidth` and `bode` of several specs put all of them into one table and one figure."""
 
+import json
 import re
 from pathlib import Path
 
@@ -83,9 +84,28 @@ def test_it_writes_a_table_and_its_figure_with_what_each_spec_assumes(compare, f
     assert direct in below
 
 
-def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
-    """Behind the spec and the axes of both, to the bit; an axis of the other spec has the own value, or none."""
-    assert compare("--no-plot", "--quiet") == (0, "", "")
+OF_ALL = '[for_all]\n"device.damping" = [0.5, 2]\n'
+
+
+@pytest.mark.parametrize("of_all", [(), ("direct",), ("waves", "direct")], ids=len)
+def test_its_rows_are_those_of_each_specs_own_zwidth(compare, of_all):
+    """Behind the spec and the axes of both, to the bit; an axis of the other spec has the own value, or none.
+
+    The summary of each is that of its own run, with [for_all] for each kind of its rows.
+    """
+    for name in of_all:
+        path = Path(f"{name}.toml")
+        path.write_text(path.read_text() + OF_ALL)
+    code, said, _ = compare("--no-plot", "--json")
+    assert code == 0
+    tables = json.loads(said)["tables"]["zwidth-specs"]["specs"]
+    for name, summary in tables.items():
+        kinds = summary["guarantees"] if name in of_all else {"spec": summary}
+        assert [*kinds] == (["spec", "for_all"] if name in of_all else ["spec"])
+        rows = library.zwidth(f"{name}.toml")
+        for word, of_kind in kinds.items():
+            own = rows[rows["guarantee"] == word] if name in of_all else rows
+            assert of_kind["largest"]["value"] == own["high"].max()
     for suffix in (".csv", ".parquet"):
         table = results.read(f"results/waves+direct/zwidth-specs{suffix}")
         assert list(table)[:5] == ["spec", "B_VE", "b", "rates.slow_hz", "along"]
@@ -95,5 +115,26 @@ def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
             assert len(own) == len(rows["spec"])
             for key in own:
                 np.testing.assert_array_equal(rows[key], own[key].to_numpy())
+            if of_all and name not in of_all:
+                assert set(rows["guarantee"]) == {"spec"}
+                assert np.isnan(rows["fails_from"]).all()
         assert np.isnan(table["b"][table["spec"] == "direct"]).all()
         assert (table["rates.slow_hz"][table["spec"] == "waves"] == 50.0).all()
+
+
+def test_a_bar_of_a_figure_is_that_of_one_spec(compare, figures):
+    """And of one kind of its rows, up to the largest value of these."""
+    Path("waves.toml").write_text(WAVES.replace("[0.5, 1.0, 1.5]", "[1.0]").replace("[10, 25]", "[10]"))
+    Path("direct.toml").write_text(DIRECT.replace("[1, 2]\n", "[1]\n").replace("[50, 100]", "[50]") + OF_ALL)
+    assert compare("--quiet")[0] == 0
+    (axes,) = figures[0].axes
+    names = [" ".join(label.get_text().split()) for label in axes.get_yticklabels()]
+    assert names == ["waves", "direct: nominal numbers", "direct: proved for all"]
+    rows = results.read("results/waves+direct/zwidth-specs.csv")
+    bars = [(bar.get_y() + bar.get_height() / 2, bar.get_x() + bar.get_width()) for bar in axes.patches]
+    for place, (spec, word) in enumerate([("waves", "spec"), ("direct", "spec"), ("direct", "for_all")]):
+        highs = rows["high"][(rows["spec"] == spec) & (rows["guarantee"] == word)]
+        ends = [end for y, end in bars if abs(y - place) < 0.1]
+        np.testing.assert_allclose(sorted(ends), sorted(highs), rtol=1e-12)
+    below = " ".join(figures[0].get_supxlabel().split())
+    assert "direct: proved for all: stable for " in below

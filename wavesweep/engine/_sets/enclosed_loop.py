@@ -230,7 +230,7 @@ class LoopModel:
 
     def _closed(self, L: Polynomials, R: Polynomials) -> Polynomials:
         """The solution of `u = L u + R`; without a loop in L it takes no inverse."""
-        acts = np.any((L.whole > 0).reshape(-1, *L.rest.shape[-2:]), 0)
+        acts: np.ndarray = np.any(L.whole > 0, tuple(range(L.whole.ndim - 2)))
         steps = 0
         reached: np.ndarray = np.eye(len(acts), dtype=bool)
         while reached.any() and steps <= len(acts):

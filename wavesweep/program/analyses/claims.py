@@ -394,6 +394,22 @@ def of_rows(facts: Mapping[str, Any], word: str) -> Claim:
     return Claim.read(written)
 
 
+def word_among(spec: str, word: str) -> str:
+    """The word of a claim among those of several specs: the name of its spec, of what is
+    guaranteed with its own word behind that."""
+    return spec if word == "spec" else f"{spec}/{word}"
+
+
+def of_spec(facts: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The facts of one of the specs of a table: its tables, and its claims by their words."""
+    claims = {}
+    for word, claim in facts.get("claims", {}).items():
+        spec, _, own_word = word.partition("/")
+        if spec == name:
+            claims[own_word or "spec"] = claim
+    return {"spec": facts.get("specs", {}).get(name, {}), "claims": claims}
+
+
 class Question(NamedTuple):
     """What a spec asks: a property of the loops of a scope."""
 

@@ -1,5 +1,6 @@
 """The names by which the ends of a gain are found in a loop, drawn or of a controller."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from wavesweep.engine.blocks import OUTPUT
@@ -34,30 +35,39 @@ def routed(
     it; of a controller's loop COLUMNS too. path: of the table. Errors: UsageError for other
     names.
     """
-    inputs = {name: wired for name, wired, _ in drawing.inputs} | {
-        name: name for name in (drawing.hand or ())[:1]
-    }
-    outputs = _outputs(drawing)
-    for key, name, ports, port in (
-        ("from", source, inputs, "an input"),
-        ("to", signal, outputs, "an output"),
-    ):
-        if name not in ports:
-            named = [port for port in ports if "." not in port] if key == "to" else ports
-            further = " or a signal BLOCK.PORT" if key == "to" else ""
-            hint = nearest(name, ports)
-            hint = f"; did you mean {hint}?" if hint else ""
-            raise UsageError(
-                f"{path}.{key}: expected {port} of the loop ({', '.join(named)}){further}, found {show(name)}{hint}"
-            )
+    for key, expected, found, hint in faults_of_ends(drawing, source, signal):
+        meant = f"; did you mean {hint}?" if hint else ""
+        raise UsageError(f"{path}.{key}: expected {expected}, found {found}{meant}")
     drawing = replace(
         drawing,
         outputs=(
             *(port for port in drawing.outputs if port[0] != signal),
-            (signal, outputs[signal], ""),
+            (signal, _outputs(drawing)[signal], ""),
         ),
     )
-    return drawing, (inputs[source], OUTPUT + signal)
+    return drawing, (_inputs(drawing)[source], OUTPUT + signal)
+
+
+def faults_of_ends(
+    drawing: Drawing, source: str, signal: str
+) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the key of each end that a loop does not have, what is expected and found, and a
+    suggestion; see `routed`."""
+    inputs = _inputs(drawing)
+    outputs = _outputs(drawing)
+    if source not in inputs:
+        expected = f"an input of the loop ({', '.join(inputs)})"
+        yield "from", expected, show(source), nearest(source, inputs)
+    if signal not in outputs:
+        named = [port for port in outputs if "." not in port]
+        expected = f"an output of the loop ({', '.join(named)}) or a signal BLOCK.PORT"
+        yield "to", expected, show(signal), nearest(signal, outputs)
+
+
+def _inputs(drawing: Drawing) -> dict[str, str]:
+    """The signals at which inputs come in, by their names."""
+    inputs = {name: wired for name, wired, _ in drawing.inputs}
+    return inputs | {name: name for name in (drawing.hand or ())[:1]}
 
 
 def _outputs(drawing: Drawing) -> dict[str, tuple]:

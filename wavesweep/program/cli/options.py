@@ -2,8 +2,10 @@
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
+from math import isfinite
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -21,6 +23,21 @@ PATH = click.Path(
 )  # which a shell completes; what is at the path is asked where it is opened
 FORMATS = ("png", "svg", "pdf", "eps")
 FILES = (".csv", ".parquet", *(f".{form}" for form in FORMATS))  # what a single file can be
+
+
+class Number(click.FloatRange):
+    """A finite number of an option, within a range."""
+
+    name = "number"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        with suppress(ValueError):  # of a text that is no number, which its own error says
+            if not isfinite(float(value)):
+                self.fail(f"expected a finite number, found {value}", param, ctx)
+        number: float = super().convert(value, param, ctx)
+        return number
 
 
 def is_given(name: str) -> bool:

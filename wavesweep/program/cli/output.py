@@ -221,7 +221,8 @@ def _report(
 
     claims: dict[str, list[Claim]] = {spec.name: [] for spec in specs}
     for word, fact in facts.get("claims", {}).items():
-        claims[word if len(specs) > 1 else specs[0].name].append(Claim.read(fact))
+        name = word.split("/")[0] if len(specs) > 1 else specs[0].name
+        claims[name].append(Claim.read(fact))
     said: list[str] = []
     for spec in specs:
         said += unusual(spec)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from wavesweep.capabilities import offered
-from wavesweep.program.cli.options import ABOUT_ITS_VALUE, PATH, Options, run_options
+from wavesweep.program.cli.options import ABOUT_ITS_VALUE, PATH, Number, Options, run_options
 from wavesweep.program.row_kinds import hands_offered
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def zwidth(
 @click.option(
     "--open",
     "share_open",
-    type=click.FloatRange(0.0, 1.0, min_open=True),
+    type=Number(0.0, 1.0, min_open=True),
     default=None,
     help="With --map, the share of the plane that may stay open [default: 0.005, of three numbers 0.05].",
 )

@@ -122,10 +122,8 @@ def of_specs(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
 
 def _once(columns: Columns) -> Columns:
     """The rows without those that are there again, as an axis has a value twice."""
-    names = dict.fromkeys([*axes_of(columns), "interval"])
-    whose = whose_column(columns)
-    if whose:
-        names[whose] = None
+    whose = {"spec", "hand", "guarantee"} & columns.keys()
+    names = {*axes_of(columns), "interval", *whose}
     labels = []
     for name in names:
         _, labels_of_rows = np.unique(columns[name], return_inverse=True)

@@ -142,14 +142,17 @@ def claimed(facts: Mapping[str, Any]) -> str:
     sentences = []
     for word in claims:
         claim = of_rows(facts, word)
-        kind = row_kinds().get(word)  # none of a wish, whose claim begins with its name
+        spec, _, word_of_rows = word.partition("/") if "specs" in facts else ("", "", word)
+        kind = row_kinds().get(word_of_rows)  # none of a wish, whose claim begins with its name
         name = kind.legend if len(claims) > 1 and kind else ""
         said = f"{form_of(claim.what).holds} {scope_in_words(claim.scope)}".rstrip()
         in_legend = name and (claim.scope.hands == NOBODY or said.endswith(name))
         if (scope_in_words(claim.scope) or claim.what.required) and not in_legend:
-            sentences.append(f"{name}: {said}" if name else said)
+            sentences.append(": ".join(filter(None, (as_it_stands(spec), name, said))))
     said = "; ".join(sentences)
-    return _in_caption(f"{said[:1].upper()}{said[1:]}." if said else "")
+    if said and "specs" not in facts:  # whose names begin sentences as they are
+        said = said[0].upper() + said[1:]
+    return _in_caption(f"{said}." if said else "")
 
 
 def assumed(facts: Mapping[str, Any]) -> str:

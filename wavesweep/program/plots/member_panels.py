@@ -1,7 +1,7 @@
 """What a panel of stable intervals shows: the members of a family, hands or specs, as curves or
 as bars."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from textwrap import fill
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.analyses.claim_words import nothing
-from wavesweep.program.analyses.claims import OPERATOR, Claim, Status, of_rows
+from wavesweep.program.analyses.claims import OPERATOR, Claim, Status, of_rows, of_spec
 from wavesweep.program.analyses.plane_columns import (
     KNOWN,
     PlaneCurve,
@@ -69,12 +69,12 @@ def members_of(
     columns: Columns,
     facts: Mapping[str, Any],
     bars: Sequence[Mapping[str, float]],
-    specs: Sequence[str],
+    specs: Collection[tuple[str, str]],
 ) -> list[Member]:
     """The members of a panel, whose rows these are.
 
-    bars: the values of the axes of each member of a family. specs: all specs of a comparison, in
-    the order of their looks.
+    bars: the values of the axes of each member of a family. specs: all specs of a comparison with
+    the words of their rows, in the order of their looks.
     """
     whose = whose_column(columns)
     if whose == "spec":
@@ -93,17 +93,24 @@ def members_of(
 
 
 def _members_of_specs(
-    columns: Columns, facts: Mapping[str, Any], specs: Sequence[str]
+    columns: Columns, facts: Mapping[str, Any], specs: Collection[tuple[str, str]]
 ) -> list[Member]:
     """The specs of a comparison that have rows here."""
-    tables = specs_of(facts)
+    looks = {member: distinct_look(number) for number, member in enumerate(specs)}
     members = []
-    for number, name in enumerate(specs):
+    for name in dict.fromkeys(name for name, _ in specs):
         rows = where(columns, columns["spec"] == name)
-        if len(rows["spec"]):
-            claim = of_rows(facts, name)
-            own = {"spec": tables.get(name, {})}
-            members.append(Member(shortened(name), distinct_look(number), rows, claim, own))
+        if not len(rows["spec"]):
+            continue
+        own = of_spec(facts, name)
+        title = shortened(name)
+        if set(rows.get("guarantee", ())) <= {"spec"}:
+            claim = of_rows(own, "spec")
+            members.append(Member(title, looks[name, "spec"], rows, claim, own))
+            continue
+        for member in _members_of_hands(rows, own, rows["guarantee"]):
+            look = looks[name, member.guarantee]
+            members.append(replace(member, name=f"{title}: {member.name}", look=look))
     return members
 
 

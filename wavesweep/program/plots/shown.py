@@ -58,11 +58,12 @@ class Shown:
 
     def members(self, columns: Columns) -> list[Member]:
         """The members of a panel, whose rows these are."""
+        specs: dict[tuple[str, str], None] = {}
         if self.whose == "spec":
-            specs = dict.fromkeys(self.columns["spec"].tolist())
-        else:
-            specs = ()
-        return members_of(columns, self.facts, self.layout.bars, list(specs))
+            names = self.columns["spec"]
+            words = self.columns.get("guarantee", np.full(names.size, "spec", object))
+            specs = dict.fromkeys(zip(names.tolist(), words.tolist(), strict=True))
+        return members_of(columns, self.facts, self.layout.bars, specs)
 
     def place(self, row: Mapping[str, Any], members: Sequence[Member]) -> tuple[float, float]:
         """The coordinates of the best end of a row, see `layout.best_row`."""

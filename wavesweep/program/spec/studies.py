@@ -73,6 +73,15 @@ class Request:
         """Whether the loop is drawn."""
         return self.names is not BUILT_IN
 
+    def loop(self, varied: Iterable[Axis]) -> Drawing | None:
+        """The drawing of the loop, or of its controller with what varies in it; None if it has
+        mistakes."""
+        if self.drawing or self.values is None:
+            return self.drawing
+        from wavesweep.haptics.controller_page import loop_drawing
+
+        return loop_drawing(self.values, [axis.path for axis in varied])
+
     @property
     def rate(self) -> str:
         """The path of the tick's rate."""

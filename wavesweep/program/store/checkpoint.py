@@ -17,6 +17,7 @@ import os
 import stat
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,8 @@ class FileCheckpoint:
         warnings: list[str],
     ):
         self._db, self.place, self._name, self._dtype, self._force = None, place, name, dtype, force
+        self._numbers: set[int] = set()  # of finished chunks
+        self._entered = False  # whether the file is of this job
         self._identity, self.warnings = (
             json.dumps({"job": name, **identity}, sort_keys=True),
             warnings,
@@ -116,6 +119,7 @@ class FileCheckpoint:
             "SELECT number FROM chunks WHERE run = ? AND typeof(number) = 'integer'", self._digest
         )
         self._numbers = {number for (number,) in numbers}
+        self._entered = True
 
     def __del__(self):
         self.close()
@@ -159,12 +163,19 @@ class FileCheckpoint:
             self._forget()
         else:
             self._do("PRAGMA synchronous = OFF")  # what is removed need not be on the disk
-        self.close()
+        self._shut()
         for path in () if other_runs else self._files():
             path.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Close the file, so that nothing is beside it; what comes next opens it again."""
+        """Close the file, so that nothing is beside it; what comes next opens it again. One without
+        a finished chunk is removed."""
+        if self._db is not None and self._entered and not self._numbers:
+            with suppress(OSError):
+                self.remove()
+        self._shut()
+
+    def _shut(self):
         if self._db is not None:
             self._db.close()
             self._db = None
@@ -221,7 +232,7 @@ class FileCheckpoint:
         except sqlite3.OperationalError as error:
             if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_IOERR):
                 raise
-            self.close()
+            self._shut()
             try:
                 self._prepare(sqlite3, "&nolock=1")  # a file system without locks
             except sqlite3.OperationalError:
@@ -271,7 +282,7 @@ class FileCheckpoint:
         self._db.execute("DELETE FROM chunks WHERE run NOT IN (SELECT digest FROM runs)")
 
     def _move_away(self, error):
-        self.close()
+        self._shut()
         for path in filter(Path.exists, self._files()):
             path.replace(path.with_name(path.name + DAMAGED))
         moved = f"it was moved to {self.place.name}{DAMAGED}, and its slices are computed again"

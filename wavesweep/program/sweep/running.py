@@ -173,13 +173,11 @@ def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
     """
     started = time.perf_counter()
     refuse_full_disk(work.checkpoint, jobs.values())
-    total, tallies, stores, warnings, workers = (
-        sum(job.slices for job in jobs.values()),
-        {},
-        {},
-        [],
-        None,
-    )
+    total = sum(job.slices for job in jobs.values())
+    tallies = {}
+    stores = {}
+    warnings: list[str] = []
+    workers = None
     for name, job in jobs.items():
         stores[name] = checkpoint_of(job, work.checkpoint, work.force, warnings, work.part + name)
         tallies[name] = kept_of(
@@ -329,7 +327,12 @@ def resumable(job: Job, store, tally: RunCounts) -> Iterator[None]:
         if isinstance(error, UsageError) and not tally.done:
             with suppress(OSError):
                 store.remove()
-        elif store.place and store.place.is_file() and not getattr(error, "__notes__", ()):
+        elif (
+            tally.done
+            and store.place
+            and store.place.is_file()
+            and not getattr(error, "__notes__", ())
+        ):
             told = f"{min(tally.done, job.slices)} of {job.slices} {job.kind.noun} are kept in {store.place}"
             error.add_note(f"{told}; the same command goes on from there.")
         with suppress(OSError):

@@ -334,7 +334,10 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
         return
     for spec, of_spec in numbers.get("specs", {}).items():
         yield f"{spec}:", False
-        yield from Sentences(of_spec).parts()
+        if "along" in of_spec:
+            yield from Sentences(of_spec).parts()
+        else:
+            yield from interval_lines(of_spec)
     of_kinds = numbers.get("guarantees") or numbers.get("hands", {})
     for word, of_kind in of_kinds.items():
         sentences = Sentences(of_kind, word)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.analyses.claim_words import fact_of, vouched_for
-from wavesweep.program.analyses.claims import Claim, Status, of_rows
+from wavesweep.program.analyses.claims import Claim, Status, of_rows, of_spec
 from wavesweep.program.columns import FELT_ALIKE, Columns, axes_of, open_places, whose_column
 from wavesweep.program.row_kinds import COMPUTED
 from wavesweep.program.spec import find_key
@@ -326,7 +326,7 @@ class IntervalSummary:
     def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
         self._axes = axes
         self._facts = facts or {}
-        self._summaries: dict[str, LoopSummary] = {}
+        self._summaries: dict[str, Any] = {}  # of loops; of specs as this
         self._whose = ""
         self._unsettled: Counter[str] = Counter()
 
@@ -341,25 +341,28 @@ class IntervalSummary:
             if len(words) > 1:
                 rows = {name: column[columns[whose] == word] for name, column in rows.items()}
             if whose == "spec":
-                self._summaries[word] = self._of_spec(word, rows)
-            elif word not in self._summaries:
-                claim = of_rows(self._facts, word)
+                axes = {axis: np.unique(rows[axis]).tolist() for axis in axes_of(rows)}
+                if set(rows.get("guarantee", ())) <= {"spec"}:  # which only other specs have
+                    rows.pop("guarantee", None)
+                self._summaries[word] = IntervalSummary(axes, of_spec(self._facts, word))
+                self._summaries[word].add(rows)
+                continue
+            claim = of_rows(self._facts, word)
+            if word not in self._summaries:
                 self._summaries[word] = LoopSummary(claim, word, self._axes, self._facts)
-            summary = self._summaries[word]
-            summary.add(rows)
-            if "settled" in rows and summary.claim.status is Status.PROVED:
+            self._summaries[word].add(rows)
+            if "settled" in rows and claim.status is Status.PROVED:
                 self._unsettled[word] += int((~rows["settled"]).sum())
-
-    def _of_spec(self, name: str, rows: Columns) -> LoopSummary:
-        axes = {axis: np.unique(rows[axis]).tolist() for axis in axes_of(rows)}
-        specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
-        claim = of_rows(self._facts, name)
-        return LoopSummary(claim, axes=axes, facts={"spec": specs[name]})
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold, of each hand, guarantee or spec if there are several."""
-        slices = {"slices": dict(facts["slices"])}
-        numbers = {word: summary.numbers() for word, summary in self._summaries.items()}
+        if self._whose == "spec":
+            specs = {word: each.numbers({}) for word, each in self._summaries.items()}
+            return {"slices": dict(facts["slices"]), "specs": specs}
+        slices = {"slices": dict(facts["slices"])} if facts else {}
+        numbers: dict[str, dict[str, Any]] = {
+            word: summary.numbers() for word, summary in self._summaries.items()
+        }
         for word, rows in self._unsettled.items():
             numbers[word]["rows_not_settled"] = rows
         unsettled = self._unsettled.total()
@@ -368,6 +371,4 @@ class IntervalSummary:
                 return slices | {"hands": numbers, "rows_of_the_box_not_proved": unsettled}
             case "guarantee":
                 return slices | {"guarantees": numbers, "rows_not_settled": unsettled}
-            case "spec":
-                return slices | {"specs": numbers}
         return slices | numbers[""]

@@ -6,7 +6,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from wavesweep.program.analyses.claims import of_rows
+from wavesweep.program.analyses.claims import of_rows, word_among
 from wavesweep.program.analyses.response_jobs import own_value, units_in
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec, sweep_axes
@@ -40,7 +40,7 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
         table = intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"}))
         tables.append(table)
         blocks.append(_with_spec(spec, table.columns, names))
-    columns = joined(blocks)
+    columns = joined(_with_all_columns(blocks))
     felt = [(spec.name, spec.at_port("N/m")) for spec in specs]
     units = {name: units_in(swept, name) for name in names}
     for what, unit_in_specs in (("", walls), ("felt_", felt), ("open_", walls)):
@@ -67,23 +67,41 @@ def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
     return with_spec | rest
 
 
+def _with_all_columns(blocks: Sequence[Columns]) -> list[Columns]:
+    """Rows with the columns that rows of other specs have: of a spec without [for_all] those are of
+    its own numbers, and none is refuted."""
+    names = dict.fromkeys(name for block in blocks for name in block)
+    whole: list[Columns] = []
+    for block in blocks:
+        rows = len(block["along"])
+        without = {"guarantee": np.full(rows, "spec", object), "settled": block["certified"]}
+        for name in ("left_open", "counterexample"):
+            without[name] = np.full(rows, "", object)
+        missing = np.full(rows, np.nan)
+        whole.append({name: block.get(name, without.get(name, missing)) for name in names})
+    return whole
+
+
 def _facts(
     specs: Sequence[Spec], tables: Sequence[Table], swept: Collection[str]
 ) -> dict[str, Any]:
     counts = dict.fromkeys(("computed", "skipped", "certified"), 0)
     compute_s = 0.0
     notices: list[str] = []
+    warnings: list[str] = []
+    claims = {}
     for spec, table in zip(specs, tables, strict=True):
         for name in counts:
             counts[name] += table.facts["slices"][name]
         compute_s += table.facts["timings"]["compute_s"]
         notices += [f"{spec.name}: {said}" for said in table.facts["notices"]]
+        warnings += [f"{spec.name}: {said}" for said in table.facts["warnings"]]
+        for word in table.facts["claims"]:
+            claims[word_among(spec.name, word)] = of_rows(table.facts, word)
     methods = tables[0].facts["methods"]
     timings = {"compute_s": compute_s}
-    claims = {
-        spec.name: of_rows(table.facts, "spec") for spec, table in zip(specs, tables, strict=True)
-    }
-    return facts_of(list(specs), methods, counts, timings, notices, swept, claims=claims)
+    facts = facts_of(list(specs), methods, counts, timings, notices, swept, claims=claims)
+    return facts | {"warnings": warnings}
 
 
 KINDS = (

@@ -119,7 +119,7 @@ def _assumed(specs: Sequence[Spec], swept: Collection[str], claims: Mapping[str,
     several = len(specs) > 1
     models = []
     for spec in specs:
-        own = [claims[spec.name]] if several and claims else claims.values()
+        own = [claims[word] for word in claims if not several or word.split("/")[0] == spec.name]
         told = {path for claim in own for path in claim.scope.paths()}
         axes = {axis.path for axis in (*spec.sweep, *spec.bode)}
         models.append(model_in_words(spec, axes & {*swept} if several else swept, told))
