@@ -31,17 +31,19 @@ def test_both_sides_of_an_end_are_proved(tmp_path):
         "proved: the spec's own loop, k from 0 to 0.86602: all 2 modes are inside the unit circle, stable\n"
         "proved: the spec's own loop, k from 0.86603 to 2: 2 modes are outside the unit circle, unstable\n"
         "2 of 2 claims proved\n"
+        "k from 0 to 0.86602: proved stable all over; k from 0.86603 to 2: proved unstable all over\n"
     )
 
 
 def test_a_claim_that_is_refused_says_where_and_leaves_the_others(tmp_path):
     code, words = checked(tmp_path, SPEC, [BELOW | {"sides": {"k": ["0", "0.8661"]}}, *HALVES, ABOVE, OUTSIDE])
     assert code == 1
-    refused, proved, count = words.splitlines()
+    refused, proved, count, covered = words.splitlines()
     assert refused.startswith("REFUSED: the spec's own loop, k from 0 to 0.8661: ")
     assert refused.endswith("the form for k from 0.5 to 0.8661 does not decrease")
     assert proved.startswith("proved")
     assert count == "1 of 2 claims proved"
+    assert covered.startswith("k from 0 to 0.8661: NOT COVERED to 0.86603 (99.99 %), unstable from 0.86603;")
 
 
 REFUSED = {  # lines that do not show what they claim
@@ -105,7 +107,7 @@ def test_a_proof_is_about_one_spec_and_whole(tmp_path):
     )
     assert checked(tmp_path, SPEC, lines, {"claims": 3})[0] == 2
     assert checked(tmp_path, SPEC, [])[0] == 2
-    assert checked(tmp_path, SPEC, lines, {"format": "wavesweep proof 2"})[0] == 2
+    assert checked(tmp_path, SPEC, lines, {"format": "wavesweep proof 1"})[0] == 2
     (tmp_path / "spec.proof").write_bytes((tmp_path / "spec.proof").read_bytes()[:-30])
     from support.proofs import checked_file
 
@@ -117,7 +119,7 @@ def test_a_map_says_shares(tmp_path):
     tree = [{"split": "k", "at": "0.8"}, WITHIN, {"split": "k", "at": "0.9"}, {"open": True}, OUTSIDE]
     code, words = checked(tmp_path, SPEC, [claim, *tree])
     assert code == 0
-    assert "40.0000% stable, 55.0000% 2 modes outside, 5.0000% open" in words
+    assert "40 % stable, 55 % 2 modes outside, 5 % open" in words
 
 
 TWO_NUMBERS = (

@@ -21,14 +21,16 @@ from pathlib import Path
 
 from meaning.sets import set_of
 from meaning.specs import spec_text, toml
-from support.proofs import checked_file
+from support.proofs import checked_file, lines_of
 
+from wavesweep.checker import coverage
+from wavesweep.checker.file import ask_of, claim_of, spec_of
 from wavesweep.program.cli import main as command
 
 WORDS = {"varying", "lost", "loss", "burst", "late", "tick", "contact"}  # of [for_all] and of channels
 LEAST = 0.98  # share of what is certified of each kind that is proved
-COUNTS = re.compile(r"(\d+) of (\d+) (slices|rows|refuted ends)")
-WHY = re.compile(r"  no proof of \d+ (.*)|no proof file for (.*)")
+WHY = re.compile(r"  (no proof .*)")
+KINDS = {"modes": "slices", "refuted": "refuted ends"}
 
 
 def fate(text: str, folder: Path) -> tuple[Counter, Counter, list[str]]:
@@ -40,15 +42,34 @@ def fate(text: str, folder: Path) -> tuple[Counter, Counter, list[str]]:
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
         code = command([name, str(spec), "--proof", "--no-plot", "--out", str(folder)]) or 0
     words = said.getvalue()
-    counts = COUNTS.findall(words)
-    why = [first or second for first, second in WHY.findall(words)]
-    proved = Counter({kind: int(count) for count, _, kind in counts})
-    certified = Counter({kind: int(count) for _, count, kind in counts})
-    if not counts:
-        return proved, certified, why or [words.strip().splitlines()[-1] if words.strip() else f"exit code {code}"]
-    code, words = checked_file(spec, folder / f"{name}.proof")
-    refused = [line for line in words.splitlines() if not line.startswith("proved")][:-1] if code else []
-    return proved, certified, why + refused
+    why = WHY.findall(words)
+    proof = folder / f"{name}.proof"
+    if not proof.exists():
+        return Counter(), Counter(), why or [words.strip().splitlines()[-1] if words.strip() else f"exit code {code}"]
+    proved, certified = counted(text, proof)
+    certified["refuted ends"] += sum("refuted end" in line for line in why)
+    code, words = checked_file(spec, proof)
+    refused = [line for line in words.splitlines() if not line.startswith("proved")][:-2] if code == 1 else []
+    return +proved, +certified, why + refused
+
+
+def counted(text: str, proof: Path) -> tuple[Counter, Counter]:
+    """The parts of the question of each kind that have claims without a gap, and all of them; refuted ends that are."""
+    tables = spec_of(text.encode())
+    header, *lines = lines_of(proof)
+    claims = [claim_of(line) for line in lines if "claim" in line]
+    proved: Counter = Counter()
+    certified: Counter = Counter()
+    for ask in map(ask_of, header["question"]):
+        line, _ = coverage.with_holes(ask, coverage.pieces_of(tables, ask, claims))
+        kind = KINDS.get(ask.claim, "rows")
+        nothing = ask.open[:1] == [*ask.sides.values()]  # has no interval
+        certified[kind] += ask.claim in coverage.SCOPES and not nothing
+        states = ["stated" if coverage.is_stated(ask, piece) else piece.state for piece in line]
+        torn = any(states[at - 1 : at + 2] == ["stable", "", "stable"] for at in range(1, len(states)))
+        proved[kind] += not torn and ("stable" in states or "unstable" in states)
+    refuted = Counter({"refuted ends": sum(claim.claim == "refuted" for claim in claims)})
+    return proved + refuted, certified + refuted
 
 
 def fate_within(seconds: int, text: str) -> tuple[Counter, Counter, list[str], float] | None:

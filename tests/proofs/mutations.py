@@ -17,9 +17,10 @@ from meaning.judge import compiled
 from meaning.specs import KINDS, METHODS, spec_text, toml
 from support.proofs import checked
 
+from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import spec_of
 from wavesweep.engine.errors import SpecError
-from wavesweep.proofs.claims import claim_of_point
+from wavesweep.proofs.claims import claim_at
 from wavesweep.proofs.of_table import checked_name
 
 CHANGES = 40
@@ -45,10 +46,12 @@ def end_of(loop) -> tuple[str, float] | None:
 
 def both_sides(text: str, number: str, end: float) -> list[dict]:
     """Claims and forms just below and above an end; nothing if they are the same, or a form is missing."""
-    found = [claim_of_point(spec_of(text.encode()), {number: repr(end * share)}) for share in (1 - NEAR, 1 + NEAR)]
-    if None in found or found[0][0] == found[1][0]:
+    tables = spec_of(text.encode())
+    try:
+        below, above = (claim_at(tables, "modes", {number: repr(end * share)}) for share in (1 - NEAR, 1 + NEAR))
+    except Refused:
         return []
-    return [line for _, lines in found for line in lines]
+    return [] if below[0]["outside"] == above[0]["outside"] else below + above
 
 
 def leaves(tables: dict, path=()):

@@ -6,7 +6,7 @@ from proofs.law import fate
 from proofs.mutations import run
 
 from wavesweep.checker.file import spec_of
-from wavesweep.proofs.claims import claim_of_point
+from wavesweep.proofs.claims import claim_at
 
 
 def proved_whole(text, folder):
@@ -42,8 +42,8 @@ def test_a_changed_spec_or_proof_is_refused(number, tmp_path):
 def test_next_to_an_end_a_loop_with_a_long_memory_has_a_form(value):
     """Of 15 states: a mode passes the circle at K = 4.0815888 by 6e-4 for each unit of K, beside an integral
     that no output reads as its gain is 0 by default, and a drift that this integral counts."""
-    outside, lines = claim_of_point(spec_of(spec_text(71, quick=True).encode()), {"K": value})
-    assert outside == (0 if value == "4.0815" else 2)
+    lines = claim_at(spec_of(spec_text(71, quick=True).encode()), "modes", {"K": value})
+    assert lines[0]["outside"] == (0 if value == "4.0815" else 2)
     first, second = lines[0]["drifts"]
     assert (first, second[0] in first) == (["@c0 integral", "c0 i"], False)
 
@@ -52,6 +52,6 @@ def test_next_to_an_end_a_loop_with_a_long_memory_has_a_form(value):
 @pytest.mark.parametrize(("number", "K", "outside"), [(141, "100", 2), (201, "150", 0)])
 def test_a_drift_may_pass_what_has_another_equation_at_other_instants(number, K, outside):
     """An impulse is 0 between its runs, also where what is made of it is read by nothing, beside the sum that it keeps."""
-    found, lines = claim_of_point(spec_of(spec_text(number, quick=True).encode()), {"K": K})
-    assert found == outside
+    lines = claim_at(spec_of(spec_text(number, quick=True).encode()), "modes", {"K": K})
+    assert lines[0]["outside"] == outside
     assert len(lines[0]["drifts"]) == 2

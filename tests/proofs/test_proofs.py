@@ -66,7 +66,7 @@ def _lines(proof):
 def test_every_row_of_walls_has_a_proof_to_its_ends(tmp_path, capsys):
     spec = _written(tmp_path, WALL, "zwidth", "--no-plot")
     proof = tmp_path / "out" / "zwidth.proof"
-    assert "claims prove 2 of 2 slices" in capsys.readouterr().err
+    assert "K_VE from 0 to 20000 at B_VE = 1: proved stable" in capsys.readouterr().err
     code, said = checked_file(spec, proof)
     assert (code, said.count("proved: ")) == (0, said.count("\n") - 1)
     stable = [line for line in _lines(proof) if line.get("outside") == 0 and "claim" in line]

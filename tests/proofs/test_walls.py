@@ -14,7 +14,7 @@ CONTACT = "[for_all]\ncontact = true\n[sweep]\n"
 def test_check_writes_the_proof_of_its_own_wall(tmp_path, capsys):
     text = DIRECT + "environment.K_VE = 200\n" + CONTACT
     spec, proof = written(tmp_path, text, "check", "--set", "environment.B_VE=2")
-    assert "comes to rest at any wall that pushes and never pulls" in capsys.readouterr().err
+    assert "for any wall that pushes and never pulls at B_VE = 2, K_VE = 200: proved stable" in capsys.readouterr().err
     claim = lines_of(proof)[3]
     assert claim["sides"] == {"K_VE": ["200", "200"], "B_VE": ["2", "2"]}
     code, words = checked_file(spec, proof)
@@ -25,7 +25,7 @@ def test_check_writes_the_proof_of_its_own_wall(tmp_path, capsys):
 def test_check_writes_the_motion_that_refutes_its_wall(tmp_path, capsys):
     text = DIRECT + "environment.K_VE = 255\n" + CONTACT
     spec, proof = written(tmp_path, text, "check")
-    assert "refuted through contact by a wall and a motion of" in capsys.readouterr().err
+    assert "for any wall that pushes and never pulls at K_VE = 255, B_VE = 1: refuted" in capsys.readouterr().err
     assert [line["claim"] for line in lines_of(proof) if "claim" in line] == ["modes", "goes on"]
     code, words = checked_file(spec, proof)
     assert code == 0

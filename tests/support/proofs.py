@@ -5,20 +5,41 @@ import gzip
 import hashlib
 import io
 import json
+import tomllib
 
-from wavesweep.checker import VERSION
+from wavesweep.checker import VERSION, file
 from wavesweep.checker.__main__ import main
 from wavesweep.program import cli
+
+
+def question_of(spec: str, lines: list[dict]) -> list[dict]:
+    """What is asked where claims are all that is asked."""
+    try:
+        sets = tomllib.loads(spec).get("for_all", {})
+    except tomllib.TOMLDecodeError:
+        sets = {}
+    question = []
+    for line in lines:
+        if isinstance(line.get("claim"), str) and isinstance(sides := line.get("sides", {}), dict):
+            points = {name: ends[0] for name, ends in sides.items() if ends and ends[0] == ends[-1]}
+            wide = {name: ends for name, ends in sides.items() if name not in points and name not in sets}
+            kind = {"refuted": "for all", "goes on": "contact"}.get(line["claim"], line["claim"])
+            question.append({"claim": kind, "numbers": line.get("numbers", {}) | points, "sides": wide})
+            question[-1] |= {key: line[key] for key in ("radius", "gain") if key in line}
+    return question
 
 
 def checked(folder, spec: str, lines: list[dict], header: dict | None = None) -> tuple[int, str]:
     """Exit code of the checker and what it prints, of a spec and the lines after the first."""
     claims = sum("claim" in line for line in lines)
-    first = {"format": "wavesweep proof 1", "sha256": hashlib.sha256(spec.encode()).hexdigest(), "claims": claims}
+    first = {"format": file.FORMAT, "sha256": hashlib.sha256(spec.encode()).hexdigest(), "claims": claims}
+    question = question_of(spec, lines)
+    is_map = any("open" in line for line in lines) or any(len(part["sides"]) > 1 for part in question)
+    first |= {"of": "map" if is_map else "design", "question": question}
     (folder / "spec.toml").write_text(spec)
-    with gzip.open(folder / "spec.proof", "wt") as file:
+    with gzip.open(folder / "spec.proof", "wt") as out:
         for line in (first | (header or {}), *lines):
-            file.write(json.dumps(line) + "\n")
+            out.write(json.dumps(line) + "\n")
     return checked_file(folder / "spec.toml", folder / "spec.proof")
 
 

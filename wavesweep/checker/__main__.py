@@ -1,19 +1,18 @@
 """`python -m wavesweep.checker SPEC FILE`: a line for each claim of a proof file, proved or refused.
 
-Exit code 0: all are proved; 1: one is refused; 2: the file is not about this spec, one of the two cannot be read, or they take
-more processor time than --seconds allows, or more memory than --megabytes (600 and 900; 0 for any).
+The last line says what they cover of what was asked. Exit code 0: all of it but what it leaves open; 3: less; 1: a claim is
+refused; 2: the file is not about this spec, one of the two cannot be read, or they take more processor time than --seconds
+allows, or more memory than --megabytes (600 and 900; 0 for any).
 """
 
 import re
 import signal
 import sys
-from decimal import Context, Decimal
-from fractions import Fraction
 from pathlib import Path
 
-from . import VERSION
-from .file import LONGEST_SPEC, OF_WALLS, Claim, check
-from .gain import Gain
+from . import VERSION, coverage
+from .coverage import gain_in_words, plain, shares_in_words
+from .file import LONGEST_SPEC, OF_WALLS, Claim, read
 from .reader.loops import Unreadable
 
 try:
@@ -25,7 +24,6 @@ USAGE = f"usage: python -m {__package__} [--seconds N] [--megabytes N] SPEC.toml
 # processor time, of which the largest files of the documents take a tenth, and memory
 LIMITS = {"--seconds": 600.0, "--megabytes": 900.0}
 NUMBER = re.compile(r"[0-9]{1,9}(\.[0-9]{1,9})?")
-DIGITS = 300  # more than a number of a file has
 SCOPES = {
     "modes": "the spec's own loop",
     "for all": "all that [for_all] and its channels allow",
@@ -42,25 +40,20 @@ def in_words(claim: Claim) -> str:
     """What a claim says, from its data."""
     points = {name: low for name, (low, high) in claim.sides.items() if low == high}
     where = [
-        f"{name} from {_written(low)} to {_written(high)}"
+        f"{name} from {plain(low)} to {plain(high)}"
         for name, (low, high) in claim.sides.items()
         if name not in points
     ]
-    where += [f"{name} = {_written(value)}" for name, value in (points | claim.numbers).items()]
+    where += [f"{name} = {plain(value)}" for name, value in (points | claim.numbers).items()]
     circle = "the unit circle"
     if claim.radius != 1:
-        circle = f"the circle of radius {_written(claim.radius)}, in each frame"
+        circle = f"the circle of radius {plain(claim.radius)} in each period of its rates"
     words = f"{SCOPES[claim.claim]}, {', '.join(where) or 'its own numbers'}: "
     if claim.times and claim.claim == "for all":
         low, high = min(claim.times.values())[0], max(claim.times.values())[1]
-        words += f"with ticks of any times from {_written(low)} to {_written(high)} s, "
+        words += f"with ticks of any times from {plain(low)} to {plain(high)} s, "
     if claim.shares:
-        parts = {None: "open", 0: "stable"}
-        shares = sorted(claim.shares.items(), key=lambda each: (each[0] is None, each[0]))
-        words += ", ".join(
-            f"{float(share):.4%} {parts.get(count, f'{count} modes outside')}"
-            for count, share in shares
-        )
+        words += shares_in_words(claim.shares)
     elif claim.claim == "for all":
         words += "every motion decays"
     elif claim.claim == "mean square":
@@ -68,15 +61,15 @@ def in_words(claim: Claim) -> str:
     elif claim.claim == "contact":
         words += f"every motion comes to rest, if its force is any {WALLS}"
     elif claim.claim == "goes on":
-        forces = ", ".join(map(_written, claim.forces))
+        forces = ", ".join(map(plain, claim.forces))
         words += f"its forces are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
     elif claim.gain:
-        words += f"stable, and {_of_gain(claim.gain)}"
+        words += f"stable, and {gain_in_words(claim.gain)}"
     elif claim.outside:
         modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
         words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
         if claim.word:
-            times = [_written(claim.times[letter][0]) for letter in claim.word if claim.times]
+            times = [plain(claim.times[letter][0]) for letter in claim.word if claim.times]
             words += f", with {'ticks of' if times else 'frames'} {', '.join(times or claim.word)}{' s' if times else ''} for ever"
     elif not claim.states:
         words += "there is no mode"
@@ -92,23 +85,6 @@ def in_words(claim: Claim) -> str:
     return words
 
 
-def _of_gain(gain: Gain) -> str:
-    level = _written(gain.at_most)
-    if gain.cut:
-        less = f" - {_written(gain.less)}" if gain.less else ""
-        return f"|1/(1 + L){less}| at {gain.cut} is below {level} at all frequencies"
-    return f"in the energy of all ticks {gain.signal} is below {level} times {gain.source}, whatever comes in"
-
-
-def _written(number: Fraction) -> str:
-    """All digits of a decimal number: a claim about a rounded one would be another."""
-    short = f"{float(number):.15g}"
-    if Fraction(short) == number:
-        return short
-    digits = Context(DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator))
-    return str(digits if Fraction(digits) == number else number)
-
-
 def main(arguments: list[str]) -> int:
     limits = dict(LIMITS)
     while arguments[:1] and arguments[0] in limits and NUMBER.fullmatch("".join(arguments[1:2])):
@@ -118,16 +94,20 @@ def main(arguments: list[str]) -> int:
         print(USAGE, file=sys.stderr)
         return 2
     print(f"wavesweep checker {VERSION}", flush=True)
-    verdicts = []
+    verdicts: list[bool] = []
+    proved: list[Claim] = []
     try:
         limited(*limits.values())
         with Path(arguments[0]).open("rb") as spec, Path(arguments[1]).open("rb") as file:
-            for claim, why in check(spec.read(LONGEST_SPEC + 1), file):
+            proof = read(spec.read(LONGEST_SPEC + 1), file)
+            for claim, why in proof.claims:
                 verdicts.append(not why)
+                proved += [claim] * (not why)
                 words = (
                     f"REFUSED: {in_words(claim)}: {why}" if why else f"proved: {in_words(claim)}"
                 )
                 print(_one_line(words), flush=True)
+            covered, whole = coverage.in_words(proof.tables, proof.ran, proof.question, proved)
     except (Unreadable, OSError) as error:
         print(_one_line(f"not checked: {error}"), file=sys.stderr)
         return 2
@@ -141,7 +121,10 @@ def main(arguments: list[str]) -> int:
     finally:
         limited(0, 0)
     print(f"{sum(verdicts)} of {len(verdicts)} claims proved")
-    return 0 if all(verdicts) else 1
+    print(_one_line(covered))
+    if not all(verdicts):
+        return 1
+    return 0 if whole else 3
 
 
 def limited(seconds: float, megabytes: float) -> None:

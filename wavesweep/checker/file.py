@@ -3,9 +3,9 @@
 `NAME.proof` is a gzip of JSON lines. Numbers are decimal strings ("798.52"), counts whole numbers. A field
 that is not named here is refused, and nothing is taken from the file that follows from the spec. First a line
 
-    {"format": "wavesweep proof 1", "sha256": of the bytes of the spec, "claims": 3}
+    {"format": "wavesweep proof 2", "sha256": of the bytes of the spec, "of": "sweep", "question": [...], "claims": 3}
 
-and then each claim, a line, followed by the lines of its cells:
+whose question `coverage.py` has, and then each claim, a line, followed by the lines of its cells:
 
     claim     "modes": of the spec's own loop; "for all": of all that [for_all] and channels say; "refuted": a member of this is
               unstable; "mean square": of [for_all] with chances; "contact": of any wall that pushes and never pulls;
@@ -57,6 +57,7 @@ from typing import IO, Any
 
 from . import balls, contact, form
 from .balls import Cell, Refused, decimal
+from .coverage import Ask
 from .drifts import Form, drifts_of, reduced
 from .frame import Frames, states_of, steps_of
 from .gain import Gain, opened, stays_below
@@ -64,7 +65,8 @@ from .reader import for_all, loop_of, unknown_key, wall_of, with_numbers
 from .reader.controllers import SYMBOLS
 from .reader.loops import INPUT, OUTPUT, Unreadable
 
-FORMAT = "wavesweep proof 1"
+FORMAT = "wavesweep proof 2"
+RUNS = "sweep", "map", "design"
 LONGEST_SPEC = 1 << 20  # bytes
 LONGEST_LINE = 1 << 22
 LONGEST_FILE = 1 << 30  # once it is unpacked
@@ -277,26 +279,45 @@ def _repeated(moves, word: list[str]) -> list[str]:
     raise Refused(f"the spec does not allow the frames {', '.join(word) or 'of no word'} for ever")
 
 
-def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
-    """Each claim of a file about a spec, with why it is refused, "" if it is proved.
+@dataclass
+class Proof:
+    """A file about a spec: what is asked, and each claim with why it is refused, "" if it is proved."""
 
-    Raises Unreadable if the file is not about this spec, or no such file, or too large.
+    tables: dict
+    ran: str
+    question: list[Ask]
+    claims: Iterator[tuple[Claim, str]]
+
+
+def read(text: bytes, file: IO[bytes]) -> Proof:
+    """A file of proofs about a spec, whose claims are checked one after the other.
+
+    Raises Unreadable, also later, if the file is not about this spec, or no such file, or too large.
     """
     tables = spec_of(text)
     lines = _lines(file)
     header = next(lines, {})
     if header.get("format") != FORMAT:
         raise Unreadable(f"no proof file: its first line has no format {FORMAT!r}")
-    if set(header) != {"format", "sha256", "claims"}:
-        raise Unreadable("the first line has other fields than format, sha256 and claims")
+    if set(header) != {"format", "sha256", "of", "question", "claims"}:
+        raise Unreadable(
+            "the first line has other fields than format, sha256, of, question and claims"
+        )
     if header["sha256"] != hashlib.sha256(text).hexdigest():
         raise Unreadable("the proof is about another spec: its SHA-256 differs")
+    if header["of"] not in RUNS:
+        raise Unreadable(f"a file is of one of {', '.join(RUNS)}")
+    question = [ask_of(line) for line in _expect(header["question"], list, "the question")]
+    return Proof(tables, header["of"], question, _checked(tables, lines, header["claims"]))
+
+
+def _checked(tables: dict, lines: Iterator[dict], claims: int) -> Iterator[tuple[Claim, str]]:
     line = next(lines, None)
     count = 0
     while line is not None:
         if "claim" not in line:
             raise Unreadable("a cell without a claim")
-        claim = _claim(line)
+        claim = claim_of(line)
         count += 1
         rest = _Cells(lines)
         why = ""
@@ -310,8 +331,8 @@ def check(text: bytes, file: IO[bytes]) -> Iterator[tuple[Claim, str]]:
         if count > CELLS:
             raise Unreadable(f"more than {CELLS} claims")
         yield claim, why
-    if not count or count != header["claims"]:
-        raise Unreadable(f"{count} claims in place of {header['claims']}: the file is not whole")
+    if not count or count != claims:
+        raise Unreadable(f"{count} claims in place of {claims}: the file is not whole")
 
 
 class _Cells:
@@ -380,25 +401,46 @@ def _fraction(given) -> Fraction:
     return decimal(_expect(given, str, "a number"))
 
 
-def _claim(line) -> Claim:
+def ask_of(line) -> Ask:
+    """A part of the question."""
+    _expect(line, dict, "a part of the question")
+    if line.keys() - {"claim", "numbers", "sides", "radius", "open", "gain"}:
+        raise Unreadable(
+            "a part of the question has claim, numbers, sides, radius, gain and open alone"
+        )
+    openings = [_ends("an opening", ends) for ends in _expect(line.get("open", []), list, "open")]
+    kind = _expect(line.get("claim"), str, "a claim")
+    radius = _fraction(line.get("radius", "1"))
+    gain = _gain(_expect(line["gain"], dict, "a gain")) if "gain" in line else None
+    return Ask(kind, *_numbers_and_sides(line), radius, openings, gain)
+
+
+def _ends(name: str, given) -> tuple[Fraction, Fraction]:
+    low, high = map(_fraction, _expect(given, list, name, 2))
+    if low > high:
+        raise Unreadable(f"{name} ends before it begins")
+    return low, high
+
+
+def _numbers_and_sides(line) -> tuple[dict[str, Fraction], dict[str, tuple[Fraction, Fraction]]]:
+    given = _expect(line.get("sides", {}), dict, "sides")
+    sides = {name: _ends(f"the side {name}", ends) for name, ends in given.items()}
+    given = _expect(line.get("numbers", {}), dict, "numbers")
+    numbers = {name: _fraction(value) for name, value in given.items()}
+    if len(sides) > SIDES or sides.keys() & numbers.keys():
+        raise Unreadable(f"more than {SIDES} sides, or a side that is a number too")
+    return numbers, sides
+
+
+def claim_of(line) -> Claim:
+    """A claim, from its line."""
     unknown = line.keys() - FIELDS - COORDINATES
     if unknown:
         raise Unreadable(f"the field {min(unknown)} of a claim is not known")
     kind = line["claim"]
     if kind not in KINDS:
         raise Unreadable(f"no claim {kind!r} is known")
-    sides = {}
-    for name, ends in _expect(line.get("sides", {}), dict, "sides").items():
-        low, high = map(_fraction, _expect(ends, list, "a side", 2))
-        if low > high:
-            raise Unreadable(f"the side {name} ends before it begins")
-        sides[name] = low, high
-    numbers = {
-        name: _fraction(value)
-        for name, value in _expect(line.get("numbers", {}), dict, "numbers").items()
-    }
-    if len(sides) > SIDES or sides.keys() & numbers.keys():
-        raise Unreadable(f"more than {SIDES} sides, or a side that is a number too")
+    numbers, sides = _numbers_and_sides(line)
     wanted = kind in ("modes", "refuted") and not line.get("open")
     if wanted:
         _expect(line.get("outside"), int, "outside")

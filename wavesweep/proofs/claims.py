@@ -3,7 +3,7 @@ of loops, and what refutes them."""
 
 import gzip
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from hashlib import sha256
@@ -61,15 +61,16 @@ def claims_along(
         yield (low, high, outside), [head, *tree(name, run)]
 
 
-def claim_of_point(
-    tables: dict, numbers: Mapping[str, str], radius: float = 1.0
-) -> tuple[int, Lines] | None:
-    """Return how many modes of a loop are outside a circle, and the lines; None without a form."""
+def claim_at(tables: dict, kind: str, numbers: Mapping[str, str], radius: float = 1.0) -> Lines:
+    """Return the lines of a claim without a range: how many modes are outside a circle, or what
+    `claim_of_set` has. Errors: Refused, Unreadable."""
+    if kind != "modes":
+        return claim_of_set(tables, kind, numbers, None)
     family, claim = _family(tables, numbers, {}, radius)
     found = cell_of(family, {})
     if not isinstance(found, Cell):
-        return None
-    return found.outside, [claim | {"outside": found.outside}, found.line]
+        raise Refused("an eigenvalue is next to the circle")
+    return [claim | {"outside": found.outside}, found.line]
 
 
 def claim_of_set(
@@ -157,10 +158,18 @@ def claim_of_plane(
     return share, [head | {"sides": written, "open": True}, *cells]
 
 
-def frame_of(tables: dict, numbers: Mapping[str, str]) -> float:
-    """Return how long a frame of the own loop takes (s). Errors: Unreadable."""
+def times_of(tables: dict, numbers: Mapping[str, str]) -> tuple[float, float]:
+    """Return how long a tick and a frame of the own loop take (s). Errors: Unreadable."""
     loop = loop_of(with_numbers(tables, _exact(numbers)), balls)
-    return float(loop.schedule().period)
+    return float(loop.T), float(loop.schedule().period)
+
+
+def radius_at(tables: dict, numbers: Mapping[str, str]) -> float:
+    """Return the spectral radius of the own loop with these numbers over a frame, in doubles, without
+    drifts. Errors: Refused, Unreadable."""
+    family, _ = _family(tables, numbers, {})
+    A = np.array(family.matrix("", balls.POINT).parts[()], float) / balls.ONE
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0)) if len(A) else 0.0
 
 
 def _family(tables, numbers, sides, radius=1.0):
@@ -180,12 +189,13 @@ def _coordinates(claim):
     return {"drifts": claim.drifts, "states": claim.states}
 
 
-def write(place: Path, spec: bytes, claims: Iterable[Lines]) -> int:
-    """Write a proof file about a spec; return how many claims it has."""
-    claims = list(claims)
-    header = {"format": file.FORMAT, "sha256": sha256(spec).hexdigest(), "claims": len(claims)}
+def write(
+    place: Path, spec: bytes, ran: str, question: Sequence[dict], claims: Sequence[Lines]
+) -> None:
+    """Write a proof file about a spec."""
+    header = {"format": file.FORMAT, "sha256": sha256(spec).hexdigest(), "of": ran}
+    header |= {"question": [*question], "claims": len(claims)}
     # Without a time and a name in it, so that equal runs give equal bytes.
     with place.open("wb") as raw, gzip.GzipFile("", "wb", fileobj=raw, mtime=0) as packed:
         for line in (header, *(line for lines in claims for line in lines)):
             packed.write(json.dumps(line, separators=(",", ":")).encode() + b"\n")
-    return len(claims)

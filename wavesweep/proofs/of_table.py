@@ -4,37 +4,41 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.checker import balls, coverage
 from wavesweep.checker.__main__ import in_words
 from wavesweep.checker.balls import Refused
-from wavesweep.checker.file import check, spec_of
+from wavesweep.checker.file import Proof, ask_of, claim_of, read, spec_of
+from wavesweep.checker.reader import for_all, path_of
 from wavesweep.checker.reader.loops import Unreadable
-from wavesweep.engine.errors import UsageError
-from wavesweep.program.analyses.asked import key_named
-from wavesweep.program.number_words import rounded_up
-from wavesweep.program.spec import SYMBOLS, Spec, sweep_axes
+from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.program.analyses.asked import axes_asked, key_named
+from wavesweep.program.analyses.spec_loops import radius_over
+from wavesweep.program.spec import SYMBOLS, Spec, load, sweep_axes
 from wavesweep.program.tables.kind import count
-from wavesweep.program.tables.refuters import Refuters, in_a_sentence
+from wavesweep.program.tables.refuters import Refuters
 from wavesweep.proofs.cells import WINDOW, exactly
 from wavesweep.proofs.claims import (
-    Found,
     Lines,
+    claim_at,
     claim_of_plane,
-    claim_of_point,
     claim_of_set,
     claim_refuted,
     claims_along,
-    frame_of,
+    radius_at,
+    times_of,
     write,
 )
 from wavesweep.proofs.planes import Part
+from wavesweep.proofs.sets import LEFT_OPEN, decimals
 from wavesweep.proofs.walls import claim_of_motion, claim_of_walls
 
 if TYPE_CHECKING:
@@ -51,13 +55,15 @@ UNCLAIMED = {
 UNCLAIMED_FACTS = {"every_hand": "every passive hand"}
 FACTS = "for_all", "at_random", "tick"  # of `check`
 IN_ANY_ORDER = "for_all", "messages"  # their kinds that are not about means
-IN_WORDS = {"for all": "stable", "mean square": "stable in mean square"}
 ORDINALS = "first", "second", "third"  # in the columns of a map
 REQUIRED = "what [sweep] require asks for"
-SLICES, ROWS, REFUTED = "slices", "rows for all of [for_all]", "refuted ends"
-THROUGH_CONTACT = "rows through contact"
 SHORT = 0.0, 1e-3, 1e-2, 3e-2  # of a row: how much of it a claim may leave out at its high end
-SAME_END = 4 * WINDOW  # of an end or of the range: how far a row and its proof may differ
+SAME_END = 8 * WINDOW  # of an end or of the range: what a proof leaves open about it
+SAME_RADIUS = 1e-5  # of a radius in doubles
+PLACES = np.array(
+    [[0.7, 0.3], [0.2, 0.8]]
+)  # of a range, at which loops are held against each other
+NO_CONTRADICTION = 1e-6  # of an end: how far a row and its proof may differ
 
 
 def text_of(source: str) -> bytes:
@@ -95,35 +101,20 @@ def with_proof(
     table: Table, spec: Spec, source: str, overrides: Sequence[str], say: Callable[[str], None]
 ) -> Table:
     """Return a table of intervals that writes its proof file as well. say: is called with what the
-    file has, and what has no proof."""
+    file has, and what has no proof. Errors: ContradictedError."""
     text = text_of(source)
     numbers = numbers_set(spec, overrides)
     if spec.require and not sizes_alone(spec):
         say(f"no proof file for {REQUIRED}")
         return table
     along, _ = sweep_axes(spec, str(table.columns["along"][0]))
-    proofs = _Proofs(
-        spec, text, along.name, checked_name(along.path), (float(along.start), float(along.stop))
-    )
-    others = set()
+    span = float(along.start), float(along.stop)
+    proofs = _Proofs(spec, text, "sweep", along.name, checked_name(along.path), span)
     for kind, own, rows in _slices(spec, table.columns):
-        if kind in OWN:
-            proofs.of_slice(numbers | own, rows)
-        elif kind == "contact":
-            proofs.of_walls(numbers | own, rows)
-        elif kind in CLAIMED and not spec.require:
-            proofs.of_set(CLAIMED[kind], numbers | own, rows)
-        else:
-            of_all = f"{REQUIRED}, for all of [for_all]"
-            others.add(of_all if kind in CLAIMED else UNCLAIMED.get(kind, kind))
+        proofs.of_rows(kind, numbers | own, rows)
     for line in proofs.in_words(f"{table.kind}.proof"):
         say(line)
-    if others:
-        say(f"no proof file for {', '.join(sorted(others))}")
-    if not proofs.claims:
-        return table
-
-    return _with_file(table, text, proofs.claims)
+    return proofs.beside(table)
 
 
 def sizes_alone(spec: Spec) -> bool:
@@ -138,13 +129,29 @@ def radius_of(spec: Spec, tables: dict, numbers: Mapping[str, str]) -> float:
     """Return the radius within which a spec with these numbers requires modes to be at the end of a
     frame."""
     required: Any = spec.require
-    frame = frame_of(tables, numbers)
-    if spec.drawing:
-        clock = 1 / spec.tick_hz
-    else:  # T_s, whatever runs at the slow rate
-        own = {path: str(spec.own(path)) for path in ("rates.ratio", "rates.fast_hz")} | {**numbers}
-        clock = float(own["rates.ratio"]) / float(own["rates.fast_hz"])
+    clock, frame = clock_and_frame(spec, tables, numbers)
     return float(required.bound.over(clock / frame).radius_of(np.array(frame)))
+
+
+def clock_and_frame(spec: Spec, tables: dict, numbers: Mapping[str, str]) -> tuple[float, float]:
+    """Return the time over which a spec with these numbers counts, a tick of a drawing, else T_s,
+    whatever runs at the slow rate; and that after which its rates are in step. Errors: Unreadable."""
+    tick, frame = times_of(tables, numbers)
+    if spec.drawing:
+        return tick, frame
+    if "rates.slow_hz" in numbers:
+        return 1 / float(numbers["rates.slow_hz"]), frame
+    own = {path: str(spec.own(path)) for path in ("rates.ratio", "rates.fast_hz")} | {**numbers}
+    return float(own["rates.ratio"]) / float(own["rates.fast_hz"]), frame
+
+
+def _members(tables: dict) -> Iterator[dict[str, float]]:
+    """Yield the members of [for_all] with the least and the last values of all its numbers."""
+    allowed = for_all.read(tables, balls.exact)
+    values = allowed.ranges | allowed.listed | allowed.varying
+    for at in (0, -1):
+        chosen = {name: ends[at] for name, ends in values.items()}
+        yield {name: float(value) for name, value in chosen.items() if value != "frame"}
 
 
 def wall_with(spec: Spec, numbers: Mapping[str, str]) -> dict[str, tuple[Fraction, Fraction]]:
@@ -155,17 +162,6 @@ def wall_with(spec: Spec, numbers: Mapping[str, str]) -> dict[str, tuple[Fractio
         value = exactly(float(numbers.get(name, spec.own(path))))
         found[name] = value, value
     return found
-
-
-def _with_file(table: Table, text: bytes, claims: Sequence[Lines]) -> Table:
-    """The table that writes these claims about a text as well."""
-    name = f"{table.kind}.proof"
-
-    def more(folder: Path) -> None:
-        write(folder / name, text, claims)
-
-    facts = {**table.facts, "proof": name, "proved_spec": text.decode()}
-    return replace(table, facts=facts, extra_files=more)
 
 
 def of_map(
@@ -193,65 +189,110 @@ def of_map(
         return table
     forms = sum("L" in line for line in lines)
     say(f"{table.kind}.proof: {forms} forms prove {100 * share:.4g} % of the area")
-    return _with_file(table, text, [lines])
+    proofs = _Proofs(spec, text, "map", claims=[lines])
+    proofs.ask("modes", lines[0]["numbers"], lines[0]["sides"])
+    return proofs.beside(table)
+
+
+class ContradictedError(WavesweepError):
+    """A claim of a proof file is not what its table says, or the checker's loop is another one."""
+
+    def __str__(self) -> str:
+        return f"{super().__str__()}; this is a fault of wavesweep: please report it, with the spec; no proof file is written"
 
 
 @dataclass(slots=True, eq=False)
 class _Proofs:
-    """The claims of the rows of a table, and what has none.
+    """A proof file: what is asked, the claims, and what has none.
 
-    text: of the spec, as its file has it. axis, number: along which rows are, and its name for the checker; span: its
-    range. proved, wanted: slices, and ends that are refuted. unproved: why some are not. begins: from
-    where on rows are proved whose low ends are not.
+    text: of the spec, as its file has it. ran: the kind of question. axis, number: along which rows are, and its name for the
+    checker; span: its range. unproved: why some claims are not there.
     """
 
     spec: Spec
     text: bytes
-    axis: str
-    number: str
-    span: tuple[float, float]
+    ran: str
+    axis: str = ""
+    number: str = ""
+    span: tuple[float, float] = (0.0, 0.0)
+    question: list[dict[str, Any]] = field(default_factory=list)
     claims: list[Lines] = field(default_factory=list)
-    proved: Counter[str] = field(default_factory=Counter)
-    wanted: Counter[str] = field(default_factory=Counter)
     unproved: Counter[str] = field(default_factory=Counter)
-    begins: float = 0.0
 
-    def of_slice(self, numbers: dict[str, str], rows: Columns) -> None:
+    @property
+    def tables(self) -> dict[str, Any]:
+        return spec_of(self.text)
+
+    def ask(
+        self, kind: str, numbers: Mapping[str, str], sides: Mapping, radius: float = 1.0
+    ) -> None:
+        """Add a part of the question."""
+        part: dict[str, Any] = {"claim": kind, "numbers": dict(numbers), "sides": dict(sides)}
+        if radius != 1:
+            part["radius"] = repr(radius)
+        self.question.append(part)
+
+    def of_rows(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
+        """Add what is asked of a combination of the other axes, and the claims of its rows."""
+        sides = {self.number: [*map(repr, self.span)]}
+        radius = 1.0
+        first = len(self.claims)
+        if kind in OWN:
+            kind = "modes"
+            radius = radius_of(self.spec, self.tables, numbers) if self.spec.require else 1.0
+            self.ask(kind, numbers, sides, radius)
+            self._of_slice(numbers, rows, radius)
+        elif kind == "contact":
+            walls = {
+                name: decimals(low) for name, (low, _) in wall_with(self.spec, numbers).items()
+            }
+            walls.pop(self.number, None)
+            self.ask(kind, numbers | walls, sides)
+            self._of_walls(numbers, rows)
+        elif kind in CLAIMED and not self.spec.require:
+            kind = CLAIMED[kind]
+            self.ask(kind, numbers, sides)
+            self._of_set(kind, numbers, rows)
+        else:
+            of_all = f"{REQUIRED}, for all of [for_all]"
+            words = of_all if kind in CLAIMED else UNCLAIMED.get(kind, kind)
+            self.unproved[f"no proof file for {words}"] += 1
+            self.ask(words, numbers, sides)
+            return
+        self._close(kind, numbers, rows, self.claims[first:])
+
+    def _of_slice(self, numbers: dict[str, str], rows: Columns, radius: float) -> None:
         """Add the claims of the spec's own loop along the number."""
         ends = ends_of(rows, self.span)
-        with self._counted(SLICES):
-            tables = spec_of(self.text)
-            radius = radius_of(self.spec, tables, numbers) if self.spec.require else 1.0
-            found = list(claims_along(tables, numbers, self.number, self.span, ends, radius))
+        with self.telling("slice"):
+            found = claims_along(self.tables, numbers, self.number, self.span, ends, radius)
             self.claims += [lines for _, lines in found]
-            if end := end_without_proof(rows, [stretch for stretch, _ in found], self.span):
-                raise Refused(f"other ends than {self.axis} = {end:.10g}")
 
-    def of_set(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
+    def _of_set(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
         """Add the claims of rows of all that [for_all] says, and of what refutes the values beyond."""
         for at in np.flatnonzero(rows["intervals"] > 0).tolist():
             refuters = Refuters.read(str(rows["counterexample"][at]))
             above = float(rows["fails_from"][at])
             along = self.number, float(rows["low"][at]), float(rows["high"][at])
             beyond = (above, refuters.high) if above > along[2] else (np.inf, "")
-            with self._counted(ROWS):
+            with self.telling("row for all of [for_all]"):
                 self._add_row(kind, numbers, along, beyond)
             if kind == "mean square":
                 continue
             below = float(rows["fails_below"][at])
             for end, text, away in ((below, refuters.low, -WINDOW), (above, refuters.high, WINDOW)):
                 if np.isfinite(end):
-                    with self._counted(REFUTED):
+                    with self.telling("refuted end"):
                         self.claims.append(self._refuted(numbers, end, text, away))
 
-    def of_walls(self, numbers: dict[str, str], rows: Columns) -> None:
+    def _of_walls(self, numbers: dict[str, str], rows: Columns) -> None:
         """Add the claims of rows of every wall that pushes and never pulls."""
         for at in np.flatnonzero(rows["intervals"] > 0).tolist():
             span = exactly(float(rows["low"][at])), exactly(float(rows["high"][at]))
             walls = wall_with(self.spec, numbers)
-            with self._counted(THROUGH_CONTACT):
+            with self.telling("row through contact"):
                 walls[self.number] = span
-                self.claims.append(claim_of_walls(spec_of(self.text), numbers, walls))
+                self.claims.append(claim_of_walls(self.tables, numbers, walls))
             refuters = Refuters.read(str(rows["counterexample"][at]))
             refuted = (
                 (rows["fails_below"][at], refuters.low),
@@ -260,10 +301,8 @@ class _Proofs:
             for end, text in refuted:
                 if np.isfinite(end) and text.startswith("a wall through"):
                     walls[self.number] = (exactly(float(end)),) * 2
-                    with self._counted(REFUTED):
-                        self.claims.append(
-                            claim_of_motion(spec_of(self.text), numbers, walls, text)
-                        )
+                    with self.telling("refuted end"):
+                        self.claims.append(claim_of_motion(self.tables, numbers, walls, text))
 
     def _add_row(self, kind, numbers, along, beyond):
         """Add the claim of a row, or of what is left of one for late ticks beyond which no form is
@@ -272,7 +311,7 @@ class _Proofs:
         for share in SHORT if self.spec.tick else SHORT[:1]:
             end = high - share * (high - low)
             try:
-                lines = claim_of_set(spec_of(self.text), kind, numbers, (name, low, end), beyond)
+                lines = claim_of_set(self.tables, kind, numbers, (name, low, end), beyond)
             except Refused as error:
                 refused = error
                 continue
@@ -286,30 +325,121 @@ class _Proofs:
         """The claim that an end is refuted, or what is next to it: of a member, the end of its stable
         interval is where a mode is on the circle."""
         try:
-            return claim_refuted(spec_of(self.text), numbers | {self.number: repr(end)}, text)
+            return claim_refuted(self.tables, numbers | {self.number: repr(end)}, text)
         except Refused:
             beyond = end + away * abs(end)
-        return claim_refuted(spec_of(self.text), numbers | {self.number: repr(beyond)}, text)
+        return claim_refuted(self.tables, numbers | {self.number: repr(beyond)}, text)
+
+    def _close(
+        self, kind: str, numbers: dict[str, str], rows: Columns, claims: list[Lines]
+    ) -> None:
+        """Hold claims against their rows, claim the low end by itself where its drift is its own, and
+        say what the rows leave open. Errors: ContradictedError."""
+        part = self.question[-1]
+        ask = ask_of(part)
+        line = _covered(self.tables, ask, claims)
+        low, high = ask.sides[self.number]
+        if not line[0].state and line[-1].state and float(rows["low"][0]) == low:
+            point = numbers | {self.number: repr(self.span[0])}
+            with suppress(Refused, Unreadable):
+                self.claims.append(claim_at(self.tables, kind, point, float(ask.radius)))
+                line = _covered(self.tables, ask, [*claims, self.claims[-1]])
+        if words := contradicted(line, rows):
+            where = ", ".join(f"{name} = {value}" for name, value in numbers.items())
+            raise ContradictedError(f"{where or self.spec.name}: {self.axis} {words}")
+        places = [*self.span, *ends_of(rows, self.span), *PLACES @ np.array(self.span)]
+        self.hold_loop(numbers, {self.number: [*map(float, places)]})
+        if kind in CLAIMED.values():
+            for member in _members(self.tables):
+                self.hold_loop(numbers, {name: [value] for name, value in member.items()})
+        near = exactly(LEFT_OPEN) * (high - low)
+        if kind == "modes":
+            near = exactly(SAME_END) * max(abs(low), abs(high), high - low)
+        holes = [piece[:2] for piece in line if not piece.state and piece.high - piece.low <= near]
+        if kind != "modes":
+            ends = [low, *map(exactly, _within(rows)), high]
+            holes += zip(ends[::2], ends[1::2], strict=True)
+        part["open"] = [[decimals(begin), decimals(end)] for begin, end in holes if begin < end]
 
     @contextmanager
-    def _counted(self, what: str) -> Iterator[None]:
-        self.wanted[what] += 1
+    def telling(self, what: str) -> Iterator[None]:
+        """Keep why there is no claim."""
         try:
             yield
-            self.proved[what] += 1
         except (Refused, Unreadable) as error:
-            self.unproved[f"{what}: {error}"] += 1
+            self.unproved[f"no proof of a {what}: {error}"] += 1
+
+    def hold_loop(self, numbers: Mapping[str, str], places: Mapping[str, list[float]]) -> None:
+        """Hold the checker's loop against the engine's, by their spectral radius in doubles, at places of
+        a number or a member of [for_all]. Errors: ContradictedError."""
+        values = {name: [float(value)] for name, value in numbers.items()} | dict(places)
+        try:
+            radii = radius_over(self.spec, axes_asked(self.spec, values)).tolist()
+        except WavesweepError:  # no loop with these numbers
+            return
+        for point, radius in zip(product(*values.values()), radii, strict=True):
+            texts = dict(zip(values, map(repr, point), strict=True))
+            with suppress(Refused, Unreadable):
+                clock, frame = clock_and_frame(self.spec, self.tables, texts)
+                of_checker = radius_at(self.tables, texts) ** max(1.0, clock / frame)
+                if abs(radius - of_checker) > SAME_RADIUS * max(1.0, radius):
+                    where = ", ".join(f"{name} = {text}" for name, text in texts.items())
+                    raise ContradictedError(
+                        f"{where or self.spec.name}: the spectral radius is {radius:.10g}, and {of_checker:.10g} by the checker"
+                    )
 
     def in_words(self, name: str) -> Iterator[str]:
         """Yield what the file has, and what has no proof."""
-        counts = [f"{self.proved[what]} of {wanted} {what}" for what, wanted in self.wanted.items()]
-        if counts:
-            prove = "proves" if len(self.claims) == 1 else "prove"
-            yield f"{name}: {count(len(self.claims), 'claim')} {prove} {', '.join(counts)}"
-        if self.begins:
-            yield f"  {self.axis} from {rounded_up(self.begins, 3)} on: next to lower ends no form is found"
-        for why, unproved in self.unproved.items():
-            yield f"  no proof of {unproved} {why}"
+        question = [ask_of(part) for part in self.question]
+        if self.claims:
+            claims = [claim_of(lines[0]) for lines in self.claims]
+            covered, _ = coverage.in_words(self.tables, self.ran, question, claims)
+            yield f"{name}: {count(len(claims), 'claim')}; {covered}"
+        else:
+            yield "no proof file"
+        for why, times in self.unproved.items():
+            yield f"  {why}{f' ({times} times)' * (times > 1)}"
+
+    def write(self, place: Path) -> None:
+        """Write the file."""
+        write(place, self.text, self.ran, self.question, self.claims)
+
+    def beside(self, table: Table) -> Table:
+        """The table that writes the file as well, if there is a claim."""
+        if not self.claims:
+            return table
+        name = f"{table.kind}.proof"
+        facts = {**table.facts, "proof": name, "proved_spec": self.text.decode()}
+        return replace(table, facts=facts, extra_files=lambda folder: self.write(folder / name))
+
+
+def _covered(tables: dict, ask: coverage.Ask, claims: Sequence[Lines]) -> list[coverage.Piece]:
+    """What claims prove of a part of the question, from low to high with the holes."""
+    heads = [claim_of(lines[0]) for lines in claims]
+    return coverage.with_holes(ask, coverage.pieces_of(tables, ask, heads))[0]
+
+
+def _within(rows: Columns) -> list[float]:
+    """The ends of the intervals of a slice, low and high in turn."""
+    pairs = np.stack([rows["low"], rows["high"]], 1)
+    return pairs[np.isfinite(pairs).all(1)].ravel().tolist()
+
+
+def contradicted(line: Sequence[coverage.Piece], rows: Columns) -> str:
+    """Return what is proved of a slice and is not what its rows say, in words; empty if all is."""
+    ends = _within(rows)
+    intervals = list(zip(ends[::2], ends[1::2], strict=True))
+    for piece in line:
+        low, high = float(piece.low), float(piece.high)
+        near = NO_CONTRADICTION * max(abs(low), abs(high))
+        if piece.state in ("stable", "within"):
+            agrees = any(begin <= low + near and high - near <= end for begin, end in intervals)
+        else:
+            agrees = all(high <= begin + near or end - near <= low for begin, end in intervals)
+        if piece.state and not agrees:
+            said = ", ".join(f"{begin:.10g} to {end:.10g}" for begin, end in intervals)
+            return f"is proved {piece.state} from {low:.10g} to {high:.10g}, and stable from {said or 'nowhere'} in the table"
+    return ""
 
 
 def _slices(spec: Spec, columns: Columns) -> Iterator[tuple[str, dict[str, str], Columns]]:
@@ -337,103 +467,104 @@ def ends_of(rows: Columns, span: tuple[float, float]) -> list[float]:
     return np.unique(ends[(ends > span[0] + away) & (ends < span[1] - away)]).tolist()
 
 
-def end_without_proof(
-    rows: Columns, stretches: Sequence[Found], span: tuple[float, float]
-) -> float:
-    """Return an end of an interval that no stable stretch has; 0 if all have one."""
-    for low, high in zip(rows["low"], rows["high"], strict=True):
-        if np.isnan(low):
-            continue
-        near = SAME_END * max(abs(low), abs(high), span[1] - span[0])
-        if not any(
-            outside == 0 and abs(start - low) <= near and abs(stop - high) <= near
-            for start, stop, outside in stretches
-        ):
-            return float(high)
-    return 0.0
-
-
 def of_design(
     spec: Spec, source: str, overrides: Sequence[str], place: Path, found: Mapping[str, Any]
 ) -> Iterator[str]:
     """Write the proof of a spec's own design, and of what is known of all of [for_all], and yield
-    lines that say what it proves. found: the facts of `check`."""
-    text = text_of(source)
+    lines that say what it proves. found: the facts of `check`. Errors: ContradictedError."""
+    proofs = _Proofs(spec, text_of(source), "design")
     numbers = numbers_set(spec, overrides)
-    claims: list[Lines] = []
-    unproved = [
-        f"no proof file for {words}" for kind, words in UNCLAIMED_FACTS.items() if found.get(kind)
-    ]
+    tables = proofs.tables
+    radii = [1.0]
+    proofs.hold_loop(numbers, {})
+    with proofs.telling("the own design"):
+        if spec.require and sizes_alone(spec):
+            radii.append(radius_of(spec, tables, numbers))
+        for radius in radii:
+            proofs.ask("modes", numbers, {}, radius)
+            proofs.claims.append(claim_at(tables, "modes", numbers, radius))
+    others = [words for kind, words in UNCLAIMED_FACTS.items() if found.get(kind)]
     if spec.require and not sizes_alone(spec):
-        unproved.append(f"no proof file for {REQUIRED}")
-    try:
-        if of_point := claim_of_point(spec_of(text), numbers):
-            outside, lines = of_point
-            claims.append(lines)
-            if spec.require and sizes_alone(spec):
-                radius = radius_of(spec, spec_of(text), numbers)
-                required = claim_of_point(spec_of(text), numbers, radius)
-                claims += [required[1]] if required else []
-            said = (
-                f"{outside} modes outside the unit circle"
-                if outside
-                else "the spec's own design is stable"
-            )
-            yield f"{place}: {said}, with its own numbers"
-        else:
-            unproved.append("no proof file: an eigenvalue is next to the unit circle")
-    except (Refused, Unreadable) as error:
-        unproved.append(f"no proof file: {error}")
-    for of_all in map(found.get, FACTS):
-        if not of_all:
-            continue
+        others.append(REQUIRED)
+    for of_all in filter(None, map(found.get, FACTS)):
         if spec.require:
-            unproved.append(f"no proof file for {REQUIRED}, for all of [for_all]")
+            others.append(f"{REQUIRED}, for all of [for_all]")
             continue
         verdict = of_all.get("verdict") or of_all["status"]
         kind = "for all" if of_all.get("kind", "for_all") in IN_ANY_ORDER else "mean square"
-        try:
+        proofs.ask(kind, numbers, {})
+        for member in _members(tables):
+            proofs.hold_loop(numbers, {name: [value] for name, value in member.items()})
+        with proofs.telling("all of [for_all]"):
             if verdict == "proved":
-                claims.append(claim_of_set(spec_of(text), kind, numbers, None))
-                yield f"{place}: {IN_WORDS[kind]} for all of [for_all]"
+                proofs.claims.append(claim_of_set(tables, kind, numbers, None))
             elif verdict == "refuted":
-                claims.append(claim_refuted(spec_of(text), numbers, of_all["counterexample"]))
-                yield f"{place}: unstable with {in_a_sentence(of_all['counterexample'])}"
-        except (Refused, Unreadable) as error:
-            unproved.append(f"no proof file for all of [for_all]: {error}")
-    wall = found.get("contact", {"verdict": ""})
-    try:
-        if wall["verdict"] == "proved":
-            claims.append(claim_of_walls(spec_of(text), numbers, wall_with(spec, numbers)))
-            yield f"{place}: comes to rest at any wall that pushes and never pulls"
-        elif wall["verdict"] == "refuted":
-            refuted = wall["counterexample"]
-            claims.append(
-                claim_of_motion(spec_of(text), numbers, wall_with(spec, numbers), refuted)
-            )
-            yield f"{place}: refuted through contact by {in_a_sentence(refuted)}"
-        elif wall["verdict"]:
-            unproved.append(f"no proof file for a wall that lets go: {wall['verdict']}")
-    except (Refused, Unreadable) as error:
-        unproved.append(f"no proof file for a wall that lets go: {error}")
-    if claims:
-        write(place, text, claims)
-    yield from unproved
+                proofs.claims.append(claim_refuted(tables, numbers, of_all["counterexample"]))
+    if wall := found.get("contact"):
+        walls = wall_with(spec, numbers)
+        points = {name: decimals(low) for name, (low, _) in walls.items()}
+        proofs.ask("contact", numbers | points, {})
+        with proofs.telling("a wall that lets go"):
+            if wall["verdict"] == "proved":
+                proofs.claims.append(claim_of_walls(tables, numbers, walls))
+            elif wall["verdict"] == "refuted":
+                proofs.claims.append(
+                    claim_of_motion(tables, numbers, walls, wall["counterexample"])
+                )
+    for words in others:
+        proofs.ask(words, numbers, {})
+        proofs.unproved[f"no proof file for {words}"] += 1
+    if proofs.claims:
+        proofs.write(place)
+    yield from proofs.in_words(str(place))
 
 
-def checked(proof: Path, spec: str) -> Iterator[tuple[str, bool]]:
-    """Yield what the checker says of a proof file about the text of a spec, and whether a claim, or
-    the file, is refused."""
-    proved = 0
+def checked(proof: Path, facts: Mapping[str, Any], columns: Columns) -> Iterator[tuple[str, bool]]:
+    """Yield what the checker says of the proof file of a table, and whether a claim, or the file, is
+    refused, or contradicts the table. facts, columns: of the table, none if it is damaged."""
+    proved = []
     refused = []
+    contradictions: list[str] = []
     try:
         with proof.open("rb") as opened:
-            for claim, why in check(spec.encode(), opened):
-                proved += not why
+            of_spec = read(facts["proved_spec"].encode(), opened)
+            for claim, why in of_spec.claims:
                 if why:
                     refused.append(f"{proof}: refused: {in_words(claim)}: {why}")
+                else:
+                    proved.append(claim)
+        covered, _ = coverage.in_words(of_spec.tables, of_spec.ran, of_spec.question, proved)
+        if columns and of_spec.ran == "sweep":
+            contradictions += [
+                f"{proof}: {words}"
+                for words in _contradictions(of_spec, proved, load(facts["spec"]), columns)
+            ]
     except (Unreadable, OSError) as error:
         yield f"{proof}: cannot be checked: {error}", True
         return
-    yield from ((text, True) for text in refused)
-    yield f"{proof}: {proved} of {proved + len(refused)} claims proved by the checker", False
+    yield from ((text, True) for text in refused + contradictions)
+    claims = len(proved) + len(refused)
+    yield f"{proof}: {len(proved)} of {claims} claims proved by the checker; {covered}", False
+
+
+def _contradictions(
+    of_spec: Proof, proved: Sequence, spec: Spec, columns: Columns
+) -> Iterator[str]:
+    """Yield what a table has and its proof file does not ask about, or proves otherwise."""
+    tables = of_spec.tables
+    for kind, own, rows in _slices(spec, columns):
+        claim = "modes" if kind in OWN else CLAIMED.get(kind, kind)
+        where = ", ".join(f"{name} = {value}" for name, value in own.items()) or "own numbers"
+        numbers = {path_of(tables, name): Fraction(value) for name, value in own.items()}
+        if claim not in coverage.SCOPES or (spec.require and claim != "modes"):
+            continue
+        answered = False
+        for ask in of_spec.question:
+            asked = {path_of(tables, name): value for name, value in ask.numbers.items()}
+            if ask.claim == claim and numbers.items() <= asked.items():
+                answered = True
+                line, _ = coverage.with_holes(ask, coverage.pieces_of(tables, ask, proved))
+                if words := contradicted(line, rows):
+                    yield f"{where}: {words}"
+        if not answered:
+            yield f"{where}: a row of the table, of which the file does not ask"

@@ -51,31 +51,32 @@ def with_numbers(tables: dict, values: dict) -> dict:
     """The same spec with other numbers, by their names in [sweep] and [for_all]."""
     places: dict[tuple, str] = {}
     for name, value in values.items():
-        path = _place(tables, name)
-        other = places.setdefault(tuple(path), name)
+        path = path_of(tables, name)
+        other = places.setdefault(path, name)
         if other != name:
             raise Unreadable(f"{other} and {name} are one number")
         tables = _changed(tables, path, value)
     return tables
 
 
-def _place(tables, name: str) -> list[str]:
+def path_of(tables, name: str) -> tuple[str, ...]:
+    """Where a number stands in a spec, by any of its names."""
     if "controller" in tables:
         path = SYMBOLS.get(name, name)
         table, _, key = path.rpartition(".")
         if key not in KEYS.get(table, ()):
             raise Unreadable(f"{name} is no number of this spec")
-        return path.split(".")
+        return tuple(path.split("."))
     if name in tables.get("numbers", {}):
-        return ["numbers", name]
+        return "numbers", name
     if name == "rates.tick_hz":
-        return ["rates", "tick_hz"]
+        return "rates", "tick_hz"
     for block, keys in tables.get("block", {}).items():
         if name.startswith(f"{block}_"):  # of a class or of a device
-            return ["block", block, name.removeprefix(f"{block}_")]
+            return "block", block, name.removeprefix(f"{block}_")
         path = name.removeprefix(f"block.{block}.").split(".")
         if name.startswith(f"block.{block}.") and _within(keys, path):
-            return ["block", block, *path]
+            return "block", block, *path
     raise Unreadable(f"{name} is no number of this spec")
 
 

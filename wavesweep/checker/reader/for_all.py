@@ -23,6 +23,7 @@ WHOLE = {RATIO, DELAY, "device.delay", "local_model.delay"} | {
     f"filters.{name}.order" for name in ("lp1", "hp", "lp2")
 }
 COUNTS = {"every", "phase", "steps"}  # of blocks: a number that one of them is, is whole
+MESSAGES = {"late", "lost", "loss", "burst"}  # keys of channels
 MOST = 256  # combinations of listed values, and kinds of frames
 MOST_STATES = 10_000  # of what receivers have
 
@@ -52,12 +53,27 @@ class ForAll:
         ]
 
 
+def flat(table: dict) -> dict[str, Any]:
+    """The numbers of [for_all] or [sweep] by their paths, also those that stand in tables of their own."""
+    found: dict[str, Any] = {}
+    for name, given in table.items():
+        if (
+            isinstance(given, dict)
+            and not given.keys() & {"start", "values"}
+            and name not in ("tick", "require")
+        ):
+            found |= {f"{name}.{key}": below for key, below in flat(given).items()}
+        else:
+            found[name] = given
+    return found
+
+
 def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
     """The table [for_all] of a spec."""
     found = ForAll()
     blocks = tables.get("block", {}).values()
     whole = WHOLE | {keys[key] for keys in blocks for key in COUNTS & keys.keys()}
-    for name, given in tables.get("for_all", {}).items():
+    for name, given in flat(tables.get("for_all", {})).items():
         path = SYMBOLS.get(name, name) if "controller" in tables else name
         if name == "contact":
             continue  # of walls that let go: rows of their own
@@ -295,8 +311,7 @@ def ticks_of(
 def has_messages(loop: Loop) -> bool:
     """Whether something may happen to messages of channels."""
     return isinstance(loop, Drawing) and any(
-        keys["type"] == "channel" and keys.keys() & {"late", "lost", "loss", "burst"}
-        for keys in loop.blocks.values()
+        keys["type"] == "channel" and keys.keys() & MESSAGES for keys in loop.blocks.values()
     )
 
 

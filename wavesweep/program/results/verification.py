@@ -123,7 +123,8 @@ def _of_package(
     if not damaged:
         yield f"{package}: the files have the bytes and hashes of the package", False
     if proof := facts.get("proof"):
-        yield from offered("of_table").checked(package.with_name(proof), facts["proved_spec"])
+        columns = {} if damaged else read_rows(parquet, 0, rows_in(parquet))
+        yield from offered("of_table").checked(package.with_name(proof), facts, columns)
     try:
         again = _again(package, facts)
     except FAULTS as error:
