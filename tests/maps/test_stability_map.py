@@ -7,6 +7,8 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
+from wavesweep.maps.figure import _STABLE as drawn_stable
+from wavesweep.maps.figure import stability_map as drawn_map
 from wavesweep.maps.rectangle import largest_about
 from wavesweep.maps.stability_map import stability_map
 from wavesweep.maps.table import KINDS
@@ -45,8 +47,13 @@ def _held(spec, names, wanted, points=40):
         point = low[row] + rng.choice([0.0, rng.uniform(), 1.0], len(names)) * (high - low)[row]
         own = compiled.with_(**dict(zip(names, point.tolist(), strict=True)))
         assert (float(own.spectral_radius()) < 1) == (columns["outside"][row] == 0), point
+    assert ((columns["outside"] == 0) == (columns["proved"] == "stable")).all()
+    assert (np.isnan(columns["outside"]) == (columns["proved"] == "open")).all()
     assert columns["share"].sum() == pytest.approx(1, abs=1e-9)
     assert columns["share"][columns["proved"] == "open"].sum() <= wanted
+    counts = table.facts["slices"]
+    assert (counts["computed"], counts["certified"]) == (len(columns["share"]), len(proved))
+    assert (np.diff(columns["first_low"]) >= 0).all()
     return table
 
 
@@ -70,6 +77,115 @@ def test_what_is_proved_of_a_part_holds_at_its_points():
     low, high = (np.stack([columns[f"{place}_{end}"] for place in ("first", "second")], -1) for end in ("low", "high"))
     meets = ((low < about[1] * (1 - 1e-9)) & (high > about[0] * (1 + 1e-9))).all(-1)
     assert {*columns["proved"][meets]} == {"stable"}
+
+
+def _apart(span_a, span_b, **own):
+    """Modes at a and at b, one of which moves the other."""
+    block = {
+        "m": {"type": "ss", "discrete": True, "inputs": ["u"], "A": [["a", 0.1], [0, "b"]], "B": [[1], [1]], "C": [[1, 1]]},
+        "g": {"type": "gain", "k": 0.0},
+    }
+    numbers = {"a": {"value": 0.6}, "b": {"value": 0.6}} | {name: {"value": value} for name, value in own.items()}
+    sweep = {"along": "a", "a": span_a, "b": span_b}
+    wire = {"g.u": "m.y", "m.u": "g.y"}
+    return wavesweep.load({"rates": {"tick_hz": 100.0}, "numbers": numbers, "block": block, "wire": wire, "sweep": sweep})
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_modes_apart_from_each_other_have_the_counts_and_shares_of_their_squares(scale):
+    """As many are outside as of a and b are above 1; a share of the plane is one of logarithms where the range is one."""
+    low, high = (0.5, 4.0) if scale == "log" else (-0.5, 2.5)
+    inside = 1 / 3 if scale == "log" else 0.5
+    table = stability_map(_apart({"start": low, "stop": high, "scale": scale}, {"start": 0.5, "stop": 1.5}), ["a", "b"])
+    columns = table.columns
+    middle = np.stack([columns[f"{place}_low"] / 2 + columns[f"{place}_high"] / 2 for place in ("first", "second")], -1)
+    shown = columns["proved"] != "open"
+    assert (columns["outside"][shown] == (middle > 1).sum(-1)[shown]).all()
+    wanted = {0: inside / 2, 1: 0.5, 2: (1 - inside) / 2}
+    for outside, share in wanted.items():
+        assert columns["share"][columns["outside"] == outside].sum() == pytest.approx(share, abs=0.005)
+    sizes = np.array([[columns[f"{place}_{end}"] for place in ("first", "second")] for end in ("low", "high")])
+    spans = np.diff(np.log(sizes[:, 0]) if scale == "log" else sizes[:, 0], axis=0)[0] * np.diff(sizes[:, 1], axis=0)[0]
+    np.testing.assert_allclose(columns["share"], spans / spans.sum(), rtol=1e-9)
+    assert [sizes[0].min(1).tolist(), sizes[1].max(1).tolist()] == table.facts["ends"] == [[low, 0.5], [high, 1.5]]
+    np.testing.assert_allclose(table.facts["about"], [[low, 0.5], [1, 1]], rtol=0.02)
+    assert table.facts["own"] == [0.6, 0.6]
+    assert table.facts["logarithmic"] == [scale == "log", False]
+    assert table.facts["wanted"] == 0.005
+
+
+def test_an_unstable_design_has_no_rectangle_and_few_parts_leave_most_open(monkeypatch):
+    spec = _apart({"start": 0.5, "stop": 2}, {"start": 0.5, "stop": 1.5}, a=1.2)
+    assert stability_map(spec, ["a", "b"]).facts["about"] is None
+    monkeypatch.setattr("wavesweep.maps.stability_map.MOST_PARTS", 1)
+    table = stability_map(spec, ["a", "b"])
+    assert table.columns["proved"].tolist() == ["open", "open"]
+    assert table.columns["share"].tolist() == [0.5, 0.5]
+
+
+def _by_hand(**more):
+    """Parts of a plane, by columns, and facts about it."""
+    columns = {
+        "first_low": [0.0, 1.0, 1.0, 3.0], "first_high": [1.0, 3.0, 3.0, 4.0],
+        "second_low": [1.0, 1.0, 2.0, 1.0], "second_high": [3.0, 2.0, 3.0, 3.0],
+        "share": [0.25, 0.25, 0.25, 0.25], "outside": [0.0, 1.0, 5.0, np.nan],
+        "proved": np.array(["stable", "unstable", "unstable", "open"], object),
+    }  # fmt: skip
+    facts = {"numbers": ["a", "b"], "ends": [[0.0, 1.0], [4.0, 3.0]], "own": [0.5, 2.0], "about": None, "wanted": 0.1}
+    return {name: np.array(column) for name, column in columns.items()}, facts | more
+
+
+def test_a_map_says_what_share_is_proved():
+    columns, facts = _by_hand(about=[[0.0, 1.0], [1.0, 3.0]])
+    tally = KINDS[0].tally(stability_map(_apart({"start": 0.5, "stop": 2}, {"start": 0.5, "stop": 1.5}), ["a", "b"]))
+    tally.add(columns)
+    found = tally.numbers(facts)
+    assert {name: found[name] for name in ("parts", "stable", "unstable", "open")} == {
+        "parts": 4, "stable": 0.25, "unstable": 0.5, "open": 0.25,
+    }  # fmt: skip
+    assert found["outside"] == {"1": 0.25, "5": 0.25}
+    assert [*KINDS[0].lines(found)] == [
+        ("a by b: 4 parts, 25 % proved stable, 50 % proved unstable, 25 % open", True),
+        ("  narrower ranges leave less open", True),
+        ("  25 % with 1 eigenvalue outside the unit circle", False),
+        ("  25 % with 5 eigenvalues outside the unit circle", False),
+        ("  the largest rectangle about the own design, all stable: a 0 to 1, b 1 to 3", False),
+    ]
+    assert [important for _, important in KINDS[0].lines(found | {"wanted": 0.25})] == [False] * 4
+
+
+@pytest.mark.parametrize("third", [False, True])
+def test_every_part_is_drawn_in_its_place(third):
+    columns, facts = _by_hand(logarithmic=[False, True])
+    facts["about"] = None if third else [[0.5, 1.0], [1.0, 3.0]]
+    if third:
+        facts |= {"numbers": ["a", "b", "c"], "ends": [[0.0, 1.0, 10.0], [4.0, 3.0, 20.0]], "own": [0.5, 2.0, 12.0]}
+        columns |= {"third_low": np.array([10.0, 10.0, 15.0, 10.0]), "third_high": np.array([20.0, 16.0, 20.0, 14.0])}
+    numbers = {name: {"value": 1.0, "unit": "", "description": ""} for name in facts["numbers"]}
+    canvas = drawn_map(columns, facts | {"spec": {"numbers": numbers}, "assumes": []})
+    shown = {(0, 1): "stable", (1, 1): 1, (1, 2): 5, (3, 1): "open"}
+    cuts = [{(0, 1), (1, 1), (3, 1)}, {(0, 1), (1, 1), (1, 2)}, {(0, 1), (1, 2)}] if third else [{*shown}]
+    for axes, wanted in zip(canvas.axes, cuts, strict=True):
+        found = {}
+        for collection in axes.collections:
+            for path in collection.get_paths():
+                found[tuple(path.vertices.min(0).tolist())] = collection.get_facecolor()[0, :3].tolist()
+                assert len({*map(tuple, path.vertices.tolist())}) == 4
+        assert {*found} == wanted
+        for corner, colour in found.items():
+            of_kind = {"stable": drawn_stable[:3], "open": (0, 0, 0), 1: (0.75,) * 3, 5: (0.3,) * 3}[shown[corner]]
+            np.testing.assert_allclose(colour, of_kind, atol=0.01)
+        assert (axes.get_xlim(), axes.get_ylim()) == ((0, 4), (1, 3))
+        assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
+        (star,) = axes.lines
+        assert star.get_xydata().tolist() == [[0.5, 2.0]]
+        boxes = [[*box.get_xy(), box.get_width(), box.get_height()] for box in axes.patches]
+        assert boxes == ([] if third else [[0.5, 1.0, 0.5, 2.0]])
+    assert [axes.get_title() for axes in canvas.axes] == (["c = 11", "c = 15", "c = 19"] if third else [""])
+    words = [text.get_text() for text in canvas.legends[0].get_texts()]
+    rows = [f"unstable, {number} outside" for number in (1, 2, 3)]
+    assert words == ["stable", *rows, "unstable, 4 or more outside", "open"]
+    assert ("dashed" in " ".join(text.get_text() for text in canvas.texts)) is not third
 
 
 @pytest.mark.slow
