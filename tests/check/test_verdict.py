@@ -254,3 +254,16 @@ def test_a_range_ends_where_its_key_does_or_before_a_pole_there(monkeypatch):
     assert (notch["to"], notch["of_key"], notch["high"]) == (pytest.approx(249.85, rel=1e-6), [False, True], None)
     assert share["certified"]
     assert notch["certified"]
+
+
+def test_what_the_answer_refutes_is_refuted_in_each_entry():
+    """Nothing is known of walls that push while results are lost, but the linear wall is one of them, and is not stable."""
+    tables = {
+        "controller": {"kind": "dc-slow"},
+        "environment": {"K_VE": 3000, "delay": 1},
+        "for_all": {"contact": True, "lost": 2},
+    }
+    found = wavesweep.verdict(tables)
+    assert found["answer"] == "no"
+    assert found["contact"]["verdict"] == "refuted"
+    assert found["contact"]["counterexample"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete
 
 from wavesweep.passive.table import passivity
 from wavesweep.program.spec import load
@@ -84,3 +85,34 @@ def test_the_damping_that_a_drawn_device_needs_is_that_of_the_built_in_one():
     found = passivity(load(drawn(20, "speed.y"))).columns["damping_needed"]
     assert found == pytest.approx(passivity(built_in(20)).columns["damping_needed"], rel=2e-3)
     assert found > 0
+
+
+FAR = {
+    "rates": {"tick_hz": 500},
+    "numbers": {"K": 50.0, "dm": 2.0},
+    "block": {
+        "master": {"type": "mass", "mass": 0.3, "damping": "dm"},
+        "slave": {"type": "mass", "mass": 0.6, "damping": 2.0, "stiffness": 300.0},
+        "there": {"type": "delay", "steps": 3},
+        "back": {"type": "delay", "steps": 3},
+    },
+    "signals": {"felt": "K*(master.x - back.y)"},
+    "wire": {"there.u": "master.x", "back.u": "slave.x", "slave.f": "500*(there.y - slave.x)", "master.f": "hand - felt"},
+    "ports": {"hand": {"force": "hand", "displacement": "master.x", "reaction": "felt"}},
+    "sweep": {"along": "K", "K": {"start": 0, "stop": 2000}},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("port", [False, True])
+def test_the_frequency_of_an_end_is_that_at_which_a_hand_takes_energy(port):
+    """Where Colgate and Schenkel's `T Re((1 - 1/z) H(z))/(2 - 2 cos(w T))` is largest, which is between points of a grid."""
+    T = 1 / 500
+    num, den, _ = cont2discrete(([500.0], [0.6, 2.0, 300.0]), T)
+    omega = np.linspace(30, 50, 200_001)
+    z = np.exp(1j * omega * T)
+    H = 1 - z**-6 * np.polyval(num[0], z) / np.polyval(den + num[0], z)
+    needed = T * ((1 - 1 / z) * H).real / (2 - 2 * np.cos(omega * T))
+    row = rows_of(FAR, "free" if port else "passive", port=port)
+    assert row["high_omega"] == pytest.approx(omega[needed.argmax()], rel=1e-4)
+    assert row["high"] == pytest.approx(2 / needed.max(), rel=1e-3)

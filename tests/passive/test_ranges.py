@@ -55,7 +55,7 @@ def test_a_proof_refutes_a_finder_that_overlooks_a_hole(values):
     """The loop is passive between 17.4 and 19.1 Hz: of 1 to 20 Hz nothing is proved, and a value inside is found unasked."""
     kind, path, span, others = CASES["between"]
     loop = held(values(kind, **others), path)
-    asked = _Ranges(loop, path, span, (_OneMap(port_maps(loop, path, span)),), [span])
+    asked = _Ranges(loop, path, span, (_OneMap(port_maps(loop, path, span)),), [span], {})
     part, against = asked._proved(*span)
     assert part is None
     assert not 17.4 < against < 19.1

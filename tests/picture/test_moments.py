@@ -232,6 +232,7 @@ def test_a_message_without_a_next_one_is_there_up_to_a_run_of_its_channel_that_s
         ({"environment.delay": {"values": [1, 10], "varying": True}}, "earliest results"),
         ({"rates.ratio": {"values": [16, 33], "varying": True}}, "shortest frames"),
         ({"lost": 1}, "all results in time"),
+        ({"rates.ratio": {"values": [16, 33], "varying": True}, "lost": 1}, "freshest number"),
     ],
 )
 def test_the_freshest_age_is_said_of_what_varies(for_all, which):

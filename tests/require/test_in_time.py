@@ -43,6 +43,19 @@ STIFF = {
     "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "x.x"}},
 }
 
+LATE = {
+    "rates": {"tick_hz": 500},
+    "numbers": {"g": 1.0},
+    "block": {
+        "c": {"type": "pi", "kp": "g", "ki": "g/0.036"},
+        "late": {"type": "delay", "seconds": 0.01},
+        "p": {"type": "tf", "num": [1], "den": [0.0365, 1]},
+    },
+    "wire": {"c.u": "ref - p.y", "late.u": "c.y", "p.u": "late.y"},
+    "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "p.y"}},
+}
+CUT_LEVELS = {"Ms": 1.5, "disk": 1.0, "gain": 2.5, "phase_deg": 62.0}
+
 
 def several_rates(every, phase):
     blocks = INTEGRATOR["block"] | {"c": {"type": "gain", "every": every, "phase": phase}}
@@ -282,6 +295,29 @@ def test_what_has_no_value_is_refused(changes, require, said):
     loop = wavesweep.compile(tables | {"ports": INTEGRATOR["ports"] | changes})
     with pytest.raises(UsageError, match=said):
         loop.stable_intervals(require={require: {**ENDS, "at_most": 0.1}})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "require",
+    [
+        {"radius": 0.98},
+        {"damping_ratio": 0.4},
+        {"overshoot": ENDS | {"at_most": 0.13}},
+        {"step_settling": ENDS | {"at_most": 0.12}},
+        {"step_settling": ENDS | {"at_most": 0.5}},
+        {"rms": ENDS | {"at_most": 0.3}},
+        {"gain": ENDS | {"at_most": 1.2}},
+        {"peak": ENDS | {"at_most": 1.2}},
+        *({"margins": {"cut": "c.y", name: level}} for name, level in CUT_LEVELS.items()),
+    ],
+)
+def test_the_residual_is_that_of_what_sets_the_end(require):
+    """Behind a dead time and along a gain from 0, where whatever bounds later samples is not sharp."""
+    (row,) = wavesweep.compile(LATE).stable_intervals("g", (0.0, 8.0), require=require).itertuples()
+    assert row.certified
+    assert row.high < 8
+    assert 0 < row.residual < 1e-7
 
 
 @pytest.mark.slow

@@ -67,6 +67,19 @@ def test_a_run_is_that_of_the_same_frames_one_by_one_to_the_last_bit(effects):
     assert np.bincount(both[0]["frame"])[:-1].tolist() == lengths[: both[0]["frame"][-1]]
 
 
+@pytest.mark.slow
+def test_a_result_is_as_late_as_its_own_delay_says():
+    """By what it comes later than the earliest may, and no sentence has the spec's own delay for all."""
+    spec = load(WALL)
+    (table, *_) = simulate(spec)
+    delays = [frame.delay for frame in frames_in_turn(spec, 2000, effects_of(spec))]
+    late = [-1 if delay is None else delay - 1 for delay in delays]
+    frame = table.columns["frame"]
+    assert table.columns["late"].tolist() == [late[number] for number in frame]
+    assert {-1, 0, 8, 15} == set(late)
+    assert "delays of 1, 9, 16 ticks" in table.facts["assumes"]
+
+
 def test_messages_that_are_lost_beside_frames_that_vary_keep_what_the_channel_shows():
     spec = {
         "rates": {"tick_hz": 100.0},

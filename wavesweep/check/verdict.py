@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.capabilities import asked
 from wavesweep.program.analyses.assumptions import of_axes
 from wavesweep.program.analyses.claim_words import as_json
-from wavesweep.program.analyses.claims import Claim, Verdict
+from wavesweep.program.analyses.claims import AT_REST, PUSHES, Claim, Status, Verdict, curve_of
 from wavesweep.program.analyses.own_design import is_first, own_claim, own_design
 from wavesweep.program.spec import Spec
 
@@ -41,7 +41,18 @@ def written(spec: Spec, found: Facts) -> dict[str, Any]:
         "answer": judged.status.answer,
         "questions": [as_json(claim) for claim in judged.answers],
     }
-    return {name: value for name, value in found.items() if name != "claims"} | claims
+    shown = {name: value for name, value in found.items() if name != "claims"}
+    refuted = {}  # by walls
+    for claim in judged.answers:
+        if claim.what == AT_REST and claim.status is Status.REFUTED:
+            refuted[claim.scope.walls] = {"verdict": "refuted", "counterexample": claim.reason}
+    if "contact" in found and found["contact"]["verdict"] != "refuted":
+        shown["contact"] = refuted.get(PUSHES, found["contact"])
+    for block, known in found.get("saturations", {}).items():
+        if known["verdict"] != "refuted":
+            told = refuted.get(curve_of(block), known)
+            shown["saturations"] = shown["saturations"] | {block: told}
+    return shown | claims
 
 
 def numbers(spec: Spec) -> dict:

@@ -128,7 +128,7 @@ class PassiveGuarantee(Guarantee):
         records = blank_records(intervals.low, intervals.high, RECORD)
         records["certified"] = intervals.certified if intervals.low.size else intervals.complete
         records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
-        for end, border in zip(("low", "high"), span, strict=True):
+        for end, border, sign in zip(("low", "high"), span, (-1, 1), strict=True):
             for at in np.flatnonzero(records[end] != border) if intervals.low.size else ():
-                records[f"{end}_omega"][at] = intervals.worst(float(records[end][at]))
+                records[f"{end}_omega"][at] = intervals.frequency(float(records[end][at]), sign)
         return records

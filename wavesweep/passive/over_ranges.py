@@ -394,11 +394,11 @@ def with_sizes(lifted: LiftedMap, theta) -> tuple[np.ndarray, np.ndarray]:
     return lifted.T + lifted.O @ moved, np.abs(lifted.T) + np.abs(lifted.O) @ terms
 
 
-def least(lifted: LiftedMap) -> Peak:
+def least(lifted: LiftedMap, sure: float = SURE_EIGENVALUE) -> Peak:
     """The smallest eigenvalue of the Hermitian part over all angles, with its sign changed, for
     each of some loops.
 
-    Once it is surely negative, a smaller one is not looked for. Accuracy: EIGENVALUE_NOISE of the
+    sure: of its size, from which on it is surely negative, and a smaller one is not looked for. Accuracy: EIGENVALUE_NOISE of the
     largest eigenvalue at the same angle, by which it may be too large.
     """
     size = np.abs(np.diagonal(lifted.T, axis1=-2, axis2=-1)).mean(-1)
@@ -416,4 +416,4 @@ def least(lifted: LiftedMap) -> Peak:
     def slack(owner, _level):
         return EIGENVALUE_SLACK * size[owner]
 
-    return hinf_norm(negative, crossed, len(size), slack, SOFT, SURE_EIGENVALUE * size)
+    return hinf_norm(negative, crossed, len(size), slack, SOFT, sure * size)

@@ -49,15 +49,15 @@ class PassiveRanges:
     to GAP_OF_END.
 
     complete: whether it is checked that there are no others, but for GAP_OF_END about each end.
-    worst: gives the angular frequency (rad/s) at which energy is taken out at a value of the
-    number.
+    frequency: gives that which sets an end (rad/s), of its value and the sign of the direction in
+    which it is left.
     """
 
     low: np.ndarray
     high: np.ndarray
     certified: np.ndarray
     complete: bool
-    worst: Callable[[float], float]
+    frequency: Callable[[float, int], float]
 
 
 def port_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
@@ -76,10 +76,13 @@ def _where_stable(loop, path, span, way):
     """The intervals in which a way is passive, within those of stability by itself, of states
     that no port sees too."""
     records = records_of_loop(Loops(loop.drawing, loop.values), path, span)
-    stable = [
-        (float(record["low"]), float(record["high"])) for record in records if record["intervals"]
-    ]
-    return _Ranges(loop, path, span, (way,), stable).answered(bool(records["certified"].all()))
+    found = records[records["intervals"] > 0]
+    stable = list(zip(found["low"].tolist(), found["high"].tolist(), strict=True))
+    modes = {}
+    for end in ("low", "high"):
+        modes.update(zip(found[end].tolist(), found[f"{end}_omega"].tolist(), strict=True))
+    ranges = _Ranges(loop, path, span, (way,), stable, modes)
+    return ranges.answered(bool(records["certified"].all()))
 
 
 def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
@@ -102,7 +105,7 @@ def channel_ranges(
     joined = channel_of(loop.drawing, at_end.values).joined
     directions = ("whole",) if joined else ("outward", "inward")
     ways = tuple(_OneMap(channel_maps(loop, path, each, 1 + tolerance)) for each in directions)
-    return _Ranges(loop, path, span, ways, [span]).answered(known=True)
+    return _Ranges(loop, path, span, ways, [span], {}).answered(known=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,18 +157,19 @@ class _OneMap:
         theta = TRIED[np.nanargmin(beyond_rounding)]
         return Witness(self.maps, p, float(theta))
 
-    def angle(self, p: float) -> float:
-        """An angle with about the smallest eigenvalue (rad per frame)."""
+    def deciding(self, p: float) -> tuple[float, float]:
+        """The smallest eigenvalue over all angles, and its angle (rad per frame)."""
         lifted, _ = self.maps(np.array([p]))
-        smallest = lifted.smallest(np.zeros(TRIED.size, int), TRIED)
-        return float(TRIED[np.nanargmin(smallest)])
+        peak = least(lifted, np.inf)
+        return -float(peak.value[0]), float(peak.theta[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ranges:
     """What is asked: where loops are passive along a number.
 
-    ways: what has to be passive. stable: intervals outside of which nothing is passive.
+    ways: what has to be passive. stable: intervals outside of which nothing is passive; modes: the
+    frequency (rad/s) of the mode that sets each of their ends.
     """
 
     loop: HeldLoop
@@ -173,6 +177,7 @@ class _Ranges:
     span: tuple[float, float]
     ways: tuple[_OneMap | Pair, ...]
     stable: list[tuple[float, float]]
+    modes: dict[float, float]
 
     def answered(self, known: bool) -> PassiveRanges:
         """The intervals with their proofs; known: whether all intervals of stability are."""
@@ -290,9 +295,17 @@ class _Ranges:
         )
         return covered is not None and not len(covered.open)
 
-    def _frequency(self, p: float) -> float:
-        drawn = self.loop.changed({self.path: p}).drawn()
-        angle = max(way.angle(p) for way in self.ways)
+    def _frequency(self, p: float, sign: int) -> float:
+        """The frequency that sets an end (rad/s): of a mode, or at which energy is taken out beyond
+        it, in the direction of the sign."""
+        nearest = min(self.modes, key=lambda end: abs(end - p), default=np.inf)
+        if abs(p - nearest) <= 2 * abs(self._away(nearest, sign) - nearest):
+            return self.modes[nearest]
+        wide = self.span[1] - self.span[0]
+        refuted = p + sign * GAP_OF_END * max(abs(p), GAP_OF_END * wide)
+        beyond = float(np.clip(refuted, *self.span))
+        drawn = self.loop.changed({self.path: beyond}).drawn()
+        _, angle = min(way.deciding(beyond) for way in self.ways)
         return angle / float(np.real(drawn.period) * drawn.ticks)
 
 

@@ -242,10 +242,10 @@ class Pair:
         """Whether loops at values of the number are absolutely stable, `(n,)`."""
         return least_shunt(self.pairs, p)[0] > 0
 
-    def angle(self, p: float) -> float:
-        """The angle that decides (rad per frame)."""
-        (theta,) = least_shunt(self.pairs, np.array([p]))[1]
-        return 0.0 if theta == NEAR_REST else float(theta)
+    def deciding(self, p: float) -> tuple[float, float]:
+        """The least shunt (N per m in a tick), and its angle (rad per frame)."""
+        (shunt,), (theta,) = least_shunt(self.pairs, np.array([p]))
+        return float(shunt), 0.0 if theta == NEAR_REST else float(theta)
 
     def witness(self, low: float, high: float) -> "PairWitness":
         """What takes energy in all components between two values, about as the worst forces do

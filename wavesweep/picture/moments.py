@@ -115,13 +115,13 @@ def moments(spec: Spec) -> tuple[Moments, ...]:
     # Up to this relative difference of two ages one of the frames stands for the other.
     if first.age > (1 - 0.05) * last.age:
         return (last,)
-    names = FRESHEST
-    if low.keys() - {DELAY}:
-        names = SHORTEST
-    elif low:
-        names = EARLIEST
-    elif varies:
-        names = IN_TIME
+    varying = {
+        SHORTEST: bool(low.keys() - {DELAY}),
+        EARLIEST: DELAY in low,
+        IN_TIME: bool(sends or lost),
+    }
+    alone = [names for names, vary in varying.items() if vary]
+    names = alone[0] if len(alone) == 1 else FRESHEST
     return replace(first, which=names[0]), replace(last, which=names[1])
 
 

@@ -164,6 +164,8 @@ class InTime(Between):
         maps = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
         maps = by_panel(maps, (p.size, 1))
         value = enclosed_value(self.measure, maps, self.rate, self.level)
-        beyond = np.where(value.low > self.level, value.low, np.nan)
-        known = np.where(np.isfinite(value.high), value.high, beyond)
-        return np.zeros(p.size), known / self.level - 1
+        # What bounds later samples may be far above them, once one is beyond the level.
+        seen = np.isfinite(value.high) | (value.low > self.level)
+        of_seen = np.where(seen, value.low, np.nan)
+        size = np.where(value.high <= self.level, value.high, of_seen)
+        return np.zeros(p.size), size / self.level - 1

@@ -298,7 +298,7 @@ class March:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is
         last in each tick.
 
-        Delays of frames come on top of these. -1 is for a result that is lost. The last entry of
+        What a frame's own delay is beyond the least one is among them. -1 is for a result that is lost. The last entry of
         all is for a result after the last tick.
         """
         drawn: dict[
@@ -330,7 +330,8 @@ class March:
             of_first = [0] * (origin.count(count) + 1)
         else:
             of_first = first.late if first.channel else drawn[origin]
-        return [-1 if late is None else late for late in of_first], numbers
+        beyond = zip(of_first, cycle(self.loop.due), strict=False)
+        return [-1 if late is None else late + delay for late, delay in beyond], numbers
 
     def _rows(
         self,

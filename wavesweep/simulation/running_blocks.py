@@ -196,6 +196,15 @@ class MarchedLoop:
         return self.frames.delays
 
     @property
+    def due(self) -> tuple[int, ...]:
+        """How much later than the earliest the results of each frame are in place; 0 of those that
+        never are, and of those that are with the next frame."""
+        delays = [delay for delay in self.delays if delay is not None]
+        if self.frames is None or self.frames.delays == self.frames.ticks or not delays:
+            return (0,)
+        return tuple(0 if delay is None else delay - min(delays) for delay in self.delays)
+
+    @property
     def waits(self) -> bool:
         """Whether results of some frame are not in place at once."""
         return any(delay != 0 for delay in self.delays)

@@ -82,6 +82,9 @@ def _delay(spec: Spec, swept: Collection[str], *, vary: bool) -> str:
     """The delay of the environment's results; vary: whether frames have several lengths."""
     if DELAY in swept:
         return "delay swept"
+    for axis in spec.changing:
+        if axis.path == DELAY:
+            return f"delays of {_values(axis)} ticks"
     values = spec.values
     delay = values[DELAY]
     if vary and spec.delay_of_frame:
