@@ -100,3 +100,20 @@ def test_a_loop_without_memory_has_no_mode(tmp_path):
     spec = 'rates.tick_hz = 10\nblock.a = { type = "gain", k = 2 }\nwire."a.u" = "0*a.y"\n'
     code, words = checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": []}, {"L": [], "signs": ""}])
     assert (code, words.splitlines()[0]) == (0, "proved: the spec's own loop, its own numbers: there is no mode")
+
+
+UNKNOWN = [
+    '[operator]\ninertia = 1\n[controller]\nkind = "dc"\n',
+    '[controller]\nkind = "dc"\nslip = 2\n',
+    '[hand]\nmass = 1\n[controller]\nkind = "dc"\n',
+    CLASSES.replace("[ports]", "[extra]\na = 1\n[ports]"),
+    CLASSES.replace('type = "hold"', 'type = "hold", slip = 1'),
+    CLASSES.replace('"h.u"', '"h.v" = "s"\n"h.u"'),
+    CLASSES.replace('h = { type = "hold" }', 'h = { type = "integrator", method = "euler" }'),
+]
+
+
+@pytest.mark.parametrize("spec", UNKNOWN)
+def test_a_key_that_is_not_known_is_an_error(spec, tmp_path):
+    code, words = checked(tmp_path, spec, [CLAIM, ROUND])
+    assert (code, "is not known" in words) == (2, True), words

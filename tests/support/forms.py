@@ -11,15 +11,6 @@ def matrix_of(family: file.Family, kind: str = "") -> np.ndarray:
     return np.array([[x / balls.ONE for x in row] for row in part])
 
 
-def at_value(spec: str, number: str, value: str, drifts=()) -> list[dict]:
-    """A claim on how many modes are outside with a number at a value, and its cell."""
-    claim = file.Claim("modes", {number: balls.decimal(value)}, {}, 0, list(drifts))
-    family = file.family_of(file.spec_of(spec.encode()), claim)
-    cell, outside = form_of(matrix_of(family))
-    first = {"claim": "modes", "numbers": {number: value}, "outside": outside, "drifts": list(drifts), "states": family.states}
-    return [first, cell]
-
-
 def form_of(A: np.ndarray) -> tuple[dict, int]:
     """A cell with a form of a matrix, and how many of its modes are outside."""
     left = np.eye(len(A) ** 2) - np.kron(A.T, A.T)
