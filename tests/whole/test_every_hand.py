@@ -180,6 +180,8 @@ def test_what_contradicts_the_device_alone_is_in_doubt_and_asks_to_be_reported(m
     [
         (spec_of("pmw"), "passive", "expected a wall without waves"),
         (spec_of(), "port", "one proof covers every passive hand"),
+        (spec_of("pmw"), "port", "found one$"),
+        (spec_of(velocity="exact"), "box", "found one$"),
         (load(LOSSES), "passive", "found loss, with which any number in a row may be lost"),
         (spec_of(velocity="exact"), "passive", "expected device.velocity"),
         (
@@ -194,6 +196,6 @@ def test_what_contradicts_the_device_alone_is_in_doubt_and_asks_to_be_reported(m
         ),
     ],
 )
-def test_what_it_cannot_do_says_so(spec, words, said):
+def test_what_it_cannot_do_says_so_and_suggests_what_it_can(spec, words, said):
     with pytest.raises(UsageError, match=said):
         intervals(spec, None if spec.along else "K_VE", hands_of(words))

@@ -37,7 +37,8 @@ class WishKind:
     how the paths begin of all numbers that it reads; empty if it reads the whole loop. measure: of
     one that a capability offers, from the loops of a batch, their number and its own options to the
     value of each, and whether that is certified. seen: the same by which a search ranks designs, with
-    less that is proved; loops go one by one.
+    less that is proved; loops go one by one. within: the range of its values, outside of which no
+    bound means anything.
     """
 
     unit: str
@@ -49,6 +50,7 @@ class WishKind:
     reads: tuple[str, ...] = ()
     measure: Callable[..., tuple] | None = field(default=None, repr=False, compare=False)
     seen: Callable[..., tuple] | None = field(default=None, repr=False, compare=False)
+    within: tuple[float | None, float | None] = (None, None)
 
     @property
     def own_options(self) -> tuple[str, ...]:
@@ -63,7 +65,9 @@ class WishKind:
     @property
     def keys(self) -> dict[str, Key]:
         """Its bound and its options by name."""
-        return {self.bound: Key.number(self.bound, None, self.unit, ""), **self.options}
+        low, high = self.within
+        bound = Key.number(self.bound, None, self.unit, "", low=low, high=high)
+        return {self.bound: bound, **self.options}
 
 
 def _offered() -> Iterator[tuple[str, WishKind]]:
@@ -110,9 +114,10 @@ WISHES = MappingProxyType(
             "least damping ratio of the modes that count, which are those that need one in [sweep] require",
             {**_MODES, **_WALLS},
             (),
+            within=(-1.0, 1.0),
         ),
         **{
-            name: WishKind("s", False, time.title, time.description, _WALLS, ())
+            name: WishKind("s", False, time.title, time.description, _WALLS, (), within=(0.0, None))
             for name, time in TIMES_OF_MODES.items()
         },
         "largest": WishKind(

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import click
 
@@ -62,12 +62,10 @@ def explore(
     """
     from wavesweep.program.spec import load
 
-    if save is not None and not save.strip():
-        raise click.UsageError("--save: expected the name of a file, found an empty text")
-    if save == "-":
-        raise click.UsageError(
-            "--save -: expected the name of a file, since a page does not go to stdout"
-        )
+    if save is not None and PurePath(save).suffix.lower() not in (".html", ".htm"):
+        raise click.UsageError(f"--save {save}: expected a file whose name ends in .html")
+    if overwrite and save is None:
+        raise click.UsageError("--overwrite: expected --save, whose file it replaces, found none")
     for name, option in (("port", "port"), ("browser", "no-browser")):
         if save is not None and is_given(name):
             raise click.UsageError(

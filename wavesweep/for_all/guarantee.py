@@ -4,6 +4,7 @@ box."""
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -80,15 +81,20 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
             f"hands ({', '.join(kinds)}): expected messages in time, as with late = 0 and lost = 0 of each channel, found some that "
             "may be late or lost"
         )
-    if kinds not in ([], ["passive"]):
-        raise UsageError(
-            f"hands ({', '.join(kinds)}): expected no [for_all], found one; "
-            "for all of it one proof covers every passive hand: `wavesweep stability-region SPEC --for-hands passive`"
-        )
-    if kinds:
+
+    def refuse_every_hand():
         refuse_unsuitable_ranges(spec, along, cut=False)
         refuse_velocity(own)
         every_hand.refuse(spec, rules, along)
+
+    if kinds not in ([], ["passive"]):
+        hint = ""
+        with suppress(UsageError):  # of what refuses every passive hand as well
+            refuse_every_hand()
+            hint = "; for all of it one proof covers every passive hand: `wavesweep stability-region SPEC --for-hands passive`"
+        raise UsageError(f"hands ({', '.join(kinds)}): expected no [for_all], found one{hint}")
+    if kinds:
+        refuse_every_hand()
         return [every_hand.EveryHandGuarantee(rules)]
     if own.asked.require:
         if refusal := refused(own.asked.require, vary=rules.vary):

@@ -53,10 +53,11 @@ def _seen(name: str, loops: Loops, size: int, cut: str):
     return value, np.ones(size, bool)
 
 
-def _wish(name: str, *, more: bool, title: str, description: str, unit: str):
+def _wish(name: str, *, more: bool, title: str, description: str, unit: str, within: tuple):
     """A wish for the margin of this name."""
     return {
         "unit": unit,
+        "within": within,
         "more": more,
         "title": title,
         "description": description,
@@ -74,6 +75,7 @@ WISHES = {
         title="gain margin",
         description="gain margin at a cut: every factor between it and 1 over it leaves the loop stable",
         unit="1",
+        within=(1.0, None),
     ),
     "phase_deg": _wish(
         "phase",
@@ -81,6 +83,7 @@ WISHES = {
         title="phase margin",
         description="phase margin at a cut",
         unit="deg",
+        within=(0.0, 180.0),
     ),
     "disk": _wish(
         "disk",
@@ -88,6 +91,7 @@ WISHES = {
         title="disk margin",
         description="disk margin at a cut, of gain and phase together",
         unit="1",
+        within=(0.0, 2.0),
     ),
     "Ms": _wish(
         "sensitivity",
@@ -95,5 +99,6 @@ WISHES = {
         title="peak sensitivity Ms",
         description="peak sensitivity at a cut, the largest |1/(1 + L)|",
         unit="1",
+        within=(1.0, None),
     ),
 }

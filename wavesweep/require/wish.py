@@ -98,6 +98,7 @@ def _measured(measure: str, loops: Loops, size: int, *, proved: bool, **ends: st
 WISHES = {
     "peak": {
         "unit": "",
+        "within": (0.0, None),
         "more": False,
         "title": "peak of the gain of sines",
         "description": "largest of what comes out of a sine at its own frequency, over the sine, as bode has it: Mt from a reference. Of "
@@ -110,6 +111,7 @@ WISHES = {
 } | {
     name: {
         "unit": "" if measure.unit == "of to over from" else measure.unit,
+        "within": (0.0, None),
         "more": False,
         "title": measure.title,
         "description": measure.description,

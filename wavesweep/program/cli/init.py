@@ -16,7 +16,7 @@ from wavesweep.engine.keys import Key, nearest, show
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.bundled import bundled
 from wavesweep.program.cli.file_places import write_whole
-from wavesweep.program.cli.options import PATH, overwriting
+from wavesweep.program.cli.options import PATH, is_given, overwriting
 from wavesweep.program.reading.keys import DEVICES, KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS
 from wavesweep.program.reading.reading import read_override, scan
 from wavesweep.program.reading.tables import SpecTable, missing, tables
@@ -122,6 +122,8 @@ def command(
       wavesweep init drive --set J=0.01 --set kp=5
       wavesweep init pmw --device touch --set rates.slow_hz=30
     """
+    if listed and any(map(is_given, ("kind", "example", "settings", "device", "out", "overwrite"))):
+        raise click.UsageError("--list: expected nothing beside it, since it writes no spec")
     if listed:
         click.echo("\n".join(_listed()))
         return

@@ -159,6 +159,8 @@ def stability_region(
     )
 
     refuse_proof(proof, options)
+    if not mapped and share_open is not None:
+        raise click.UsageError("--open: expected --map, whose share it is, found none")
     if mapped:
         if for_hands:
             raise click.UsageError("--map: expected it without --for-hands; leave one of them out")
