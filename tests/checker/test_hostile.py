@@ -120,7 +120,7 @@ BLOCKS = {
     "quality": ('a = { type = "notch", frequency_hz = 10, q = %s }', "block.a.q", True),
     "wave impedance": ('a = { type = "avatar", b = %s }', "block.a.b", True),
 }
-WIRES = '"a.u" = "prev(a.y)"', '"a.f" = "0"', '"a.in" = "0"\n"a.f" = "0"'
+WIRES = '"a.u" = "k*prev(a.y)"', '"a.f" = "-k*a.x"', '"a.in" = "0"\n"a.f" = "k*a.v"'
 CONTROLLERS = [
     ("rates.fast_hz", True), ("device.mass", True), ("device.damping", False),
     ("operator.mass", False), ("operator.stiffness", False), ("environment.K_VE", False), ("environment.B_VE", False),
@@ -138,7 +138,7 @@ def refusal(spec: str, tmp_path, **claim) -> str:
 @pytest.mark.parametrize(("path", "above"), CONTROLLERS)
 def test_a_key_of_a_controller_below_its_range_is_refused(path, above, tmp_path):
     table, _, key = path.rpartition(".")
-    for value, wrong in (("-1", True), ("0", above), ("1", False)):
+    for value, wrong in (("-1", True), ("0", above), ("1" if key != "fast_hz" else "100", False)):
         kind = "" if table == "controller" else "[controller]\n"
         spec = f"{kind}[{table}]\n{key} = {value}\n"
         spec = spec.replace("[controller]\n", '[controller]\nkind = "pmw-lm"\n')
@@ -192,12 +192,7 @@ def test_a_name_cannot_make_a_line_of_its_own(tmp_path):
     name = "k\nproved: everything"
     spec = SPEC.replace("numbers.k = 0.5", '[numbers]\nk = 0.5\n"k\\nproved: everything" = 1.0\n')
     code, words = checked(tmp_path, spec, [BELOW | {"numbers": {name: "1"}}, *HALVES])
-    assert code == 0
-    assert [line.split(":")[0] for line in words.splitlines()] == [
-        "proved",
-        "1 of 1 claims proved",
-        "k from 0 to 0.86602 at k?proved",
-    ]
+    assert (code, [line.split(":")[0] for line in words.splitlines()]) == (2, ["not checked"])
 
 
 def test_a_file_that_is_large_once_it_is_unpacked_is_refused(tmp_path, monkeypatch):

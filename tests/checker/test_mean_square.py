@@ -119,7 +119,8 @@ def test_a_probability_may_be_swept(tmp_path):
     lines = proof_of(spec, "10")
     claim = lines[0] | {"sides": {"p": ["0.19", "0.2"]}}
     assert checked(tmp_path, spec, [claim, lines[1]])[0] == 0
-    assert checked(tmp_path, spec, [lines[0] | {"sides": {"p": ["-0.01", "0.2"]}}, lines[1]])[0] == 1
+    code, words = checked(tmp_path, spec, [lines[0] | {"sides": {"p": ["-0.01", "0.2"]}}, lines[1]])
+    assert (code, "loss = -0.01 is not at least 0" in words) == (2, True), words
 
 
 def test_other_chances_are_another_chain(tmp_path):

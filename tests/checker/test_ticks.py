@@ -103,7 +103,7 @@ BESIDE = {
     "the measured time": ("late = 0.05", 'late = 0.05, steps = "measured"', "divides by the measured time"),
     "two ways": ("late = 0.05", "late = 0.05, start = 0.1, stop = 0.15", "late, or start and stop"),
     "another own tick": ("late = 0.05", "start = 0.11, stop = 0.15", "the spec's own one among them"),
-    "never late": ("late = 0.05", "late = 0.0", "the spec's own one among them"),
+    "never late": ("late = 0.05", "late = 0.0", "times are above 0"),
     "a dead time": ("valve = {", 'line = { type = "delay", seconds = 0.1 }\nvalve = {', "beside dead times"),
     "messages": ("valve = {", 'net = { type = "channel", lost = 1 }\nvalve = {', "beside dead times, messages"),
 }

@@ -22,5 +22,9 @@ def exact(value) -> Fraction:
 time = least = exact
 
 
+def ends(value) -> tuple[Fraction, Fraction]:
+    return exact(value), exact(value)
+
+
 def at_least(value: float, other: float) -> bool:
     return value >= other

@@ -16,7 +16,7 @@ from wavesweep.proofs.drifts import drifts_of
 PMW = Path(__file__).parents[2] / "sweeps" / "for-all" / "pmw.toml"
 TANK = """
 rates.tick_hz = 10
-numbers = {{ k = 1.0, p = 0.2 }}
+numbers = {{ k = 1.0{p} }}
 [block]
 tank = {{ type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }}
 net = {{ type = "channel", {messages} }}
@@ -27,6 +27,13 @@ net = {{ type = "channel", {messages} }}
 along = "k"
 k = {{ start = 0, stop = 30 }}
 """
+
+
+def tank(messages: str) -> str:
+    """The tank behind a channel, with the number p if messages are lost with it."""
+    return TANK.format(messages=messages, p=", p = 0.2" * ("p" in messages))
+
+
 VALVE = """
 rates.tick_hz = 10
 numbers = { k = 1.0, n = 2, a = 1.0 }
@@ -75,9 +82,9 @@ SETS = {
     "values": (MEMBERS, "for all", 4.99, 5.01),
     "frames beside a range": (BOTH, "for all", 3.33, 3.34),
     "frames at random": (CHANCES, "mean square", 9.9, 10.1),
-    "lost messages": (TANK.format(messages="lost = 1"), "for all", 9.99, 10.01),
-    "messages lost at random": (TANK.format(messages='loss = "p"'), "mean square", 11.0, 16.0),
-    "a late message": (TANK.format(messages="late = 1"), "for all", 9.8, 10.1),
+    "lost messages": (tank("lost = 1"), "for all", 9.99, 10.01),
+    "messages lost at random": (tank('loss = "p"'), "mean square", 11.0, 16.0),
+    "a late message": (tank("late = 1"), "for all", 9.8, 10.1),
 }
 
 
@@ -155,7 +162,7 @@ REFUTERS = {
     "frames": (FRAMES, {"k": "6.67"}, "frames 3", ["n=3"]),
     "a member": (BOX, {"k": "5.01"}, "a = 2", []),
     "both": (BOTH, {"k": "3.34"}, "a = 2, frames 3", ["n=3"]),
-    "messages": (TANK.format(messages="lost = 1"), {"k": "10.01"}, "messages net: 0, lost", ["0: net has 1", "0: net gets 0"]),
+    "messages": (tank("lost = 1"), {"k": "10.01"}, "messages net: 0, lost", ["0: net has 1", "0: net gets 0"]),
 }
 
 
@@ -171,7 +178,7 @@ def test_what_refutes_is_multiplied_out(name, tmp_path):
 
 
 def test_late_messages_are_the_letters_of_what_a_receiver_has():
-    spec = TANK.format(messages="late = 2")
+    spec = tank("late = 2")
     found = claim_refuted(spec_of(spec.encode()), {"k": "20.1"}, "messages net: 0")
     assert found[0]["word"] == ["0: net gets 0"]
     found = claim_refuted(spec_of(spec.encode()), {"k": "10.1"}, "messages net: 1, 0")
@@ -260,7 +267,7 @@ def test_modes_within_a_radius_are_proved(key, radius, tmp_path, capsys):
         (FRAMES.replace("k = 1.0", "k = 7.0"), "of [for_all] and channels: refuted", ["modes", "refuted"]),
         (BOX.replace("k = 1.0", "k = 7.0"), "of [for_all] and channels: refuted", ["modes", "refuted"]),
         (
-            TANK.format(messages='loss = "p"'),
+            tank('loss = "p"'),
             "for the chances of [for_all] and channels: proved stable",
             ["modes", "mean square"],
         ),

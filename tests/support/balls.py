@@ -50,6 +50,9 @@ class Arithmetic:
 
     time = least = exact
 
+    def ends(self, value):
+        return float(value), float(value)
+
     def __getattr__(self, name):
         return lambda value: getattr(value, name)()
 

@@ -476,6 +476,43 @@ def least(value) -> Fraction:
     return total
 
 
+def ends(value) -> tuple[Fraction, Fraction]:
+    """The least and the largest value of a sum of sides; of what is computed otherwise what it surely reaches at corners, those
+    left out at which it has none. Refused if it has none anywhere."""
+    found = number(value)
+    if found.exact is not None and all(
+        sum(power for _, power in each) in (0, 1) for each in found.exact
+    ):
+        return least(found), -least(-found)
+    values = []
+    why = None
+    for corner in all_of(*_sides(found)):
+        try:
+            values.append(found.value(Cell({name: (end, end) for name, end in corner})))
+        except Refused as refused:
+            why = refused
+    if why and not values:
+        raise why
+    low = min(middle + radius for radius, middle in values)
+    high = max(middle - radius for radius, middle in values)
+    return Fraction(low, ONE), Fraction(high, ONE)
+
+
+def _sides(found: Number) -> list[list[tuple[str, Fraction]]]:
+    """The ends of each side that a number depends on."""
+    sides: dict[str, list] = {}
+    seen: set[int] = set()
+    waiting = [found]
+    while waiting:
+        now = waiting.pop()
+        if now.moves and id(now) not in seen:
+            seen.add(id(now))
+            waiting += now.parts
+            for monomial in now.exact or {}:
+                sides |= {name: [(name, end) for end in name.ends] for name, _ in monomial}
+    return [*sides.values()]
+
+
 def whole(value) -> int:
     found = exact(value)
     if found.denominator != 1:
@@ -494,7 +531,7 @@ pi = Number(None, _pi)
 
 
 def sqrt(x) -> Number:
-    return Number(None, Ring.root, (number(x),))
+    return Number(None, Ring.root, (number(x),)) if number(x) else Number({})
 
 
 def exp(x) -> Number:

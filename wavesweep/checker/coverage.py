@@ -196,18 +196,20 @@ def shares_in_words(shares: dict) -> str:
 def _less(tables: dict, ran: str, question: Sequence[Ask]) -> Iterator[str]:
     """Yield words for what the spec asks about and the question leaves out."""
     kinds = {ask.claim for ask in question}
-    sets = tables.get("for_all", {})
+    sets = for_all.read(tables, exact)
     messages = any(for_all.MESSAGES & keys.keys() for keys in tables.get("block", {}).values())
-    if ran != "map" and (sets.keys() - {"contact"} or messages) and kinds <= {"modes", "contact"}:
+    if ran != "map" and (sets.asked or messages) and kinds <= {"modes", "contact"}:
         yield f"{LESS}: nothing of [for_all] and channels"
-    if ran != "map" and sets.get("contact") and "contact" not in kinds:
+    if ran != "map" and sets.contact and "contact" not in kinds:
         yield f"{LESS}: nothing of walls that let go"
     if ran != "sweep":
         return
-    axes = for_all.flat(tables.get("sweep", {}))
-    axes.pop("along", None)
-    if axes.pop("require", None) and all(
-        ask.claim == "modes" and ask.radius == 1 for ask in question
+    sweep = tables.get("sweep", {})
+    axes = dict(for_all.axes(tables, "sweep", sweep))
+    if (
+        sweep.get("require")
+        and "require" not in axes
+        and all(ask.claim == "modes" and ask.radius == 1 for ask in question)
     ):
         yield f"{LESS}: nothing of [sweep] require"
     for name, axis in axes.items():

@@ -49,6 +49,7 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -61,9 +62,9 @@ from .coverage import Ask
 from .drifts import Form, drifts_of, reduced
 from .frame import Frames, states_of, steps_of
 from .gain import Gain, opened, stays_below
-from .reader import for_all, loop_of, unknown_key, wall_of, with_numbers
-from .reader.controllers import SYMBOLS
+from .reader import for_all, loop_of, unknown_key, wall_of
 from .reader.loops import INPUT, OUTPUT, Unreadable
+from .reader.names import one_key_each, quantity, with_numbers
 
 FORMAT = "wavesweep proof 2"
 RUNS = "sweep", "map", "design"
@@ -147,25 +148,28 @@ def spec_of(text: bytes) -> dict:
     if len(text) > LONGEST_SPEC:
         raise Unreadable(f"a spec of {len(text)} bytes; at most {LONGEST_SPEC}")
     try:
-        return tomllib.loads(text.decode(), parse_float=decimal)
+        tables = tomllib.loads(text.decode(), parse_float=decimal)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise Unreadable(f"the spec is no TOML: {error}") from None
+    with told():
+        one_key_each(tables, balls)
+        for_all.read(tables, balls.exact)
+    return tables
+
+
+@contextmanager
+def told() -> Iterator[None]:
+    """What goes wrong where a value of a spec is not of the kind that its key has, a text for a table, say, as Unreadable."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise Unreadable(f"the spec cannot be read: {error!r}") from None
 
 
 def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     """The frames that a claim is about, from the spec; member: values of the listed numbers of [for_all]."""
-    try:
+    with told():
         schedules, moves, start = schedules_of(tables, claim, member or {})
-    except (
-        AttributeError,
-        IndexError,
-        KeyError,
-        TypeError,
-        ValueError,
-        ZeroDivisionError,
-    ) as error:
-        # a value of a spec that is not of the kind that its key has: a text for a table, say
-        raise Unreadable(f"the spec cannot be read: {error!r}") from None
     if claim.claim in OF_WALLS:
         cut, free = contact.opened(schedules[""], wall_of(tables)[0])
         schedules = {"": cut}
@@ -213,7 +217,7 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
         own = {"": opened(tables, own[""], claim.gain)}
     unknown = unknown_key(tables, loop)
     if unknown:
-        raise Unreadable(f"the key {unknown} is not known to this checker")
+        raise Unreadable(f"the key {unknown} is not known to this checker, or nothing reads it")
     if claim.claim in ("modes", "gain"):
         return own, {None: {"": ("", None, None)}}, None
     allowed = for_all.read(tables, balls.exact)
@@ -446,10 +450,12 @@ def claim_of(line) -> Claim:
         _expect(line.get("outside"), int, "outside")
     if (
         line.get("open", True) is not True
-        or ("open" in line and kind != "modes")
+        or ("open" in line and (kind != "modes" or "radius" in line))
         or (not wanted and "outside" in line)
     ):
-        raise Unreadable("a claim says how many modes are outside, or of a map that it is open")
+        raise Unreadable(
+            "a claim says how many modes are outside, or of a map, without a radius, that it is open"
+        )
     word = [
         _expect(letter, str, "a letter") for letter in _expect(line.get("word", []), list, "word")
     ]
@@ -489,16 +495,11 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
     if claim.claim == "refuted" and not claim.outside:
         raise Refused("no mode is said to be outside, so nothing is refuted")
     members: list[dict] = [{}]
-    try:
-        allowed = for_all.read({} if claim.claim in ("modes", "gain") else tables, balls.exact)
+    with told():
+        allowed = for_all.read(tables, balls.exact)
         wall = wall_of(tables)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise Unreadable(f"[for_all] cannot be read: {error!r}") from None
-    claim.in_touch = bool(tables.get("for_all", {}).get("contact"))
-    names = {
-        SYMBOLS.get(name, name) if "controller" in tables else name: name
-        for name in (*claim.sides, *claim.numbers)
-    }
+        names = {quantity(tables, name): name for name in (*claim.sides, *claim.numbers)}
+    claim.in_touch = allowed.contact
     if claim.claim in OF_WALLS and (not wall or [*claim.sides] != wall):
         raise Refused("the sides are not the stiffness and the damping of the wall")
     if claim.claim in ("for all", "mean square", "contact"):
@@ -523,10 +524,7 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         if member:
             line = next(lines, {})
             values = _expect(line.get("member", {}), dict, "a member")
-            if {
-                name: value if value == "frame" else _fraction(value)
-                for name, value in values.items()
-            } != member:
+            if {name: _fraction(value) for name, value in values.items()} != member:
                 raise Refused(f"no proof of {for_all.letter_of(member)}")
             if line.keys() - {"member"} - COORDINATES:
                 raise Unreadable("a member has drifts, states and a rest alone")
@@ -547,7 +545,9 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
 
 
 def _is_member(allowed, numbers: dict):
-    """Refused, unless every number of [for_all] that is set has a value that it may have."""
+    """Refused, unless every number of [for_all] that is set has a value that it may have, and none is set that varies."""
+    if set_too := allowed.varying.keys() & numbers.keys():
+        raise Refused(f"{min(set_too)} is set, and varies from frame to frame")
     missing = (allowed.ranges.keys() | allowed.listed.keys()) - numbers.keys()
     if missing:
         raise Refused(f"a member of [for_all] has a value of {min(missing)}")

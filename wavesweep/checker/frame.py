@@ -28,6 +28,10 @@ def solved(instant: Instant) -> dict[str, dict[str, Number]]:
     Exact coefficients stay exact as far as possible, so that what cancels is not there.
     """
     rows = {name: _clean(terms) for name, terms in instant.equations.items()}
+    for terms in (*instant.equations.values(), *instant.writes.values()):
+        for name in terms:
+            if name not in rows and not name.startswith(("@", "!")):
+                raise Unreadable(f"nothing gives {name!r}")
     needed: set[str] = set()
     wanted = [name for terms in instant.writes.values() for name in terms]
     while wanted:
@@ -35,8 +39,6 @@ def solved(instant: Instant) -> dict[str, dict[str, Number]]:
         if name in rows and name not in needed:
             needed.add(name)
             wanted += rows[name]
-        elif name not in rows and not name.startswith(("@", "!")):
-            raise Unreadable(f"nothing gives {name!r}")
     rows = {name: rows[name] for name in sorted(needed)}
     left = set(rows)
     while left:  # those first that wait for nobody
@@ -237,6 +239,8 @@ def _needed(steps, live) -> list[set[str]]:
     wanted = [live]
     for step in reversed(steps):
         wanted.append({k for name in wanted[-1] for k in step.reads.get(name, (name,))})
+        if len(wanted[-1]) > 2 * LARGEST:  # also what is written before a frame ends
+            raise Unreadable(f"a memory of more than {LARGEST} values")
     return wanted[::-1]
 
 

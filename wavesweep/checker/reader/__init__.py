@@ -4,9 +4,13 @@
 doubles, or numbers that are enclosed while others have any value of a range. It shares nothing with the package's own reader.
 """
 
-from .controllers import KEYS, SYMBOLS, Controller
+import re
+
+from .controllers import Controller
 from .drawings import Drawing
-from .loops import Unreadable
+from .names import RULES, flat
+from .names import path_of as path_of
+from .names import with_numbers as with_numbers
 
 OTHERS = {
     "sweep",
@@ -16,7 +20,13 @@ OTHERS = {
     "design",
     "for_all",
 }  # tables that are not the loop itself
-PORTS = {"hand", "wall", "environment", "inputs", "outputs"}
+PORTS = {
+    "hand": {"force", "displacement", "reaction", "turns"},
+    "wall": {"stiffness", "damping"},
+    "environment": {"force", "displacement"},
+    "inputs": {"signal", "unit"},
+    "outputs": {"signal", "unit"},
+}
 LIMITS = {"high", "low", "anti_windup", "tracking_s"}  # the linear loop is within them
 MESSAGES = {
     "late",
@@ -47,73 +57,25 @@ def wall_of(tables: dict) -> list[str]:
     return [wall[key] for key in ("stiffness", "damping") if key in wall]
 
 
-def with_numbers(tables: dict, values: dict) -> dict:
-    """The same spec with other numbers, by their names in [sweep] and [for_all]."""
-    places: dict[tuple, str] = {}
-    for name, value in values.items():
-        path = path_of(tables, name)
-        other = places.setdefault(path, name)
-        if other != name:
-            raise Unreadable(f"{other} and {name} are one number")
-        tables = _changed(tables, path, value)
-    return tables
-
-
-def path_of(tables, name: str) -> tuple[str, ...]:
-    """Where a number stands in a spec, by any of its names."""
-    if "controller" in tables:
-        path = SYMBOLS.get(name, name)
-        table, _, key = path.rpartition(".")
-        if key not in KEYS.get(table, ()):
-            raise Unreadable(f"{name} is no number of this spec")
-        return tuple(path.split("."))
-    if name in tables.get("numbers", {}):
-        return "numbers", name
-    if name == "rates.tick_hz":
-        return "rates", "tick_hz"
-    for block, keys in tables.get("block", {}).items():
-        if name.startswith(f"{block}_"):  # of a class or of a device
-            return "block", block, name.removeprefix(f"{block}_")
-        path = name.removeprefix(f"block.{block}.").split(".")
-        if name.startswith(f"block.{block}.") and _within(keys, path):
-            return "block", block, *path
-    raise Unreadable(f"{name} is no number of this spec")
-
-
-def _within(table, path) -> bool:
-    for name in path:
-        if not isinstance(table, dict) or name not in table:
-            return False
-        table = table[name]
-    return not isinstance(table, dict)
-
-
-def _changed(table, path, value):
-    first, *rest = path
-    before = table.get(first, {})
-    return {**table, first: _changed(before, rest, value) if rest else value}
-
-
 def unknown_key(tables: dict, loop: Controller | Drawing) -> str | None:
     """A key of the spec that the reader does not know, so that what it says of the loop may not be all; None if there is none.
 
     To be called after `schedule()`.
     """
     if isinstance(loop, Controller):
-        known = {f"{table}.{key}" for table, keys in KEYS.items() for key in keys}
-        return next(
-            (
-                path
-                for path in _leaves(tables)
-                if path.split(".")[0] not in OTHERS and path not in known
-            ),
-            None,
+        unknown = (
+            path for path in flat(tables) if path.split(".")[0] not in OTHERS and path not in RULES
         )
+        return next(unknown, None)
     tables = loop.key.tables
     known = {"rates", "numbers", "block", "signals", "wire", "ports"}
     own = [table for table in tables if table not in known | OTHERS]
     own += [f"rates.{key}" for key in tables["rates"] if key != "tick_hz"]
-    own += [f"ports.{key}" for key in tables.get("ports", {}) if key not in PORTS]
+    for port, given in tables.get("ports", {}).items():
+        named = port in ("inputs", "outputs")
+        parts = [part for part in given.values() if isinstance(part, dict)] if named else [given]
+        keys = {key for part in parts for key in part} - PORTS.get(port, set())
+        own += [f"ports.{port}.{key}" for key in keys] + [f"ports.{port}"] * (port not in PORTS)
     for name, block in loop.blocks.items():
         extra = {
             "integrator": LIMITS,
@@ -129,12 +91,12 @@ def unknown_key(tables: dict, loop: Controller | Drawing) -> str | None:
             if key not in free and (name, key) not in loop.read
         ]
     own += [f"wire.{port}" for port in loop.wires if f"wire.{port}" not in loop.key.asked]
+    texts = [
+        str(value)
+        for path, value in flat(tables).items()
+        if not path.startswith("ports.wall.") and not path.endswith((".unit", ".description"))
+    ]
+    mentioned = {name for text in texts for name in re.findall(r"[\w.]+", text)}
+    own += [f"numbers.{name}" for name in loop.numbers if name not in mentioned]
+    own += [f"signals.{name}" for name in loop.signals if "." not in name and name not in mentioned]
     return own[0] if own else None
-
-
-def _leaves(table, before=""):
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{before}{key}.")
-        else:
-            yield before + key

@@ -2,7 +2,9 @@
 
 import ast
 
+from .expressions import parsed
 from .loops import Unreadable
+from .names import flat
 
 MOST = 1000  # blocks of classes: one that has itself as a block would never end
 
@@ -10,7 +12,7 @@ MOST = 1000  # blocks of classes: one that has itself as a block would never end
 def written_out(tables: dict) -> dict:
     """The same spec without classes: blocks `left.motor`, numbers `left_kp`, signals `left.angle`."""
     classes = tables.get("type", {})
-    whole = dict(tables)
+    whole = {**tables, **{name: flat(tables.get(name, {})) for name in ("wire", "signals")}}
     for _ in range(MOST):
         blocks = whole.get("block", {})
         left = [name for name, block in blocks.items() if block.get("type") in classes]
@@ -30,8 +32,9 @@ def _one(tables: dict, name: str, drawing: dict) -> dict:
     given = dict(blocks.pop(name))
     given.pop("type")
     numbers = dict(tables.get("numbers", {}))
-    signals = dict(tables.get("signals", {}))
-    wires = dict(tables.get("wire", {}))
+    signals = dict(tables["signals"])
+    wires = dict(tables["wire"])
+    drawing = {**drawing, **{part: flat(drawing.get(part, {})) for part in ("wire", "signals")}}
     ports = drawing.get("ports", {})
     own = {number: f"{name}_{number}" for number in drawing.get("numbers", {})}
     for part in ("block", "signals"):
@@ -84,7 +87,7 @@ def _renamed(value, names):
     if not isinstance(value, str):
         return value
     try:
-        tree = ast.parse(value.strip(), mode="eval")
-    except SyntaxError:
+        node = parsed(value)
+    except Unreadable:  # a word
         return value
-    return ast.unparse(_Rename(names).visit(tree))
+    return ast.unparse(_Rename(names).visit(node))

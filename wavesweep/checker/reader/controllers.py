@@ -13,8 +13,8 @@ from .loops import (
     bounded,
     form,
     scaled,
-    within,
 )
+from .names import EDGES, RULES
 
 PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m), where they are known
     "paper": ("0.1", "1.5"),
@@ -27,42 +27,11 @@ PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m),
     "lambda": (None, None),
 }
 FILTERS = {"lp1": (1, "10", "low"), "hp": (1, "10", "high"), "lp2": (2, "20", "low")}
-EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
+ROUNDING = Fraction(10) ** -12
+MOST_LATE = 1000  # ticks of a dead time
+FILTERS_OF = {"pmw": ("lp1",), "pmw-lm": tuple(FILTERS)}
 SHOWN = {"x": "x", "v": "v", "v_hat": "v_hat", "f_m": "f_m now", "F_s": "held F"}
 WAVES = {"u_m": "u_m", "v_m": "v_m"}
-SYMBOLS = {  # axes of a sweep by their short names
-    "K_VE": "environment.K_VE",
-    "B_VE": "environment.B_VE",
-    "b": "controller.b",
-    "Kp": "controller.Kp",
-    "K_VC": "controller.K_VC",
-    "B_VC": "controller.B_VC",
-    "K_LM": "local_model.K_LM",
-    "B_LM": "local_model.B_LM",
-}
-KINDS = ("dc", "dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-mean", "pmw-lm")
-METHODS = ("explicit", "implicit", "trapezoidal")
-KEYS = {  # all that a loop may have, read or not by its kind
-    "controller": ("kind", "b", "Kp", "K_VC", "B_VC"),
-    "rates": ("fast_hz", "slow_hz", "ratio"),
-    "device": ("preset", "mass", "damping", "velocity", "delay", "dead_time"),
-    "operator": ("mass", "damping", "stiffness"),
-    "environment": ("K_VE", "B_VE", "integration", "delay", "step"),
-    "local_model": ("K_LM", "B_LM", "integration", "delay"),
-    **{f"filters.{name}": ("order", "cutoff_hz", *EDGES) for name in FILTERS},
-}
-ABOVE_0 = {
-    "rates",
-    "filters.lp1",
-    "filters.hp",
-    "filters.lp2",
-}  # tables whose numbers are, but orders
-ABOVE_0 |= {
-    "device.mass",
-    "controller.b",
-    "controller.K_VC",
-    "controller.B_VC",
-}  # all others are at least 0
 
 
 class Controller:
@@ -71,44 +40,58 @@ class Controller:
     def __init__(self, tables: dict, arithmetic):
         self.arithmetic = arithmetic
         self.key = key = Keys(tables)
+        for path, rule in RULES.items():
+            given = Keys(tables)(path)
+            if given is not None and (path, given) != ("environment.delay", "frame"):
+                rule.refuse(path, given, arithmetic)
         self.kind = key("controller.kind")
-        if self.kind not in KINDS:
-            raise Unreadable(f"the controller {self.kind!r} is not known")
-        for table, names in KEYS.items():
-            for name in names:
-                path = f"{table}.{name}"
-                given = Keys(tables)(path)
-                if given is not None and not isinstance(given, str):
-                    above = path in ABOVE_0 or (table in ABOVE_0 and name != "order")
-                    within(arithmetic, path, given, above)
+        if self.kind is None:
+            raise Unreadable("controller.kind is missing")
         exact = self.arithmetic.exact
         fast = exact(key("rates.fast_hz", 1000))
         self.T = 1 / fast
-        ratio = key("rates.ratio")
-        slow = key("rates.slow_hz")
-        if slow is not None:
-            self.ratio = fast / exact(slow)
-        else:
-            self.arithmetic.whole(20 if ratio is None else ratio)
-            self.ratio = exact(20 if ratio is None else ratio)
+        self.ratio = self.read_ratio(fast)
+        self.delay = key("environment.delay", 0)
+        if self.delay != "frame":
+            self.delay = self.arithmetic.whole(self.delay)
+            if self.delay > math.ceil(self.ratio):
+                raise Unreadable(
+                    f"environment.delay = {self.delay} is beyond the longest frame, {math.ceil(self.ratio)} ticks"
+                )
         if self.kind == "dc":
             self.ratio = Fraction(1)
+            self.delay = 0
         self.Ts = self.ratio * self.T
         self.read_device()
         self.K = self.number("environment.K_VE", 500)
         self.B = self.number("environment.B_VE", 1)
-        self.integration = self.choice("environment.integration", "implicit", *METHODS)
-        self.delay = 0 if self.kind == "dc" else key("environment.delay", 0)
-        if self.delay != "frame":
-            self.delay = self.arithmetic.whole(self.delay)
+        self.integration = key("environment.integration", "implicit")
         self.b = self.number("controller.b", 25)
         self.Kp = self.number("controller.Kp", 0)
         self.K_VC = self.number("controller.K_VC", 1000)
         self.B_VC = self.number("controller.B_VC", 5)
         self.K_LM = self.number("local_model.K_LM", 500)
         self.B_LM = self.number("local_model.B_LM", 0)
-        self.local_integration = self.choice("local_model.integration", "implicit", *METHODS)
+        self.local_integration = key("local_model.integration", "implicit")
         self.local_delay = self.arithmetic.whole(key("local_model.delay", 1))
+        self.filters = {name: self.read_filter(name) for name in FILTERS}
+
+    def read_ratio(self, fast: Fraction) -> Fraction:
+        """Ticks in a frame: a whole number, or what comes round within 10,000 ticks."""
+        ratio = self.key("rates.ratio")
+        slow = self.key("rates.slow_hz")
+        if ratio is not None and slow is not None:
+            raise Unreadable("rates.ratio and rates.slow_hz are one number, and both stand there")
+        if slow is None:
+            return Fraction(self.arithmetic.whole(20 if ratio is None else ratio))
+        found = fast / self.arithmetic.exact(slow)
+        if not 1 <= found <= 1000 or (
+            found.denominator > 1 and (found < 2 or found.numerator > 10_000)
+        ):
+            raise Unreadable(
+                f"rates.slow_hz makes frames of {float(found):g} ticks: expected 1 to 1000 of them, in step within 10,000"
+            )
+        return found
 
     def number(self, path, default):
         given = self.key(path, default)
@@ -116,23 +99,18 @@ class Controller:
             raise Unreadable(f"{path} is missing")
         return self.arithmetic.number(given)
 
-    def choice(self, path, default, *known):
-        given = self.key(path, default)
-        if given not in known:
-            raise Unreadable(f"{path} = {given!r} is not known")
-        return given
-
     def read_device(self):
         key = self.key
-        preset = self.choice("device.preset", "paper", *PRESETS)
-        mass, damping = PRESETS[preset]
+        mass, damping = PRESETS[key("device.preset", "paper")]
         self.mass = self.number("device.mass", mass) + self.number("operator.mass", 0)
         self.damping = self.number("device.damping", damping) + self.number("operator.damping", 0)
         self.stiffness = self.number("operator.stiffness", 0)
-        self.velocity = self.choice("device.velocity", "exact", "exact", "difference")
+        self.velocity = key("device.velocity", "exact")
         exact = self.arithmetic.exact
         time = self.arithmetic.time(key("device.dead_time", 0))
         dead = time + exact(key("device.delay", 0)) * self.T
+        if self.arithmetic.ends(dead)[1] > MOST_LATE * self.T:
+            raise Unreadable(f"device.delay and device.dead_time of more than {MOST_LATE} ticks")
         least = self.arithmetic.least(dead)
         self.late_ticks = bounded(math.floor(least / self.T), "a delay in ticks")
         self.late_rest = dead - self.late_ticks * self.T
@@ -398,23 +376,42 @@ class Controller:
         writes["@v_2"] = {"lp2 out": 1}
 
     def filter(self, equations, writes, name, source, out):
-        """Sections in series; order 0 is none."""
+        add_sections(equations, writes, name, self.filters[name], source, out)
+
+    def read_filter(self, name: str) -> list[tuple]:
+        """Sections in series; order 0 is none, and a filter that the controller has not sets no limit to its cutoff."""
         order, cutoff, side = FILTERS[name]
-        edges = {edge: self.key(f"filters.{name}.{edge}") for edge in EDGES}
-        order = self.arithmetic.whole(self.number(f"filters.{name}.order", order))
-        cutoff = self.key(f"filters.{name}.cutoff_hz", cutoff)
+        path = f"filters.{name}"
+        edges = {edge: self.key(f"{path}.{edge}") for edge in EDGES}
         given = [edge for edge in EDGES if edges[edge] is not None]
         if given and len(given) < len(EDGES):
-            raise Unreadable(f"filters.{name} has {given[0]} without all of {', '.join(EDGES)}")
-        if not given:
-            warped = self.warped(cutoff)
-        else:
+            raise Unreadable(f"{path} has {given[0]} without all of {', '.join(EDGES)}")
+        own_order, own_cutoff = self.key(f"{path}.order"), self.key(f"{path}.cutoff_hz")
+        if given:
             order, warped = filters.order_and_cutoff(edges, self.warped, side, self.arithmetic)
-        sections = filters.butterworth(order, warped, side, self.arithmetic) if order else []
-        add_sections(equations, writes, name, sections, source, out)
+            same = own_cutoff is None or self.alike(self.warped(own_cutoff), warped)
+            if own_order not in (None, order) or not same:
+                raise Unreadable(
+                    f"{path} has band edges, and another order or cutoff_hz beside them"
+                )
+        else:
+            order = self.arithmetic.whole(order if own_order is None else own_order)
+            if not order or name not in FILTERS_OF.get(self.kind, ()):
+                return []
+            warped = self.warped(cutoff if own_cutoff is None else own_cutoff)
+        return filters.butterworth(order, warped, side, self.arithmetic)
+
+    def alike(self, value, other) -> bool:
+        """Whether two numbers differ by the rounding of doubles alone."""
+        low, high = self.arithmetic.ends(value / other - 1)
+        return low > -ROUNDING and high < ROUNDING
 
     def warped(self, hertz):
-        return self.arithmetic.tan(self.arithmetic.pi * self.arithmetic.number(hertz) * self.T)
+        """tan(pi f T), with which the bilinear transform keeps a frequency below half the rate."""
+        share = self.arithmetic.number(hertz) * self.T
+        if self.arithmetic.ends(share)[1] >= Fraction(1, 2):
+            raise Unreadable("a frequency of a filter that is not below half of rates.fast_hz")
+        return self.arithmetic.tan(self.arithmetic.pi * share)
 
 
 def add_sections(equations, writes, name, sections, source, out):

@@ -12,6 +12,7 @@ from .classes import written_out
 from .controllers import add_model, add_sections
 from .expressions import (
     FUNCTIONS,
+    bounded_parts,
     linear,
     multiplied_out,
     number,
@@ -31,24 +32,26 @@ from .loops import (
     product,
     scaled,
     transposed,
-    within,
 )
+from .names import OF_BLOCKS, Rule
 
 DEVICES = tuple(devices.DEFAULTS)  # of several axes
 RESERVED = {*FUNCTIONS, "prev", "pi", "dt"}
-ABOVE_0 = {
-    "mass",
-    "inertia",
-    "cutoff_hz",
-    "a",
-    "zero_hz",
-    "pole_hz",
-    "frequency_hz",
-    "q",
-    "b",
-}  # keys of blocks
-AT_LEAST_0 = {"tau", "depth"}
+NO_NAMES = {"nan", "inf", "infinity", "none", "null", "na", "true", "false"}
+ASKEW = Fraction(10) ** -12  # of entries of a symmetric matrix
+NEEDED = {  # of ports that there are
+    "hand": {"force", "displacement"},
+    "environment": {"force", "displacement"},
+    "wall": {"stiffness", "damping"},
+}
+LONGEST = 1000  # ticks of a dead time
 PLANTS = {"mass", "inertia", "mass_matrix", *DEVICES, "spring", "ss", "tf"}
+
+
+def is_name(name) -> bool:
+    """Whether it is a name of ASCII letters, digits and _, and no word for a value."""
+    plain = isinstance(name, str) and name.isascii() and name.isidentifier()
+    return plain and name.lower() not in NO_NAMES
 
 
 class Drawing:
@@ -61,11 +64,18 @@ class Drawing:
         self.key("type")
         self.numbers = {}
         for name, given in self.key("numbers", {}).items():
-            self.numbers[name] = given["value"] if isinstance(given, dict) else given
+            table = given if isinstance(given, dict) else {"value": given}
+            if not is_name(name.replace(".", "_")):  # that of a class in a class has dots
+                raise Unreadable(f"{name!r} is no name of a number")
+            if "value" not in table or table.keys() - {"value", "unit", "description"}:
+                raise Unreadable(
+                    f"numbers.{name} is no number and no table of value, unit and description"
+                )
+            self.numbers[name] = table["value"]
         self.known: dict[str, object] = {}
         self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
         hz = arithmetic.exact(self.number(self.key("rates.tick_hz")))
-        within(arithmetic, "rates.tick_hz", hz, above=True)
+        Rule(low=Fraction(0), above=True).refuse("rates.tick_hz", hz, arithmetic)
         self.T = 1 / hz
         self.signals = self.key("signals", {})
         self.blocks = self.key("block", {})
@@ -75,9 +85,19 @@ class Drawing:
         for name in names:
             if names.count(name) > 1 or name in RESERVED or self.owner(name) in self.blocks:
                 raise Unreadable(f"{name} has two meanings")
-        self.remembered: set[tuple[str, str]] = (
-            set()
-        )  # (what, "" of each tick or a block of its runs)
+        bounded_parts(
+            {**self.signals, **{f"wire {port}": wire for port, wire in self.wires.items()}}
+        )
+        bounded_parts(
+            {name: given for name, given in self.numbers.items() if isinstance(given, str)}
+        )
+        for block, keys in self.blocks.items():
+            for key in keys:
+                if key in OF_BLOCKS.get(keys.get("type"), {}):
+                    self.refuse(block, key)
+            self.refuse_unfit(block, keys)
+        # (what, "" of each tick or a block of its runs)
+        self.remembered: set[tuple[str, str]] = set()
         self.plants = {name: self.plant(name) for name in self.blocks if self.is_plant(name)}
         self.late = {}  # blocks that are dead times: (whole ticks, rest in s)
         for name, block in self.blocks.items():
@@ -119,10 +139,43 @@ class Drawing:
         given = self.word(block, key, default)
         if given is None:
             raise Unreadable(f"block.{block}.{key} is missing")
-        found = self.number(given, self.period(block))
-        if key in ABOVE_0 | AT_LEAST_0:
-            within(self.arithmetic, f"block.{block}.{key}", found, key in ABOVE_0)
-        return found
+        return self.number(given, self.period(block))
+
+    def refuse(self, block: str, key: str) -> None:
+        """Unreadable for a key that its type of block does not allow."""
+        given = self.blocks[block][key]
+        rule = OF_BLOCKS[self.blocks[block]["type"]][key]
+        if not rule.words:
+            given = self.number(given, None if key == "every" else self.period(block))
+        rule.refuse(f"block.{block}.{key}", given, self.arithmetic)
+
+    def refuse_unfit(self, block: str, keys: dict) -> None:
+        """Unreadable for limits, and for losses of messages, that do not fit together; the loop itself does not read them."""
+        path = f"block.{block}"
+        acts = keys.get("anti_windup", "none")
+        needs = (
+            keys.keys() & {"low", "tracking_s"}
+            or acts != "none"
+            or keys.get("type") == "saturation"
+        )
+        if needs and "high" not in keys:
+            raise Unreadable(f"{path}.high is missing")
+        if (acts == "back-calculation") != ("tracking_s" in keys):
+            raise Unreadable(
+                f"{path}.tracking_s stands beside back-calculation, and not without it"
+            )
+        number, ends = self.number, self.arithmetic.ends
+        if "high" in keys and ends(number(keys["high"]) - number(keys.get("low", 0)))[0] <= 0:
+            raise Unreadable(f"{path}.high is not above low, or 0")
+        share = (
+            number(keys.get("tracking_s", 1)) / self.period(block) if "tracking_s" in keys else 1
+        )
+        if ends(share)[0] < 1 - Fraction(1, 10**6):
+            raise Unreadable(f"{path}.tracking_s is less than the period of the block")
+        if any(keys.get(key, 0) for key in ("loss", "burst")) and keys.get("type") == "channel":
+            for key in ("late", "lost"):
+                if ends(number(keys.get(key, 0))) != (0, 0):
+                    raise Unreadable(f"{path}.{key} stands beside messages that are lost at random")
 
     def whole(self, block: str, key: str, default=None) -> int:
         given = self.number(self.word(block, key, default))
@@ -133,15 +186,9 @@ class Drawing:
         self.read.add((block, key))
         return self.blocks[block].get(key, default)
 
-    def choice(self, block: str, key: str, default: str, *others: str) -> str:
-        given = self.word(block, key, default)
-        if given not in (default, *others):
-            raise Unreadable(f"block.{block}.{key} = {given!r} is not known")
-        return given
-
     def matrix(self, block: str, key: str, rows: int, columns: int):
         given = self.word(block, key, [])
-        if not given:
+        if not given and (key in ("D", "damping", "stiffness") or not rows * columns):
             return [[0] * columns for _ in range(rows)]
         values = [[self.number(entry, self.period(block)) for entry in row] for row in given]
         if len(values) != rows or any(len(row) != columns for row in values):
@@ -151,10 +198,7 @@ class Drawing:
         return values
 
     def every(self, block: str) -> int:
-        ticks = self.whole(block, "every", 1)
-        if not ticks:
-            raise Unreadable(f"block.{block}.every = 0")
-        return ticks
+        return self.whole(block, "every", 1)
 
     def phase(self, block: str) -> int:
         tick = self.whole(block, "phase", 0)
@@ -167,6 +211,10 @@ class Drawing:
 
     def inputs(self) -> set[str]:
         """Names of signals from outside."""
+        for port, needed in NEEDED.items():
+            given = self.key(f"ports.{port}", {})
+            if given and needed - given.keys():
+                raise Unreadable(f"ports.{port}.{min(needed - given.keys())} is missing")
         found: set[str] = set()
         for end in ("hand", "environment"):
             force = self.key(f"ports.{end}.force", [])
@@ -242,8 +290,7 @@ class Drawing:
     def plant(self, name: str):
         """(inputs, outputs, A, B, C, D) of a plant."""
         kind = self.blocks[name]["type"]
-        if self.every(name) != 1 or self.phase(name):
-            raise Unreadable(f"block.{name} is continuous, and runs every so many ticks")
+        self.in_each_tick(name)
         if kind in {"mass", "inertia"}:
             mass = self.value(name, kind)
             damping = self.value(name, "damping", 0)
@@ -275,11 +322,17 @@ class Drawing:
             return ["u"], ["y"], A, [[entry] for entry in B], [C], [[D]]
         return self.state_space(name)
 
+    def in_each_tick(self, name: str) -> None:
+        if self.every(name) != 1 or self.phase(name):
+            raise Unreadable(f"block.{name} is continuous, and runs every so many ticks")
+
     def state_space(self, name: str):
         if self.word(name, "file") is not None:
             raise Unreadable(f"block.{name}.file: matrices in another file")
-        inputs = self.word(name, "inputs", ["u"])
-        outputs = self.word(name, "outputs", ["y"])
+        inputs = self.names_of(name, "inputs", ["u"])
+        outputs = self.names_of(name, "outputs", ["y"])
+        if not outputs:
+            raise Unreadable(f"block.{name} has no outputs")
         states = len(self.word(name, "A", []))
         A = self.matrix(name, "A", states, states)
         B = self.matrix(name, "B", states, len(inputs))
@@ -287,8 +340,19 @@ class Drawing:
         D = self.matrix(name, "D", len(outputs), len(inputs))
         return inputs, outputs, A, B, C, D
 
+    def names_of(self, block: str, key: str, default: list[str]) -> list[str]:
+        """Different names of ports."""
+        found = self.word(block, key, default)
+        if not all(map(is_name, found)) or len(set(found)) < len(found):
+            raise Unreadable(f"block.{block}.{key} is no list of different names")
+        return found
+
     def mass_matrix(self, name: str):
-        axes = self.word(name, "axes", ["x", "y"])
+        axes = self.names_of(name, "axes", ["x", "y"])
+        if not 1 <= len(axes) <= 3 or {*axes} & {f"v{axis}" for axis in axes}:
+            raise Unreadable(
+                f"block.{name}.axes are 1 to 3 names, of which none is v and another one"
+            )
         through = self.word(name, "through", [])
         coordinates = len(through) or len(axes)
         J = self.matrix(name, "through", coordinates, len(axes)) if through else identity(len(axes))
@@ -297,15 +361,28 @@ class Drawing:
             given = self.word(name, key, [])
             rows = 1 if len(given) == 1 else coordinates
             part = self.matrix(name, key, rows, coordinates)
+            if key == "mass" and rows > 1:
+                self.refuse_askew(part, name)
             parts.append(
                 product(product(transposed(J), diagonal(part[0]) if len(given) == 1 else part), J)
             )
         return self.body(axes, *parts)
 
+    def refuse_askew(self, matrix, name: str) -> None:
+        for row, column in zip(matrix, transposed(matrix), strict=True):
+            for entry, mirrored in zip(row, column, strict=True):
+                low, high = self.arithmetic.ends(entry - mirrored)
+                size = sum(map(abs, self.arithmetic.ends(entry + mirrored)))
+                if max(low, -high) > ASKEW * size:
+                    raise Unreadable(f"block.{name}.mass is not symmetric")
+
     def body(self, axes, mass, damping, stiffness):
         """The plant of M a + D v + K x = f."""
         size = len(axes)
-        light = inverse(mass)
+        minor = Rule(low=Fraction(0), above=True)
+        light = inverse(
+            mass, lambda pivot: minor.refuse("a pivot of a mass matrix", pivot, self.arithmetic)
+        )
         A = [[0] * size + row for row in identity(size)]
         A += [
             [-entry for entry in (*back, *slow)]
@@ -327,6 +404,7 @@ class Drawing:
         self.key.asked.add(f"wire.{block}.{port}")
         text = self.wires.get(f"{block}.{port}")
         if text is None:
+            self.refuse_loose(block, port)
             return continuous, held, arriving
         between, sampled = self.parted(block, text)
         for acts, products in ((True, between), (False, sampled)):
@@ -344,6 +422,14 @@ class Drawing:
                     else:
                         held = form(held, (coefficient, name))
         return continuous, held, arriving
+
+    def refuse_loose(self, block: str, port: str) -> None:
+        """Unreadable for a port without a wire, but for those of a spring that need none."""
+        keys = self.blocks[block]
+        at_ground = port in ("x2", "v2") and not self.wires.keys() & {f"{block}.x2", f"{block}.v2"}
+        undamped = port in ("v1", "v2") and not keys.get("d", 0)
+        if keys["type"] != "spring" or not (at_ground or undamped):
+            raise Unreadable(f"{block}.{port} has no wire")
 
     def parted(self, block: str, text):
         """The products of a wire to a plant that act continuously, and those that are held.
@@ -438,7 +524,10 @@ class Drawing:
             given = self.numbers[given]  # a decimal number, and not the double nearest to it
         seconds = self.arithmetic.time(self.number(given) if isinstance(given, str) else given)
         least = self.arithmetic.least(seconds)
-        whole = bounded(math.floor(least / self.T), f"block.{name}.seconds in ticks")
+        self.in_each_tick(name)
+        if self.arithmetic.ends(seconds)[1] > LONGEST * self.T:
+            raise Unreadable(f"block.{name}.seconds is more than {LONGEST} ticks")
+        whole = math.floor(least / self.T)
         return whole, seconds - whole * self.T
 
     def late_rows(self, name, equations, writes):
@@ -517,7 +606,7 @@ class Drawing:
             equations[f"{name} now"] = self.one(name)
             for at, message in enumerate(sent):
                 writes[f"@{name} sent {at}"] = {message: 1}
-        lost = runs and self.choice(name, "missing", "held", "zero") == "zero"
+        lost = runs and self.word(name, "missing", "held") == "zero"
         equations[f"{name}.y"] = (
             {sent[new]: 1} if new is not None else {} if lost else {f"@held {name}.y": 1}
         )
@@ -531,13 +620,12 @@ class Drawing:
         if taps is None:
             outputs = [(f"{name}.y", self.whole(name, "steps", 1))]
         else:
-            outputs = [
-                (
-                    f"{name}.y{at + 1}",
-                    bounded(self.arithmetic.whole(self.number(tap)), f"a tap of {name}"),
-                )
-                for at, tap in enumerate(taps)
+            runs = [
+                bounded(self.arithmetic.whole(self.number(tap)), f"a tap of {name}") for tap in taps
             ]
+            if not runs or runs != sorted(runs):
+                raise Unreadable(f"block.{name}.taps do not rise")
+            outputs = [(f"{name}.y{at}", ago) for at, ago in enumerate(runs, 1)]
         fifo(equations, writes, name, f"{name} now", outputs)
 
     def run_impulse(self, name, equations, writes):
@@ -556,7 +644,7 @@ class Drawing:
         self.integral(name, equations, writes, self.method(name, "method", "explicit"), f"{name}.y")
 
     def method(self, name, key, default):
-        return self.choice(name, key, default, "explicit", "implicit", "trapezoidal")
+        return self.word(name, key, default)
 
     def integral(self, name, equations, writes, method, out):
         """The integral of variable `NAME now`; an explicit one moves by the step that it knew when it was last run."""
@@ -595,15 +683,22 @@ class Drawing:
 
     def run_butterworth(self, name, equations, writes):
         order = self.whole(name, "order")
-        side = self.choice(name, "pass", "low", "high")
-        warped = self.warped(name, "cutoff_hz")
-        sections = filters.butterworth(order, warped, side, self.arithmetic) if order else []
+        side = self.word(name, "pass", "low")
+        self.value(name, "cutoff_hz")
+        sections = []
+        if order:
+            sections = filters.butterworth(
+                order, self.warped(name, "cutoff_hz"), side, self.arithmetic
+            )
         equations[f"{name} now"] = self.one(name)
         add_sections(equations, writes, name, sections, f"{name} now", f"{name}.y")
 
     def warped(self, name, key):
         """tan(pi f T) of a frequency, with which the bilinear transform keeps it."""
-        return self.arithmetic.tan(self.arithmetic.pi * self.value(name, key) * self.period(name))
+        share = self.value(name, key) * self.period(name)
+        if self.arithmetic.ends(share)[1] >= Fraction(1, 2):
+            raise Unreadable(f"block.{name}.{key} is not below half the block's own rate")
+        return self.arithmetic.tan(self.arithmetic.pi * share)
 
     def run_lowpass(self, name, equations, writes):
         if self.word(name, "a") is not None:
@@ -704,7 +799,7 @@ class Drawing:
         b = self.value(name, "b")
         root = self.arithmetic.sqrt(2 * b)
         come = self.into(name, "in")
-        if self.choice(name, "gives", "force", "velocity") == "force":
+        if self.word(name, "gives", "force") == "force":
             speed = self.into(name, "v")
             equations[f"{name}.force"] = form(scaled(b, speed), scaled(-root, come))
             equations[f"{name}.out"] = form(scaled(root, speed), scaled(-1, come))

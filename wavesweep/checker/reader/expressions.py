@@ -1,6 +1,7 @@
 """Arithmetic of a spec as sums: a form over names of signals, its number under the name ""."""
 
 import ast
+import keyword
 import re
 from collections.abc import Callable
 
@@ -8,11 +9,24 @@ from .loops import Unreadable, form, scaled
 
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")
 LONGEST = 10_000  # characters of an expression
-CHARACTERS = re.compile(r"[\w.+*/()\s-]*")
+MOST = 4000  # parts of an expression with all that its names stand for
+CHARACTERS = re.compile(r"[\w.+*/()\s-]*", re.ASCII)
+KEYWORDS = re.compile(
+    rf"\b({'|'.join(keyword.kwlist)})\b"
+)  # of Python, and names like all others in a spec
+MARK = "\xb7"  # behind a keyword, which makes it a name
+NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+class Written(str):
+    """A number as it stands in a text, and not the double nearest to it."""
+
+    __slots__ = ()
+    __repr__ = str.__str__
 
 
 def parsed(text) -> ast.expr:
-    """The node of an expression."""
+    """The node of an expression, its numbers as they are written."""
     text = str(text).strip()
     if len(text) > LONGEST:
         raise Unreadable(f"an expression of {len(text)} characters; at most {LONGEST}")
@@ -21,9 +35,43 @@ def parsed(text) -> ast.expr:
             f"{text[:60]!r} is no expression of names, numbers, + - * / ** and brackets"
         )
     try:
-        return ast.parse(text, mode="eval").body
+        marked = KEYWORDS.sub(rf"\g<0>{MARK}", text)
+        node = ast.parse(marked, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise Unreadable(f"{text[:60]!r} is no expression") from None
+    for part in ast.walk(node):
+        if isinstance(part, ast.Name):
+            part.id = part.id.removesuffix(MARK)
+        elif isinstance(part, ast.Attribute):
+            part.attr = part.attr.removesuffix(MARK)
+        elif isinstance(part, ast.Constant):
+            part.value = Written(ast.get_source_segment(marked, part))
+            if not NUMBER.fullmatch(part.value):
+                raise Unreadable(f"{part.value!r} is no number")
+    return node
+
+
+def bounded_parts(texts: dict) -> None:
+    """Unreadable for names that stand for each other in a circle, or for more than so many parts; texts: of names."""
+    parts: dict[str, int] = {}
+
+    def count(name: str, within: tuple) -> int:
+        if name in within:
+            raise Unreadable(f"{name} reads itself")
+        if name not in parts:
+            total = 0
+            for node in ast.walk(parsed(texts[name])):
+                if not isinstance(node, ast.expr):
+                    continue
+                called = dotted(node) if isinstance(node, ast.Name | ast.Attribute) else ""
+                total += count(called, (*within, name)) if called in texts else 1
+            parts[name] = total
+        if parts[name] > MOST:
+            raise Unreadable(f"{name} stands for more than {MOST} parts, with those of its names")
+        return parts[name]
+
+    for name in texts:
+        count(name, ())
 
 
 def dotted(node) -> str:
@@ -59,8 +107,12 @@ def multiplied_out(node, meanings, numbers) -> list[tuple[int, tuple[str, ...], 
     products = []
     for sign, part in terms_of(node, meanings):
         if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Mult):
-            for one, factors, signal in multiplied_out(part.left, meanings, numbers):
-                for other, further, behind in multiplied_out(part.right, meanings, numbers):
+            left = multiplied_out(part.left, meanings, numbers)
+            right = multiplied_out(part.right, meanings, numbers)
+            if len(left) * len(right) + len(products) > MOST:
+                raise Unreadable(f"a wire of more than {MOST} products")
+            for one, factors, signal in left:
+                for other, further, behind in right:
                     products.append(
                         (sign * one * other, tuple(sorted((*factors, *further))), signal + behind)
                     )

@@ -2,7 +2,7 @@
 
 from .loops import Unreadable, dot
 
-MOST = 64  # poles of a filter
+MOST = 12  # poles of a filter
 
 
 def butterworth(order: int, warped, side: str, arithmetic) -> list[tuple]:
@@ -55,6 +55,8 @@ def order_and_cutoff(edges: dict, warped, side: str, arithmetic) -> tuple[int, o
     passing = warped(edges["passband_hz"])
     stopping = warped(edges["stopband_hz"])
     wide = stopping / passing if side == "low" else passing / stopping
+    if arithmetic.ends(edges["stopband_db"] - edges["passband_db"])[0] <= 0:
+        raise Unreadable("a filter whose stopband_db is not above passband_db")
     lost = _power_of_ten(edges["passband_db"], arithmetic) - 1
     kept = _power_of_ten(edges["stopband_db"], arithmetic) - 1
     order = 1
@@ -72,15 +74,13 @@ def _power_of_ten(decibels, arithmetic):
 
 def transfer(numerator, denominator) -> tuple:
     """A state-space model of a transfer function in descending powers, in controllable form."""
-    while denominator and not denominator[0]:
-        denominator = denominator[1:]
-    if not denominator:
-        raise Unreadable("a transfer function over 0")
+    if not denominator or not denominator[0]:
+        raise Unreadable("a transfer function whose first coefficient of den is 0")
     order = len(denominator) - 1
+    if not 0 < len(numerator) <= len(denominator):
+        raise Unreadable("a transfer function with more coefficients in num than in den, or none")
     numerator = [0] * (order + 1 - len(numerator)) + numerator
-    if any(numerator[: -order - 1]):
-        raise Unreadable("a transfer function with more zeros than poles")
-    b = [entry / denominator[0] for entry in numerator[-order - 1 :]]
+    b = [entry / denominator[0] for entry in numerator]
     a = [entry / denominator[0] for entry in denominator]
     A = [[-entry for entry in a[1:]]] if order else []
     A += [[int(other == at) for other in range(order)] for at in range(order - 1)]

@@ -9,22 +9,31 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
+from math import prod
 from typing import Any
 
-from .controllers import SYMBOLS, Controller
+from .controllers import Controller
 from .drawings import Drawing
 from .expressions import names_in, parsed
 from .loops import Instant, Schedule, Unreadable
+from .names import EDGES, FILTERS, OWN, axes, called, path_of, rule_of, values_of
 
 RATIO = "rates.ratio"
 TICK = "for_all.tick"  # the side that is the time of a tick
 DELAY = "environment.delay"
-WHOLE = {RATIO, DELAY, "device.delay", "local_model.delay"} | {
-    f"filters.{name}.order" for name in ("lp1", "hp", "lp2")
-}
-COUNTS = {"every", "phase", "steps"}  # of blocks: a number that one of them is, is whole
-MESSAGES = {"late", "lost", "loss", "burst"}  # keys of channels
+COUNTS = {
+    "every",
+    "phase",
+    "steps",
+    "order",
+    "n",
+    "late",
+    "lost",
+}  # of blocks: a number that one of them is, is whole
 MOST = 256  # combinations of listed values, and kinds of frames
+MESSAGES = {"late", "lost", "loss", "burst"}  # what may happen to those of a channel
+LONGEST_TICK = 10  # s
+MOST_VARYING, MOST_LOST, LARGEST_WEIGHT = 64, 16, 10**12
 MOST_STATES = 10_000  # of what receivers have
 
 
@@ -33,7 +42,8 @@ class ForAll:
     """ranges, listed: numbers that are constant but not known; varying: those that may change from frame to frame.
 
     shares, following: weights of the values of those that vary at random, alone or after each value. lost: slow results in a row
-    that may not come; loss: the probability that one does not. tick: the times of a tick, another one each time.
+    that may not come; loss: the probability that one does not. tick: the times of a tick, another one each time. contact: whether
+    walls that let go are asked for.
     """
 
     ranges: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
@@ -44,97 +54,155 @@ class ForAll:
     lost: int = 0
     loss: Any = None
     tick: dict[str, Any] = field(default_factory=dict)
+    contact: bool = False
+
+    @property
+    def asked(self) -> bool:
+        """Whether it says anything but of contact."""
+        numbers = self.ranges or self.listed or self.varying
+        return bool(numbers or self.lost or self.tick or self.loss is not None)
 
     @property
     def members(self) -> list[dict[str, Any]]:
         """All combinations of listed values, the last key fastest."""
+        count = prod(map(len, self.listed.values()))
+        if count > MOST:
+            raise Unreadable(f"{count} combinations of values; at most {MOST}")
         return [
             dict(zip(self.listed, values, strict=True)) for values in product(*self.listed.values())
         ]
 
 
-def flat(table: dict) -> dict[str, Any]:
-    """The numbers of [for_all] or [sweep] by their paths, also those that stand in tables of their own."""
-    found: dict[str, Any] = {}
-    for name, given in table.items():
-        if (
-            isinstance(given, dict)
-            and not given.keys() & {"start", "values"}
-            and name not in ("tick", "require")
-        ):
-            found |= {f"{name}.{key}": below for key, below in flat(given).items()}
-        else:
-            found[name] = given
-    return found
-
-
 def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
-    """The table [for_all] of a spec."""
+    """The table [for_all] of a spec; what it says of numbers by their one name."""
     found = ForAll()
+    table = tables.get("for_all", {})
+    controller = "controller" in tables
     blocks = tables.get("block", {}).values()
-    whole = WHOLE | {keys[key] for keys in blocks for key in COUNTS & keys.keys()}
-    for name, given in flat(tables.get("for_all", {})).items():
-        path = SYMBOLS.get(name, name) if "controller" in tables else name
-        if name == "contact":
-            continue  # of walls that let go: rows of their own
-        if name == "lost":
-            found.lost = _whole(exact(given))
-        elif name == "loss":
-            found.loss = given
-        elif name == "tick":
-            found.tick = given
-        elif isinstance(given, list):
-            _of_number(found, path, {"values": given}, exact, whole)
-        elif not isinstance(given, dict):
-            raise Unreadable(f"for_all.{name} has no proof here")
-        elif given.get("varying") and path not in (RATIO, DELAY) and "controller" in tables:
-            raise Unreadable(f"{name} varies from frame to frame, of which there is no proof here")
-        else:
-            _of_number(found, path, given, exact, whole)
-    if found.tick and len(tables["for_all"]) > 1:
+    counts = {str(keys[key]) for keys in blocks for key in COUNTS & keys.keys()}
+    named = dict(axes(tables, "for_all", table))
+    for name, given in named.items():
+        number = called(tables, name)
+        varying = isinstance(given, dict) and given.get("varying")
+        if varying and controller and number not in (RATIO, DELAY):
+            raise Unreadable(f"{number} varies from frame to frame: expected {RATIO} or {DELAY}")
+        rule = rule_of(tables, path_of(tables, name))
+        _of_number(found, number, given, exact, rule.whole if rule else number in counts)
+    given = {name: table[name] for name in OWN["for_all"] if name in table.keys() - named.keys()}
+    found.lost = _whole(exact(given.get("lost", 0)), MOST_LOST)
+    found.loss = given.get("loss")
+    if not 0 <= exact(given.get("loss", 0)) <= 1:
+        raise Unreadable(f"for_all.loss = {float(found.loss):g} is no probability")
+    found.tick = given.get("tick", {})
+    found.contact = given.get("contact", False)
+    if not isinstance(found.contact, bool) or not isinstance(found.tick, dict):
+        raise Unreadable("for_all.contact is true or false, and for_all.tick a table")
+    if found.tick and not all(
+        0 < exact(found.tick[key]) <= LONGEST_TICK for key in found.tick if key != "steps"
+    ):
+        raise Unreadable(f"for_all.tick: times are above 0 and at most {LONGEST_TICK} s")
+    wide = any(low < high for low, high in found.ranges.values())
+    channels = [keys for keys in blocks if keys["type"] == "channel" and keys.keys() & MESSAGES]
+    if found.contact and (found.loss or wide or found.shares or found.following or channels):
+        raise Unreadable(
+            "for_all.contact beside a range, chances, or messages that are late or lost"
+        )
+    if not controller and (found.lost or found.loss):
+        raise Unreadable(
+            "for_all has lost or loss beside a drawn loop, whose channels say what is lost"
+        )
+    if found.tick and (named or found.lost or found.loss or found.contact):
         raise Unreadable("tick stands alone in [for_all]")
-    if len(found.members) > MOST:
-        raise Unreadable(f"{len(found.members)} combinations of values; at most {MOST}")
+    _refuse_chances(found, exact)
+    if controller:
+        _refuse_what_follows(tables, found)
     return found
 
 
-def _of_number(found: ForAll, name: str, given: dict, exact, whole):
-    unknown = given.keys() - {"start", "stop", "values", "varying", "shares", "next"}
-    if unknown:
-        raise Unreadable(f"the key for_all.{name}.{min(unknown)} is not known")
-    varying = given.get("varying", False)
-    if "values" in given:
-        values = [value if value == "frame" else exact(value) for value in given["values"]]
-    else:
-        low, high = exact(given["start"]), exact(given["stop"])
-        if not varying and name not in whole:
-            found.ranges[name] = low, high
-            return
-        values = [Fraction(each) for each in range(_whole(low), _whole(high) + 1)]
+def _refuse_chances(found: ForAll, exact) -> None:
+    """Unreadable for weights that are not those of the values, or beside what is not at random."""
+    if not (found.loss or found.shares or found.following):
+        return
+    missing = [name for name in found.varying if name not in found.shares | found.following]
+    if found.lost or missing:
+        raise Unreadable(
+            f"for_all.{'lost' if found.lost else missing[0]} has no chances, beside others that have"
+        )
+    lengths = next((len(values) for name, values in found.varying.items() if name != DELAY), 1)
+    for name, given in (found.shares | found.following).items():
+        size = len(found.varying[name])
+        rows = given
+        if name not in found.following and not (name == DELAY and isinstance(given[0], list)):
+            rows = [given]
+        elif len(given) != lengths:
+            raise Unreadable(
+                f"for_all.{name} has not one list of chances for each length of frames"
+            )
+        for row in rows:
+            weights = [exact(weight) for weight in row]
+            if len(weights) != size or min(weights) < 0 or not 0 < max(weights) <= LARGEST_WEIGHT:
+                raise Unreadable(f"for_all.{name} has not one share of 0 and more for each value")
+
+
+def _refuse_what_follows(tables: dict, found: ForAll) -> None:
+    """Unreadable for numbers from which others of the spec follow."""
+    loop = tables.get("filters", {})
+    edged = [f"filters.{name}" for name in FILTERS if loop.get(name, {}).keys() & {*EDGES}]
+    slow = "slow_hz" in tables.get("rates", {})
+    for name in (*found.ranges, *found.listed, *found.varying):
+        table, _, key = name.rpartition(".")
+        of_fast = name == "rates.fast_hz" and (slow or edged)
+        if (
+            key in EDGES
+            or name == "rates.slow_hz"
+            or of_fast
+            or (table in edged and key != "ratio")
+        ):
+            raise Unreadable(f"for_all.{name}: other numbers follow from it, or it from others")
+
+
+def _of_number(found: ForAll, name: str, given: Any, exact, whole: bool):
+    values = [exact(value) for value in values_of("for_all", name, given)]
+    chances: set = set()
+    varying = False
+    if isinstance(given, dict):
+        varying = given.get("varying", False)
+        chances = given.keys() & {"shares", "next"}
+        if not isinstance(varying, bool):
+            raise Unreadable(f"for_all.{name}.varying is true or false")
+        if "start" in given:
+            low, high = values
+            if low > high:
+                raise Unreadable(f"for_all.{name} goes from {float(low):g} down to {float(high):g}")
+            if not varying and not whole:
+                found.ranges[name] = low, high
+                return
+            values = [Fraction(each) for each in range(_whole(low), _whole(high) + 1)]
+        if chances and not (varying and "values" in given):
+            raise Unreadable(f"for_all.{name} has chances, and does not vary, or has no values")
+        if len(chances) > 1 or (name == DELAY and "next" in chances):
+            raise Unreadable(f"for_all.{name} has shares or next, and delays have shares alone")
     if len(set(values)) < len(values):
         raise Unreadable(f"for_all.{name} has a value twice")
-    if varying:
-        found.varying[name] = values
-        if "shares" in given:
-            found.shares[name] = given["shares"]
-        if "next" in given:
-            found.following[name] = given["next"]
-    elif given.keys() & {"shares", "next"}:
-        raise Unreadable(f"for_all.{name} has chances, and does not vary")
-    else:
+    if not varying:
         found.listed[name] = values
+        return
+    if len(values) > MOST_VARYING:
+        raise Unreadable(f"for_all.{name} has {len(values)} values; at most {MOST_VARYING} vary")
+    found.varying[name] = values
+    for part, kept in (("shares", found.shares), ("next", found.following)):
+        if part in chances:
+            kept[name] = given[part]
 
 
-def _whole(value: Fraction) -> int:
-    if value.denominator != 1 or not 0 <= value <= 100_000:
+def _whole(value: Fraction, most: int = 100_000) -> int:
+    if value.denominator != 1 or not 0 <= value <= most:
         raise Unreadable(f"{float(value)!r} has to be a whole number")
     return int(value)
 
 
 def letter_of(values: dict[str, Any], lost: bool = False) -> str:
-    parts = [
-        f"{name}={value if value == 'frame' else _plain(value)}" for name, value in values.items()
-    ]
+    parts = [f"{name}={_plain(value)}" for name, value in values.items()]
     return ";".join(parts + ["lost"] * lost)
 
 
@@ -196,12 +264,8 @@ def _at_random(found: ForAll, kinds, fates, arithmetic) -> Moves:
                     if chain and name == length
                     else found.shares.get(name)
                 )
-                if weights is None:
-                    raise Unreadable(f"for_all.{name} has no shares, beside others that have")
                 if isinstance(weights[0], list):
                     weights = weights[found.varying[length].index(values[length])]
-                if len(weights) != len(found.varying[name]):
-                    raise Unreadable(f"for_all.{name} has not one share for each value")
                 share = arithmetic.exact(weights[found.varying[name].index(values[name])])
                 chance = chance * (share / sum(map(arithmetic.exact, weights)))
             for lost in fates:
@@ -225,15 +289,13 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     """Of frames and results of a controller: the environment integrates over the frame, or over the nominal one."""
     nominal = loop_with({})
     loop = loop_with(values)
-    if loop.key("rates.slow_hz") is not None and RATIO in found.varying:
-        raise Unreadable("rates.slow_hz stands beside frames that vary")
     if loop.ratio.denominator > 1 or loop.kind in ("dc", "pmw-mean"):
         raise Unreadable(
             f"frames of {loop.kind} that vary, or do not last whole ticks, have no proof here"
         )
     if loop.delay != "frame" and loop.delay > loop.ratio:
         raise Unreadable("results that come after their frame have no proof here")
-    step = loop.choice("environment.step", "", "", "elapsed", "nominal")
+    step = loop.key("environment.step")
     if not step and loop.kind not in ("dc-slow", "dc-lm") and RATIO in found.varying:
         raise Unreadable("environment.step is missing, where frames vary")
     if step == "nominal":
@@ -242,7 +304,7 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     if 0 not in delays or len(delays) == 1:
         return _from_sample_to_sample(loop.schedule(lost))
     elapsed = step != "nominal" and RATIO in found.varying
-    if loop.delay in (loop.ratio, "frame") or (elapsed and loop.kind not in ("dc-slow", "dc-lm")):
+    if loop.delay == loop.ratio or (elapsed and loop.kind not in ("dc-slow", "dc-lm")):
         raise Unreadable(
             "results at once, beside others of the next sample or steps that elapse, have no proof here"
         )
@@ -427,7 +489,7 @@ def channel_of(loop: Drawing, name: str) -> tuple[int, int, int, int]:
         raise Unreadable(
             f"messages of {name} are lost at random, which no proof for all of them holds for"
         )
-    if late and loop.choice(name, "missing", "held", "zero") == "zero":
+    if late and loop.word(name, "missing", "held") == "zero":
         raise Unreadable(
             f"messages of {name} that are late, and zero where they are missing, have no proof here"
         )

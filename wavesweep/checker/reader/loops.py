@@ -25,17 +25,6 @@ def bounded(count, what: str) -> int:
     return int(count)
 
 
-def within(arithmetic, path: str, value, above: bool) -> None:
-    """Refuse a number that its key does not allow: below 0, or also 0 itself where it has to be above. Of a range its least value
-    counts; what is computed by more than sums is not looked at."""
-    try:
-        least = arithmetic.least(value)
-    except Unreadable:
-        return
-    if least < 0 or (above and not least):
-        raise Unreadable(f"{path} = {float(least):g} is not {'above' if above else 'at least'} 0")
-
-
 class Arithmetic(Protocol):
     """What coefficients are computed with: values with + - * / ** and a truth that is False of an exact 0 alone."""
 
@@ -46,6 +35,7 @@ class Arithmetic(Protocol):
     def exact(self, value) -> Fraction: ...
     def time(self, value): ...
     def least(self, time) -> Fraction: ...
+    def ends(self, value) -> tuple[Fraction, Fraction]: ...
     def sqrt(self, value): ...
     def sin(self, value): ...
     def cos(self, value): ...
@@ -156,12 +146,13 @@ def identity(size):
     return diagonal([1] * size)
 
 
-def inverse(matrix):
-    """Of a positive definite matrix, by elimination along its diagonal."""
+def inverse(matrix, above_0):
+    """Of a positive definite matrix, by elimination along its diagonal; above_0: raises for a pivot that is not."""
     size = len(matrix)
     rows = [[*row, *unit] for row, unit in zip(matrix, identity(size), strict=True)]
     for at in range(size):
         pivot = rows[at][at]
+        above_0(pivot)
         rows[at] = [entry / pivot for entry in rows[at]]
         for other in range(size):
             if other != at:

@@ -1,0 +1,278 @@
+"""What the program refuses the checker refuses: two keys of one number, values that no key takes, tables that say nothing."""
+
+import pytest
+from checker.test_hand_made import SPEC as TURN
+from support.proofs import checked
+
+import wavesweep
+from wavesweep.checker import balls, file
+from wavesweep.checker.reader import for_all
+from wavesweep.engine.drawing import TYPES, keys_of_block
+from wavesweep.program.reading.keys import KEYS
+
+KIND = 'controller.kind = "pmw"\nenvironment.step = "elapsed"\n'
+EDGES = "passband_hz = 10, stopband_hz = 100, passband_db = 1, stopband_db = 20"
+RATIOS = '"rates.ratio" = { values = [16, 20], varying = true'
+DRAWN = """
+rates.tick_hz = 100
+numbers = {{ m = 1.0, k = 50.0 }}
+[block]
+x = {{ type = "mass", mass = "m", damping = 6.0 }}
+c = {{ type = "{}" }}
+[wire]
+"c.u" = "-k*x.x"
+"x.f" = "c.y"
+"""
+ONE_NUMBER = [
+    "rates.ratio = 20\nrates.slow_hz = 50", f"filters.lp1 = {{ {EDGES}, order = 5 }}", f"filters.hp = {{ {EDGES} }}",
+    f"filters.lp1 = {{ {EDGES}, cutoff_hz = 20 }}", "filters.lp2.passband_hz = 5",
+    '[sweep]\nb = [1, 2]\n"controller.b" = [3]', '[sweep]\n"rates.ratio" = [10]\n"rates.slow_hz" = [50]',
+    "[sweep]\nb = [1, 2]\n[for_all]\nb = [3, 4]", '[sweep]\nb = [1, 2]\n[for_all]\n"controller.b" = [3, 4]',
+    '[sweep]\n"rates.slow_hz" = [50]\n[for_all]\n"rates.ratio" = [10, 20]', '[bode]\nb = [1]\n[for_all]\n"controller.b" = [3]',
+    '[for_all]\nb = { start = 11, stop = 13 }\n"controller.b" = { start = 50, stop = 80 }',
+    '[for_all]\ndevice.mass = [1, 2]\n"device.mass" = [3]', '[for_all]\n"rates.slow_hz" = [50]',
+    f'filters.lp1 = {{ {EDGES} }}\n[for_all]\n"filters.lp1.order" = [1, 2]',
+    'rates.slow_hz = 50\n[for_all]\n"rates.fast_hz" = [500, 1000]',
+]  # fmt: skip
+NO_VALUE = [
+    "environment.delay = 21", "rates.slow_hz = 60\nenvironment.delay = 18", "local_model.delay = 5", "controller.b = '25'",
+    "filters.lp1.cutoff_hz = 500", "filters.lp1.order = 13", f"filters.lp1 = {{ {EDGES.replace('= 20', '= 0.5')} }}",
+    "device.dead_time = 1.001", "rates.slow_hz = 600", "rates.slow_hz = 0.5",
+    '[for_all]\n"rates.ratio" = []', '[for_all]\n"filters.lp1.order" = { start = 3, stop = 1 }',
+    '[for_all]\n"environment.delay" = [1, 21, 41]', "[for_all]\nb = { start = 3, stop = 1 }", "[for_all]\nb = { start = 1 }",
+    "[for_all]\nb = { start = 1, stop = 2, values = [1] }", "[for_all]\nb = [1, 1]", "[for_all]\nb = [-1, 1]",
+    "[for_all]\nb = { values = [1, 2], shares = [1, 1] }", "[for_all]\nlost = 17", "[for_all]\nlost = 0.5",
+    "[for_all]\nloss = 1.5", "[for_all]\nlost = 1\nloss = 0.5", "[for_all]\ncontact = 1", "[for_all]\ntick = { late = 11 }",
+    "[for_all]\ncontact = true\nb = { start = 1, stop = 2 }", "[for_all]\ntick = { late = 0.0001 }\nlost = 1",
+    '[for_all]\n"rates.ratio" = { start = 10, stop = 100, varying = true }', f"[for_all]\n{RATIOS}, shares = [1] }}",
+    f"[for_all]\n{RATIOS}, shares = [0, 0] }}", f"[for_all]\n{RATIOS}, next = [[1, 1]] }}",
+    f"[for_all]\n{RATIOS}, shares = [1, 1], next = [[1, 0], [0, 1]] }}", f"[for_all]\n{RATIOS}, shares = [1, 1] }}\nlost = 1",
+    f'[for_all]\n{RATIOS}, shares = [1, 1] }}\n"environment.delay" = {{ values = [1, 8], varying = true }}',
+    f'[for_all]\n{RATIOS} }}\n"environment.delay" = {{ values = [1, 8], varying = true, next = [[1, 0], [0, 1]] }}',
+    "[sweep]\nfoo = [1]", "[sweep]\nK_VE = [-1]", "[sweep]\nK_VE = { start = 5, stop = 1 }",
+]  # fmt: skip
+TAKEN = [
+    "", "rates.slow_hz = 60\nenvironment.delay = 17", f"filters.lp1 = {{ {EDGES} }}", "filters.lp2.cutoff_hz = 600",
+    "filters.lp1 = { order = 0, cutoff_hz = 600 }", 'rates.slow_hz = 50\n[sweep]\n"rates.ratio" = [10, 20]',
+    "[sweep]\nb = [1, 2]\n[bode]\nb = [1]", "[for_all]\nb = { start = 2, stop = 2 }", "[for_all]\ndevice.mass = [1, 2]",
+    "rates.slow_hz = 50\n[for_all]\n" + RATIOS + " }", "[for_all]\ntick = { late = 0.0001 }\ncontact = false",
+]  # fmt: skip
+DRAWINGS = {
+    "a number by its path": '[for_all]\n"numbers.m" = { start = 0.1, stop = 0.2 }\nm = { start = 5, stop = 6 }',
+    "a number of another table": "[sweep]\nk = [1]\n[for_all]\n'numbers.k' = [2, 3]",
+    "no rising numbers": "[for_all]\nm = { start = 0.2, stop = 0.1 }",
+    "a result that is lost": "[for_all]\nlost = 1",
+    "a key of no range": "[sweep]\n'block.x.damping' = [nan]",
+    "a port of two names": "[ports]\nhand.force = 'push'",
+}
+
+
+def refused(text: str) -> tuple[str, str]:
+    """Why the program and the checker refuse a spec, empty if they take it: its own loop and all members of [for_all]."""
+    theirs = ours = ""
+    try:
+        tables = file.spec_of(text.encode())
+        file.family_of(tables, file.Claim("modes"))
+        allowed = for_all.read(tables, balls.exact)
+        for member in allowed.members:
+            file.family_of(tables, file.Claim("modes", dict.fromkeys(allowed.ranges, balls.exact(1)) | member))
+    except (file.Unreadable, file.Refused) as error:
+        ours = str(error)
+    try:
+        wavesweep.load(file.tomllib.loads(text))
+    except wavesweep.SpecError as error:
+        theirs = str(error)
+    return theirs, ours
+
+
+@pytest.mark.parametrize("text", ONE_NUMBER + NO_VALUE)
+def test_a_controller_that_the_program_refuses_is_refused(text, tmp_path):
+    theirs, _ = refused(KIND + text)
+    assert theirs
+    code, words = checked(tmp_path, KIND + text, [{"claim": "modes", "outside": 0, "states": []}])
+    if code == 1:  # what a member alone has
+        code, words = checked(tmp_path, KIND + text, [{"claim": "for all", "states": []}])
+    assert (code, words.count("\n")) == (2, 1), words
+
+
+@pytest.mark.parametrize("text", TAKEN)
+def test_a_controller_that_the_program_takes_is_taken(text):
+    assert refused(KIND + text) == ("", "")
+
+
+@pytest.mark.parametrize("case", DRAWINGS)
+def test_a_drawing_that_the_program_refuses_is_refused(case):
+    theirs, ours = refused(DRAWN.format("hold") + DRAWINGS[case])
+    assert theirs
+    assert ours
+
+
+@pytest.mark.parametrize("name", ["contact", "tick", "lost", "loss", "shares", "next", "late", "values", "lambda"])
+def test_a_number_may_have_the_name_of_a_key(name, tmp_path):
+    """Its line of [for_all] is a range, which a claim has as a side, and no key of the table."""
+    spec = DRAWN.format("hold").replace('"m"', f'"{name}"').replace("m =", f"{name} =")
+    spec += f"[for_all]\n{name} = {{ start = 0.5, stop = 1 }}\n"
+    assert refused(spec) == ("", "")
+    claim = {"claim": "for all", "states": ["@c", "@x"]}
+    code, words = checked(tmp_path, spec, [claim])
+    assert (code, "the sides are not the ranges of [for_all]" in words) == (1, True), words
+    code, words = checked(tmp_path, spec, [claim | {"sides": {name: ["0.5", "1"]}}])
+    assert (code, f"{name} from 0.5 to 1" in words and "the states are" in words) == (1, True), words
+
+
+def outside(key) -> list:
+    """Values that a key does not take."""
+    if key.choices and not key.numeric:
+        return ["none of these", 1]
+    if not key.numeric:
+        return []
+    wrong = ["x", True, 1e61, 1e-61]
+    wrong += [] if key.low is None else [key.low if key.above_low else key.low - 1]
+    wrong += [] if key.high is None else [key.high + 1]
+    return wrong + [0.5] * (key.type == "integer")
+
+
+def written(value) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+@pytest.mark.parametrize("path", [path for path, key in KEYS.items() if outside(key)])
+def test_no_key_of_a_controller_takes_a_value_outside_of_its_range(path):
+    for value in outside(KEYS[path]):
+        text = f'controller.kind = "pmw-lm"\n{path} = {written(value)}\n'
+        text = text.removeprefix('controller.kind = "pmw-lm"\n' * (path == "controller.kind"))
+        theirs, ours = refused(text)
+        assert theirs, text
+        assert path in ours, (text, ours)
+
+
+NEEDED = {
+    "mass": "mass = 1", "inertia": "inertia = 1", "spring": "k = 1", "saturation": "high = 1", "lowpass": "a = 0.5",
+    "butterworth": "order = 1\ncutoff_hz = 10", "pi": "kp = 1", "pid": "kp = 1", "lead": "zero_hz = 10\npole_hz = 20",
+    "notch": "frequency_hz = 10\nq = 1", "mean": "n = 2", "wave": "b = 1", "avatar": "b = 1", "local_model": "b = 1\nK = 1",
+    "mass_matrix": "axes = ['x']\nmass = [[1]]", "ss": "A = [[1]]\nB = [[1]]\nC = [[1]]", "tf": "num = [1]\nden = [1, 2]",
+    "fir": "coefficients = [1]",
+}  # fmt: skip
+WIRES = {
+    "mass": "f",
+    "inertia": "f",
+    "wave": "v in",
+    "avatar": "in f",
+    "local_model": "in",
+    "mass_matrix": "fx",
+    "spring": "x1 v1",
+}
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_no_key_of_a_block_takes_a_value_outside_of_its_range(kind):
+    wires = "\n".join(f"'a.{port}' = '0'" for port in WIRES.get(kind, "u").split())
+    lines = NEEDED.get(kind, "").split("\n")
+    start = f"rates.tick_hz = 1000\n[wire]\n{wires}\n[block.a]\ntype = '{kind}'\n"
+    assert refused(start + "\n".join(lines)) == ("", "")
+    for name, key in keys_of_block(kind).items():
+        for value in outside(key):
+            if kind == "lowpass" and name == "cutoff_hz":
+                own = []
+            else:
+                own = [line for line in lines if not line.startswith(f"{name} =")]
+            theirs, ours = refused(start + "\n".join([*own, f"{name} = {written(value)}"]))
+            assert theirs, (kind, name, value)
+            assert ours, (kind, name, value)
+
+
+TWO_AXES = "\n[block.y]\ntype = 'mass_matrix'\n"
+ITS_WIRES = "\n[wire]\n'y.fx' = '0'\n'y.fy' = '0'"
+UNFIT = {
+    "a port without a wire": ("hold", "\n[block.y]\ntype = 'mass'\nmass = 1"),
+    "a number that nothing reads": ("hold", "\n[numbers.more]\nvalue = 1"),
+    "a cutoff above half the rate": ("butterworth", "\n[block.c]\norder = 1\ncutoff_hz = 50"),
+    "a mass that is none": ("hold", f"{TWO_AXES}mass = [[1, 2], [2, 1]]{ITS_WIRES}"),
+    "a mass that is not symmetric": ("hold", f"{TWO_AXES}mass = [[1, 0.2], [0.1, 1]]{ITS_WIRES}"),
+    "limits that do not rise": ("saturation", "\n[block.c]\nhigh = 1\nlow = 2"),
+    "a time constant without back-calculation": ("pi", "\n[block.c]\nkp = 1\nhigh = 1\ntracking_s = 1"),
+    "messages lost at random and in a row": ("channel", "\n[block.c]\nloss = 0.1\nlost = 1"),
+    "a first coefficient of 0": ("tf", "\n[block.c]\nnum = [1]\nden = [0, 1]"),
+    "two ways to give a delay": ("delay", "\n[block.c]\nsteps = 1\nseconds = 0.1"),
+    "a delay that is too long": ("delay", "\n[block.c]\nseconds = 10.1"),
+    "taps that fall": ("delay", "\n[block.c]\ntaps = [2, 1]"),
+    "matrices that do not fit": ("ss", "\n[block.c]\nA = [[1]]\nC = [[1]]"),
+    "an output that there is not": ("hold", "\n[ports]\noutputs.out = 'c.z'"),
+    "a key of a port": ("hold", "\n[ports]\nhand = { force = 'push', displacement = 'x.x', reacts = 'c.y' }"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", UNFIT)
+def test_keys_of_blocks_that_do_not_fit_are_refused(case):
+    kind, more = UNFIT[case]
+    spec = DRAWN.format(kind)
+    for table in ("numbers", "wire", "block.c"):
+        rest = more.partition(f"\n[{table}")
+        if rest[1] and table == "wire":
+            spec = spec.replace("[wire]", f"[wire]{rest[2][1:]}")
+            more = rest[0]
+        elif table == "block.c" and rest[1]:
+            keys = ", ".join(rest[2][1:].strip().split("\n"))
+            spec = spec.replace(f'c = {{ type = "{kind}" }}', f'c = {{ type = "{kind}", {keys} }}')
+            more = ""
+        elif rest[1]:
+            spec = spec.replace("k = 50.0", "k = 50.0, more = 1.0")
+            more = ""
+    theirs, ours = refused(spec + more)
+    assert theirs, spec + more
+    assert ours
+
+
+EXACT = """
+rates.tick_hz = 1000
+block.s = {{ type = "ss", discrete = true, inputs = [], A = [["{}"]], C = [[1]] }}
+"""
+
+
+@pytest.mark.parametrize("number", ["1.00000000000000000001", "0.99999999999999999999", "1.0"])
+def test_a_number_in_an_expression_is_the_one_that_stands_there(number, tmp_path):
+    """Not the double nearest to it: a mode of 1 + 1e-20 is outside, and no drift."""
+    claim = {"claim": "modes", "outside": int(number > "1.0"), "states": ["@s x0"]}
+    form = {"L": [["1"]], "signs": "-" if number > "1.0" else "+"}
+    code, words = checked(tmp_path, EXACT.format(number), [claim, form])
+    assert code == (number == "1.0"), words
+    code, words = checked(
+        tmp_path, EXACT.format(number), [claim | {"drifts": [["@s x0"]], "states": [], "outside": 0}, {"L": [], "signs": ""}]
+    )
+    assert code == (number != "1.0"), words
+
+
+def test_the_ratio_of_a_claim_stands_in_place_of_the_slow_rate(tmp_path):
+    spec = 'controller.kind = "dc-slow"\nenvironment.delay = "frame"\nrates.slow_hz = 50\n'
+    for ratio, period in (("10", "0.01"), ("20", "0.02")):
+        claim = file.Claim("modes", {"rates.ratio": balls.decimal(ratio)})
+        schedules, *_ = file.schedules_of(file.spec_of(spec.encode()), claim, {})
+        assert schedules[""].period == balls.decimal(period)
+    claim = {"claim": "modes", "numbers": {"rates.ratio": "10", "rates.slow_hz": "50"}, "outside": 0, "states": []}
+    code, words = checked(tmp_path, spec, [claim])
+    assert (code, words) == (2, "not checked: rates.ratio and rates.slow_hz are one number\n")
+
+
+def test_what_varies_has_no_number_in_what_refutes(tmp_path):
+    spec = KIND + f"[for_all]\n{RATIOS} }}\n"
+    for numbers in ({"rates.ratio": "20"}, {"rates.slow_hz": "50"}):
+        claim = {"claim": "refuted", "numbers": numbers, "outside": 1, "word": ["rates.ratio=20"], "states": []}
+        code, words = checked(tmp_path, spec, [claim])
+        assert (code, "rates.ratio is set, and varies" in words) == (1, True), words
+
+
+def test_a_map_has_no_radius(tmp_path):
+    claim = {"claim": "modes", "open": True, "radius": "3", "sides": {"k": ["0", "2"]}, "states": ["@turn x0", "@turn x1"]}
+    code, words = checked(tmp_path, TURN, [claim, {"L": [["1", "0"], ["0", "1"]], "signs": "++"}])
+    assert (code, "without a radius" in words) == (2, True), words
+
+
+def test_signals_that_double_are_refused_before_they_are_written_out(tmp_path):
+    doubled = "\n".join(f's{n} = "s{n - 1} + s{n - 1}"' for n in range(1, 41))
+    spec = DRAWN.format("hold").replace("[wire]", f'[signals]\ns0 = "x.x"\n{doubled}\n[wire]').replace("-k*x.x", "-k*s40")
+    code, words = checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": []}])
+    assert (code, "stands for more than" in words) == (2, True), words
+    sums = "*".join(["(x.x + 0*x.x)"] + ["(k + k)"] * 30)
+    spec = DRAWN.format("hold").replace('"x.f" = "c.y"', f'"x.f" = "c.y - {sums}"')
+    code, words = checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": []}])
+    assert (code, "products" in words) == (2, True), words

@@ -1,0 +1,226 @@
+"""Names of numbers in [sweep], [for_all] and claims: one number has one name, and one quantity one key."""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from math import ceil
+from typing import Any
+
+from .devices import DEFAULTS
+from .keys import BLOCKS, CONTROLLER, FILTER, Rule, rules
+from .loops import Unreadable
+
+SYMBOLS = {  # axes of a sweep by their short names
+    "K_VE": "environment.K_VE",
+    "B_VE": "environment.B_VE",
+    "b": "controller.b",
+    "Kp": "controller.Kp",
+    "K_VC": "controller.K_VC",
+    "B_VC": "controller.B_VC",
+    "K_LM": "local_model.K_LM",
+    "B_LM": "local_model.B_LM",
+}
+EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
+FILTERS = ("lp1", "hp", "lp2")
+RULES = rules(CONTROLLER)
+DISPLACED = {"rates.ratio": ["rates.slow_hz"], "rates.slow_hz": ["rates.ratio"]}
+for _name in FILTERS:
+    RULES |= {f"filters.{_name}.{key}": rule for key, rule in rules(FILTER).items()}
+    for _edge in EDGES:
+        DISPLACED[f"filters.{_name}.{_edge}"] = [
+            f"filters.{_name}.order",
+            f"filters.{_name}.cutoff_hz",
+        ]
+OF_BLOCKS = {
+    kind: rules(f"every whole 1 100000\nphase whole 0 99999\n{text}")
+    for kind, text in BLOCKS.items()
+}
+OWN = {  # keys of tables that are no numbers; in a drawn loop a number of the same name comes first, but for along
+    "sweep": ("along", "require"),
+    "bode": ("frequency_hz", "from", "to"),
+    "for_all": ("lost", "loss", "contact", "tick"),
+    "vary": (),
+}
+TINY = Fraction(10) ** -15  # below half a rate
+PARTS = {
+    "for_all": {"start", "stop", "values", "varying", "shares", "next"}
+}  # of a number; of others num and scale
+
+
+def rule_of(tables: dict, path: tuple[str, ...]) -> Rule | None:
+    """What a key may be; None of a number of a drawing, which its readers know."""
+    if "controller" in tables:
+        return RULES.get(".".join(path))
+    if path[0] != "block":
+        return None
+    return OF_BLOCKS.get(tables["block"][path[1]]["type"], {}).get(path[2])
+
+
+def path_of(tables: dict, name: str) -> tuple[str, ...]:
+    """Where a number stands. Unreadable for what is none, and for one that follows from others."""
+    if "controller" in tables:
+        path = SYMBOLS.get(name, name)
+        if path in RULES and not RULES[path].words:
+            return tuple(path.split("."))
+        raise Unreadable(f"{name} is no number of this spec")
+    numbers = tables.get("numbers", {})
+    number = name if name in numbers else name.removeprefix("numbers.")
+    if number in numbers:
+        given = numbers[number]
+        if isinstance(given.get("value") if isinstance(given, dict) else given, str):
+            raise Unreadable(f"{name} follows from other numbers")
+        return "numbers", number
+    if name == "rates.tick_hz":
+        return "rates", "tick_hz"
+    for block, keys in tables.get("block", {}).items():
+        prefix, length = next(
+            (
+                (each, len(each))
+                for each in (f"block.{block}.", f"{block}_")
+                if name.startswith(each)
+            ),
+            ("", 0),
+        )
+        key = name[length:]
+        of_class = (
+            keys["type"] in tables.get("type", {})
+            or keys["type"] in DEFAULTS
+            or keys["type"].startswith("wall")
+        )
+        rule = OF_BLOCKS.get(keys["type"], {}).get(key)
+        numeric = of_class or (prefix.startswith("block.") and rule and not rule.words)
+        if prefix and numeric and not isinstance(keys.get(key), str | dict | list):
+            return "block", block, key
+    raise Unreadable(f"{name} is no number of this spec")
+
+
+def called(tables: dict, name: str) -> str:
+    """The one name of a number: of a controller its path, of a drawing the name that expressions have."""
+    table, *rest = path_of(tables, name)
+    if table == "numbers":
+        return rest[0]
+    if table == "block" and rule_of(tables, (table, *rest)) is None:
+        return "_".join(rest)
+    return ".".join((table, *rest))
+
+
+def quantity(tables: dict, name: str) -> str:
+    """The one name of what a number says: the slow rate says the ratio."""
+    found = called(tables, name)
+    return "rates.ratio" if found == "rates.slow_hz" else found
+
+
+def with_numbers(tables: dict, values: dict) -> dict:
+    """The same spec with other numbers, by their names in [sweep] and [for_all], without the keys that say the same otherwise."""
+    named: dict[str, str] = {}
+    for name in values:
+        other = named.setdefault(quantity(tables, name), name)
+        if other != name:
+            raise Unreadable(f"{other} and {name} are one number")
+        for displaced in DISPLACED.get(name, ()):
+            tables = changed(tables, tuple(displaced.split(".")))
+    for name, value in values.items():
+        tables = changed(tables, path_of(tables, name), value)
+    return tables
+
+
+def changed(table: dict, path: tuple[str, ...], *value) -> dict:
+    """The same tables with another value at a path, or with none."""
+    first, *rest = path
+    if rest:
+        return {**table, first: changed(table.get(first, {}), (*rest,), *value)}
+    found = {key: inside for key, inside in table.items() if key != first}
+    return found | dict.fromkeys([first], *value) if value else found
+
+
+def flat(table: dict, before: str = "") -> dict[str, Any]:
+    """Nested tables as one, its names with dots."""
+    found = {}
+    for key, value in table.items():
+        found |= (
+            flat(value, f"{before}{key}.") if isinstance(value, dict) else {before + key: value}
+        )
+    return found
+
+
+def axes(tables: dict, table: str, inside: dict, before: str = "") -> Iterator[tuple[str, Any]]:
+    """The numbers of a table with what it says of them, by the names that they have there."""
+    for key, given in inside.items():
+        name = before + key
+        try:
+            if name == "along":
+                continue
+            path_of(tables, name)
+        except Unreadable:
+            if name in OWN[table]:
+                continue
+            if not isinstance(given, dict):
+                raise
+            yield from axes(tables, table, given, f"{name}.")
+        else:
+            yield name, given
+
+
+def values_of(table: str, name: str, given) -> list:
+    """The values of a number, or the ends of its range."""
+    parts = {"start", "stop"}
+    if isinstance(given, list):
+        given = {"values": given}
+    elif not isinstance(given, dict) or given.keys() - PARTS.get(
+        table, {"start", "stop", "num", "scale"}
+    ):
+        raise Unreadable(f"{table}.{name} is no list of values and no table of start and stop")
+    listed = given.get("values")
+    if isinstance(listed, list) and listed and not given.keys() & parts:
+        return listed
+    if "values" in given or given.keys() & parts != parts:
+        raise Unreadable(f"{table}.{name} has to have either start and stop or a list of values")
+    return [given["start"], given["stop"]]
+
+
+def limits_of(tables: dict) -> dict[str, tuple[Fraction, tuple[str, ...]]]:
+    """The largest values that numbers of a controller may have beside the others, and axes that change them."""
+    rates = tables.get("rates", {})
+    fast, slow, ratio = (
+        rates.get(key, default)
+        for key, default in (("fast_hz", 1000), ("slow_hz", 50), ("ratio", None))
+    )
+    if not all(isinstance(each, int | Fraction) and each > 0 for each in (fast, slow, ratio or 1)):
+        return {}  # which is told where the loop is read
+    if ratio is None:
+        ratio = Fraction(fast) / Fraction(slow) if "slow_hz" in rates else Fraction(20)
+    found = {
+        f"filters.{name}.cutoff_hz": (Fraction(fast) / 2 * (1 - TINY), ("rates.fast_hz",))
+        for name in FILTERS
+    }
+    return found | {
+        "environment.delay": (
+            Fraction(ceil(ratio)),
+            ("rates.ratio", "rates.slow_hz", "rates.fast_hz"),
+        )
+    }
+
+
+def one_key_each(tables: dict, arithmetic) -> None:
+    """Unreadable for a number that tables have by two names, for a range that none is, and for values that a key cannot have."""
+    first: dict[str, tuple[str, str]] = {}
+    own = {**tables, "vary": tables.get("design", {}).get("vary", {})}
+    limits = limits_of(tables) if "controller" in tables else {}
+    for table in OWN:
+        for name, given in axes(tables, table, own.get(table, {})):
+            where, other = first.get(quantity(tables, name), ("", name))
+            if other != name or where in (table, *["sweep"] * (table == "for_all")):
+                raise Unreadable(f"{other} of [{where}] and {name} of [{table}] are one number")
+            first[quantity(tables, name)] = table, name
+            rule = rule_of(tables, path_of(tables, name)) or Rule()
+            values = values_of(table, name, given)
+            for value in values:
+                rule.refuse(f"{table}.{name}", value, arithmetic)
+            limit, others = limits.get(name, (None, ()))
+            if limit is not None and max(values) > limit and not {*others} & {*own.get(table, {})}:
+                raise Unreadable(
+                    f"{table}.{name} goes up to {float(max(values)):g}, beyond {float(limit):g}"
+                )
+            if isinstance(given, dict) and "stop" in given and values[0] > values[1]:
+                raise Unreadable(
+                    f"{table}.{name} goes from {float(values[0]):g} down to {float(values[1]):g}"
+                )
