@@ -9,6 +9,7 @@ from support.forms import form_of, matrix_of
 from support.proofs import checked
 
 from wavesweep.checker import balls, file
+from wavesweep.checker.reader import for_all
 from wavesweep.engine._switched.norms import find_norms
 
 SPEC = """
@@ -214,3 +215,30 @@ def test_a_tick_that_varies_with_a_number_of_frames_has_no_proof(tmp_path):
         spec = DRAWN.replace("tick_hz = 10", f"tick_hz = {tick}").replace("n = 2 }", f"n = 2{more} }}")
         code, words = checked(tmp_path, spec, [claim, graph])
         assert (code, "the tick lasts as long as n says" in words) == (2, True), words
+
+
+UNREADABLE = {
+    '"rates.ratio" = { values = [4, 5, 5], varying = true }': "has a value twice",
+    '"rates.ratio" = { values = [4, 5], shares = [1, 1] }': "has chances, and does not vary",
+    '"rates.ratio" = { values = [4, 5], varying = true, hold = 1 }': "for_all.rates.ratio",
+    '"rates.ratio" = { start = 4.5, stop = 6, varying = true }': "4.5 has to be a whole number",
+    '"device.mass" = { values = [0.1, 0.2], varying = true }': "varies from frame to frame",
+    '"device.mass" = 0.1': "for_all.device.mass",
+    "tick = { late = 0.001 }\nlost = 1": "tick stands alone",
+    "lost = 0.5": "0.5 has to be a whole number",
+}
+
+
+@pytest.mark.parametrize("line", UNREADABLE)
+def test_what_cannot_be_read_of_a_set_is_an_error(line, tmp_path):
+    spec = SPEC[: SPEC.index("[for_all]")] + f"[for_all]\n{line}\n"
+    code, words = checked(tmp_path, spec, [about(["@v"]), {"nodes": [], "edges": []}])
+    assert (code, UNREADABLE[line] in words) == (2, True), words
+
+
+def test_each_combination_of_listed_values_is_counted(tmp_path, monkeypatch):
+    spec = SPEC[: SPEC.index("[for_all]")] + '[for_all]\n"device.mass" = { values = [0.1, 0.2] }\nb = { values = [1, 2, 3] }\n'
+    for most, counted in ((6, False), (5, True)):
+        monkeypatch.setattr(for_all, "MOST", most)
+        _, words = checked(tmp_path, spec.replace('"dc-slow"', '"pmw"'), [about(["@v"]), {"nodes": [], "edges": []}])
+        assert ("6 combinations of values; at most 5" in words) == counted, words

@@ -5,6 +5,9 @@ from copy import deepcopy
 import pytest
 from support.proofs import checked
 
+from wavesweep.checker import file, frame
+from wavesweep.checker.reader import expressions
+
 SPEC = """
 rates.tick_hz = 1000
 numbers.k = 0.5
@@ -64,6 +67,8 @@ REFUSED = {  # lines that do not show what they claim
     "a drift that is none": [BELOW | {"drifts": [["@turn x0"]], "states": ["@turn x1"]}, {"L": [["1"]], "signs": "+"}],
     "open": [BELOW, {"open": True}],
     "another number": [BELOW | {"sides": {}, "numbers": {"k": "0.9"}}, WITHIN],
+    "a graph of one frame": [BELOW, {"nodes": [{"L": UNIT}], "edges": [[0, "", 0]]}],
+    "no mode outside": [{"claim": "refuted", "numbers": {"k": "0.5"}, "outside": 0, "states": STATES}, WITHIN],
 }
 
 
@@ -88,6 +93,24 @@ UNREADABLE = {
     "a number that is not there": [BELOW | {"numbers": {"j": "1"}}, WITHIN],
     "sides that end before they begin": [BELOW | {"sides": {"k": ["1", "0"]}}, WITHIN],
     "an exponent that is none": [BELOW, WITHIN | {"Q": [[[3], UNIT]]}],
+    "a turn that is none": [BELOW, WITHIN | {"turn": 2}],
+    "a turn that is true": [BELOW, WITHIN | {"turn": True}],
+    "an exponent too many": [BELOW, WITHIN | {"Q": [[[1, 0], UNIT]]}],
+    "an exponent of no side": [BELOW, WITHIN | {"Q": [[[0], UNIT]]}],
+    "a side that is a number too": [BELOW | {"numbers": {"k": "1"}}, WITHIN],
+    "a count of a map": [BELOW | {"open": True}, WITHIN],
+    "a map of frames": [BELOW | {"claim": "for all", "open": True, "outside": None}, WITHIN],
+    "a word of modes": [BELOW | {"word": ["n=3"]}, WITHIN],
+    "a circle without a radius": [BELOW | {"radius": "0"}, WITHIN],
+    "a circle of what is refuted": [BELOW | {"claim": "refuted", "radius": "1"}, WITHIN],
+    "forces of modes": [BELOW | {"forces": ["1"]}, WITHIN],
+    "a motion without forces": [{"claim": "goes on", "sides": BELOW["sides"], "states": STATES}],
+    "ticks of modes": [BELOW | {"ticks": ["1"]}, WITHIN],
+    "a rest of modes": [BELOW | {"rest": ["@turn x0"]}, WITHIN],
+    "a name twice in a drift": [BELOW | {"drifts": [["@turn x0", "@turn x0"]]}, WITHIN],
+    "a drift of nothing": [BELOW | {"drifts": [[]]}, WITHIN],
+    "a cell before its claim": [WITHIN, BELOW],
+    "seven sides": [BELOW | {"sides": {f"k{number}": ["0", "1"] for number in range(7)}}, WITHIN],
     "nested without an end": [BELOW, {"L": eval("[" * 60 + "]" * 60)}],  # noqa: S307
 }
 
@@ -112,6 +135,20 @@ def test_a_proof_is_about_one_spec_and_whole(tmp_path):
     from support.proofs import checked_file
 
     assert checked_file(tmp_path / "spec.toml", tmp_path / "spec.proof")[0] == 2
+
+
+LIMITS = [
+    (file, "CELLS", 3), (file, "LONGEST_SPEC", len(SPEC)), (file, "SIDES", 1), (frame, "LARGEST", 2), (frame, "INSTANTS", 1),
+    (expressions, "LONGEST", 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("module", "name", "least"), LIMITS)
+def test_limits_are_those_that_are_told(module, name, least, tmp_path, monkeypatch):
+    """Each holds what is just as large, and nothing that is larger."""
+    for limit, wrong in ((least, False), (least - 1, True)):
+        monkeypatch.setattr(module, name, limit)
+        assert (checked(tmp_path, SPEC, [BELOW, *HALVES])[0] != 0) == wrong
 
 
 def test_a_map_says_shares(tmp_path):
