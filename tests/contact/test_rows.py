@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meaning.specs import toml
 
 import wavesweep
 from tests.contact.test_proof import FIG4, SLOW
 from wavesweep import SpecError, UsageError
 from wavesweep.contact.rows import LINEAR
 from wavesweep.contact.verdict import of_wall
+from wavesweep.program.cli import main
 from wavesweep.program.spec import load
 from wavesweep.program.tables.frame import framed
 from wavesweep.program.tables.interval_table import intervals
@@ -96,6 +98,17 @@ def test_a_row_of_a_loop_that_the_proof_is_not_about_says_that_it_is_in_doubt():
     block = DRAWN["block"] | {"handle": handle}
     (row,) = contact_rows(spec_of(DRAWN, block=block, sweep=DRAWN["sweep"])).itertuples()
     assert (row.intervals, row.certified, row.doubt) == (0, False, "search")
+
+
+def test_contact_that_is_false_is_not_asked_for():
+    assert not spec_of(FIG4, for_all={"contact": False}).contact
+    assert spec_of(FIG4).contact
+
+
+def test_hands_beside_contact_are_refused(tmp_path, capsys):
+    (tmp_path / "spec.toml").write_text(toml(FIG4 | {"sweep": SWEEP, "for_all": {"contact": True}}))
+    assert main(["zwidth", str(tmp_path / "spec.toml"), "--for-hands", "passive", "--out", str(tmp_path)]) == 2
+    assert "expected no --for-hands, since its rows are of the spec's own hand, found passive" in capsys.readouterr().err
 
 
 NET = DRAWN | {
