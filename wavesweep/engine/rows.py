@@ -79,9 +79,13 @@ def of_each(facts: np.ndarray, index: np.ndarray) -> np.ndarray:
 def items_of(values: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
     """The pairs of flat values, by which a loop is remembered; arrays of one as tuples."""
     return tuple(
-        (path, tuple(value.tolist()) if isinstance(value, np.ndarray) else value)
+        (path, _as_tuples(value.tolist()) if isinstance(value, np.ndarray) else value)
         for path, value in values.items()
     )
+
+
+def _as_tuples(value: Any) -> Any:
+    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
 
 
 def selected(values: Mapping[str, Any], part: Any) -> dict[str, Any]:
