@@ -100,6 +100,19 @@ def test_a_controller_is_a_program_only_through_a_hold(tables, end, said):
 
 
 @pytest.mark.parametrize(
+    ("through", "read", "said"),
+    [
+        ("late.y", {"late.u": LAW}, "late reads body.x and body.v between ticks (a program samples: let it read a hold)"),
+        ("late.y", {"late.u": "c.y", "c.u": LAW}, ""),
+        ("c.y", {"late.u": "body.x", "c.u": "-k*late.y"}, ""),  # a sensor's dead time is read in ticks
+    ],
+)
+def test_a_dead_time_that_reads_a_plant_between_ticks_is_told_from_one_that_reads_a_program(through, read, said):
+    blocks = {"late": {"type": "delay", "seconds": 0.004}} | ({"c": {"type": "hold"}} if "c.u" in read else {})
+    assert model_in_words(wavesweep.load(controlled(through, block=blocks, wire=read))) == said
+
+
+@pytest.mark.parametrize(
     ("signals", "motor", "body", "named_in"),
     [
         ({"u": LAW}, "u", "motor.y + u + push", "u"),

@@ -37,7 +37,7 @@ def model_in_words(spec: Spec, swept: Collection[str] = (), told: Collection[str
     """
     if spec.drawing:
         # which numbers of a drawn loop act continuously, and within which limits it is linear
-        said = [*_continuous(spec)]
+        said = [*_continuous(spec), *_read_between_ticks(spec)]
         if spec.tick:
             said.append(NOMINAL_STEPS)
         limits = ", ".join(_limits(spec, swept))
@@ -168,6 +168,20 @@ def _continuous(spec) -> Iterator[str]:
         said.append(f"{_listed(factors)} {act} continuously in {where}")
     if said:
         yield f"{_listed(said)} ({CONTINUOUS})"
+
+
+def _read_between_ticks(spec) -> Iterator[str]:
+    """Yield which outputs of plants a dead time reads between ticks and brings to plants, as no
+    program does."""
+    plants = spec.drawing.plants
+    brought = {dead_time for plant in plants for _, dead_time in plant.arriving}
+    read: dict[str, list[str]] = {}
+    for plant in plants:
+        for signal, dead_time in plant.sensed:
+            if dead_time in brought:
+                read.setdefault(dead_time, []).append(signal)
+    for dead_time, signals in read.items():
+        yield f"{dead_time} reads {_listed(signals)} between ticks (a program samples: let it read a hold)"
 
 
 def _values(axis) -> str:
