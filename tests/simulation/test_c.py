@@ -119,6 +119,21 @@ def test_floats_are_within_the_rounding_of_each_tick_and_a_wrong_coefficient_is_
     assert made(tmp_path, "check", "gcc", "-O2")[0] == 2
 
 
+def test_a_run_that_decays_below_the_normal_floats_is_within_their_rounding(tmp_path):
+    """From 1e-38 on a rounding is no share of what is rounded, and the gains make it larger."""
+    need("gcc")
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "block": {"dev": {"type": "mass", "mass": 0.1, "damping": 50, "stiffness": 10000}, "h": {"type": "hold"}},
+        "wire": {"h.u": "1000*dev.x + 5*dev.v", "dev.f": "w - h.y"},
+        "ports": {"inputs": {"w": "w"}, "outputs": {"x": "dev.x"}},
+        "simulate": {"input": "pulse", "duration_s": 0.6, "at_s": 0.01, "width_s": 0.03},
+    }
+    written(tables, tmp_path, floats=True)
+    code, said = made(tmp_path, "check", "gcc", "-O2")
+    assert code == 0, said
+
+
 @pytest.mark.parametrize("effects", [{"wall": 0.0}, {"late": 5}])
 def test_what_a_float_may_decide_otherwise_is_refused(effects, tmp_path):
     with pytest.raises(UsageError, match="--float is for a linear loop"):

@@ -82,3 +82,13 @@ def test_the_hand_of_a_drawn_loop_is_simulated(write):
     assert (tables["simulate"]["input"], tables["simulate"]["duration_s"]) == ("step", 0.5)
     assert tables["simulate"]["friction"] == 0.0
     assert load(simulated.tables()).asking("simulate").sha256 == simulated.sha256
+
+
+@pytest.mark.parametrize("kind", ["step", "pulse"])
+def test_the_times_that_nobody_wrote_fit_a_tick_of_a_minute(kind):
+    block = {"q": {"type": "integrator", "method": "explicit"}}
+    tables = {"rates": {"tick_hz": "1/T"}, "numbers": {"T": 60.0}, "block": block, "wire": {"q.u": "r - 0.01*q.y"}}
+    spec = load(tables | {"ports": {"inputs": {"r": "r"}, "outputs": {"y": "q.y"}}, "simulate": {"input": kind}})
+    assert spec.asking("simulate").simulate["duration_s"] == 6000.0
+    with pytest.raises(SpecError, match=r"simulate\.duration_s: expected at least a tick \(60 s\), found 10"):
+        load(spec.asking("simulate").tables(), ["simulate.duration_s=10"]).asking("simulate")

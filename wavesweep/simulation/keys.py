@@ -96,7 +96,7 @@ KEYS = Key.by_path(
             "simulate.duration_s",
             None,
             "s",
-            "simulated time, all ticks before its end; by default 10 s, or what the steps take",
+            "simulated time, all ticks before its end; by default 10 s, 100 ticks below 1 Hz, or what the steps take",
         ),
         Key.whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
         Key.number(
@@ -498,10 +498,16 @@ def _input_axis(leaves: dict[str, Leaf], kind: str, mistakes: Mistakes) -> Axis 
     return build_axis("simulate", "frequency_hz", leaves, mistakes)
 
 
-def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
-    """Return the experiment and add its mistakes; usual: the input that is taken by default."""
+def build_experiment(
+    belongs: Sorted, usual: str, mistakes: Mistakes, hz: float | None = None
+) -> Experiment:
+    """Return the experiment and add its mistakes; usual: the input that is taken by default; hz:
+    the fast rate, if it is known, at which a pulse lasts a tick at least by default."""
     leaves, checked = _checked(belongs, mistakes)
     defaults = {path: key.default for path, key in KEYS.items()} | {"simulate.input": usual}
+    slowly = hz is not None and hz < 1
+    if slowly:
+        defaults["simulate.width_s"] = 1 / hz
     values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
     kind = values["input"]
     before = len(mistakes)
@@ -511,7 +517,7 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
         axis = axis or INPUT_FREQUENCIES.get(kind)
         values["frequency_hz"] = _frequencies(kind, axis, frequency_leaves, mistakes)
     if values["duration_s"] is None and kind != "stepped-sine":
-        values["duration_s"] = 10.0  # of an input that has no length of its own
+        values["duration_s"] = 100 / hz if slowly else 10.0
     if frequency_leaves:
         leaves[FREQUENCIES] = Leaf(None, axis_place(frequency_leaves))
     return Experiment(values, axis, leaves)
@@ -546,7 +552,9 @@ def build(request: Request) -> Experiment:
     """Return the experiment, of the defaults without [simulate], and add its mistakes."""
     belongs = request.belongs
     mistakes = request.mistakes
-    experiment = build_experiment(belongs, "step" if request.stepped else "sine", mistakes)
+    experiment = build_experiment(
+        belongs, "step" if request.stepped else "sine", mistakes, request.hz
+    )
     if request.hz and experiment.given:  # defaults are not checked, since `simulate` may never run
         experiment.refuse_beyond_limits(request.hz, request.rate, mistakes)
     request.refuse_unknown_ends(

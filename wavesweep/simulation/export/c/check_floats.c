@@ -51,11 +51,11 @@ int main(int argc, char **argv)
 $read
         for (i = 0; i < (int)(sizeof in / sizeof(double)); i++) { /* the members of each are numbers alone */
             ((float *)&rounded)[i] = (float)((double *)&in)[i];
-            ((double *)&size)[i] = fabs(((double *)&in)[i]);
+            ((double *)&size)[i] = fmax(fabs(((double *)&in)[i]), 0x1p-126); /* below which a rounding is no share */
         }
         for (i = 0; i < WS_PLACES; i++) {
             before[i] = d.z[i];
-            a.z[i] = fabs(d.z[i]);
+            a.z[i] = fmax(fabs(d.z[i]), 0x1p-126);
             s.z[i] = (float)d.z[i];
         }
         ws_fast_tick(&s, rounded);
