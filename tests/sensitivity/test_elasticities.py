@@ -238,3 +238,11 @@ def test_what_is_felt_has_derivatives_also_beside_an_end_at_0():
     felt = rows[(rows.quantity == "felt") & (rows.side == "high")]
     assert len(felt)
     assert (felt.doubt == "").all()
+
+
+def test_just_inside_an_end_at_0_a_mode_has_the_damping_of_a_pole_next_to_it():
+    """k beside m s^2 + d s has two real poles up to d^2/(4 m) = 1."""
+    mass = {"type": "mass", "mass": 1, "damping": 2}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"k": 10.0}, "block": {"m": mass}, "wire": {"m.f": "-k*m.x"}}
+    rows = wavesweep.compile(tables | {"sweep": {"along": "k", "k": {"start": 0, "stop": 400}}}).sensitivity()
+    assert rows[rows.side == "low"].damping_ratio.tolist() == pytest.approx([1.0] * (rows.side == "low").sum())

@@ -410,11 +410,11 @@ def _felt(stepped, stiffness, size, crossings: EndCrossings) -> Moves:
 
 def _damping_inside(loops, ends: _Ends, width, period, crossings: EndCrossings) -> np.ndarray:
     """The damping ratio of each crossing's mode, by its strongest line, a tenth of the end inside
-    the interval of this width, or half-way into a narrow one."""
+    the interval of this width, half-way into a narrow one, a millionth of the width beside 0."""
     p = ends.value
     inwards = np.where(ends.upper, -1, 1)
     # Of the end: at this distance from it the damping of the mode is given.
-    away = np.minimum(0.1 * np.where(p == 0, width, np.abs(p)), width / 2) * inwards
+    away = np.where(p == 0, 1e-6 * width, np.minimum(0.1 * np.abs(p), width / 2)) * inwards
     steps = p[:, None] + away[:, None] * (np.arange(1, PATH_STEPS + 1) / PATH_STEPS)
     path = loops.eigenvalues(steps.ravel(), PATH_STEPS).reshape(p.size, PATH_STEPS, -1)
     delta = tracked_eigenvalue(path[crossings.end], crossings.delta)
