@@ -414,6 +414,24 @@ def test_stamps_of_fast_ticks_give_their_interval(wavesweep, written, fixed):
     assert spec.tick.interval(spec.tick_hz) == (tick["start"], tick["stop"])
 
 
+def test_of_even_stamps_no_tick_is_said_to_be_late(wavesweep, written):
+    written("time", 1e-3 * np.arange(400))
+    code, _, err = wavesweep("identify", "--frames", "times.csv", "--fast-hz", "1000")
+    assert code == 0, err
+    assert "no tick is late" in err
+    assert "a late tick is" not in err
+
+
+def test_the_samples_of_a_voltage_are_no_stamps(tmp_path):
+    path = tmp_path / "scope.csv"
+    path.write_text("Time (s),CH1 (V)\n" + "".join(f"{1e-6 * row:.7f},{row % 37 // 18 * 3.3}\n" for row in range(400)))
+    with pytest.raises(
+        UsageError,
+        match=r"scope\.csv: expected times .*, found even samples of CH1 \(V\)",
+    ):
+        read_run(path, 1e6, {}, {}, own_ticks=True)
+
+
 def test_times_whose_name_has_another_unit_than_their_numbers_are_refused_with_the_scale_of_seconds(tmp_path):
     path = tmp_path / "frames.csv"
     path.write_text("time_us\n" + "".join(f"{0.0245 * row:.4f}\n" for row in range(60)))

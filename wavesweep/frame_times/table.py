@@ -13,7 +13,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
-from wavesweep.frame_times.times import MeasuredFrames, read_run
+from wavesweep.frame_times.times import EVEN, MeasuredFrames, read_run
 from wavesweep.program.columns import Columns
 from wavesweep.program.number_words import rounded_up, span_around
 from wavesweep.program.platform_compat import versions
@@ -133,6 +133,7 @@ def _own_ticks(run: MeasuredFrames, fast_hz: float) -> dict[str, Any]:
         "mean_s": float(lengths.mean()),
         "duration_s": float(lengths.sum()),
         "longest_begins_s": float(run.begins[longest]),
+        "late": bool(lengths.max() > (1 + EVEN) * nominal),
         "after_late_s": float(lengths[late + 1].mean()) if late.size else nominal,
     }
 
@@ -211,7 +212,9 @@ def _lines_of_ticks(found: Numbers) -> Iterator[Line]:
         False,
     )
     yield f"  the longest begins at {tick['longest_begins_s']:.6g} s", False
-    if tick["after_late_s"] < 1 / found["fast_hz"]:
+    if not tick["late"]:
+        yield "  no tick is late: the stamps are even", False
+    elif tick["after_late_s"] < 1 / found["fast_hz"]:
         yield "  a late tick is followed by a shorter one, as with a timer at fixed times", False
     else:
         yield (

@@ -14,6 +14,7 @@ from wavesweep.program.csv_files import MOST, TRACE, of_time, option, read_csv
 from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
 OF_FRAMES = ("time", "duration")  # what a column of frames may be
+EVEN = 1e-4  # of a tick, by which one that is not late may be longer, as by the digits of a stamp
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST_FRAME_S = 10.0  # s, of most frames
 LEAST_OF_TICK = 1e-3  # of a tick, in which most frames are of another unit
@@ -156,6 +157,10 @@ def read_run(
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
     run = MeasuredFrames(begins, ticks, file.sha256, taken=said)
+    volts = [column for column in file.names if unit_in(column, "V") in ("V", "mV")]
+    if volts and np.ptp(durations) < EVEN * median:
+        expected = "expected times at which ticks begin, such as those of its rising edges"
+        raise UsageError(f"{path}: {expected}, found even samples of {volts[0]}")
     least = 0.0 if own_ticks and run.are_ticks else 1 - FITS
     wrong = _wrong_length(ticks, fast_hz, least, most)
     if wrong:

@@ -24,7 +24,7 @@ from wavesweep.program.csv_files import LEAST, MOST, seconds
 from wavesweep.program.number_words import in_digits, rounded_up, span_around
 from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.tables.fields import Field
-from wavesweep.program.tables.kind import Line, Numbers, whole_kind
+from wavesweep.program.tables.kind import Line, Numbers, count, whole_kind
 from wavesweep.program.tables.table import Table
 
 if TYPE_CHECKING:
@@ -517,12 +517,19 @@ def _unusual(mass: Mapping[str, Any], turns: bool, question: str, powers: Mappin
     return f"a mass of {mass['value']:.3g} {mass['unit']} is unusual (usual: {low:g} to {high:g}); {question}?{hint}"
 
 
+def beyond_half_step(fit) -> int:
+    """How many readings are further from the model than the rounding of an encoder."""
+    left = fit.residual[fit.rows.skip :][fit.rows.used]
+    return int((np.abs(left) > (0.5 + 1e-6) * fit.rows.resolution).sum())
+
+
 def _residual(fit, verdict) -> dict[str, Any]:
     return {
         "rms": verdict.rms,
         "rms_of_encoder": verdict.expected,
         "steps": verdict.rms / fit.rows.resolution if fit.rows.resolution else None,
         "white_noise": fit.noise,
+        "beyond_half_step": beyond_half_step(fit),
         "walked": fit.walked,
         "lacking": verdict.lacking,
         "lacking_share": verdict.lacking / float(np.std(fit.rows.force)),
@@ -600,8 +607,10 @@ def _lines_of_fit(found: Numbers) -> Iterator[Line]:
         against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
     yield f"residual {left['rms']:.3g} {unit} rms{against}", False
     if found["resolution"] and not left["white_noise"]:
+        beyond = left["beyond_half_step"]
+        which = f"all but {count(beyond, 'reading')} are" if beyond else "each reading is"
         yield (
-            "each reading is within half a step of the model: the intervals are those of an encoder without noise",
+            f"{which} within half a step of the model: the intervals are those of an encoder without noise",
             False,
         )
     if left["white_noise"] and found["explained"]:
