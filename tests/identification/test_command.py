@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identify_coverage import RATE, moved
+from identify_coverage import RATE, marched, moved
 
 from wavesweep import load
 from wavesweep.program import results
@@ -19,6 +19,34 @@ def pushed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("pushed.csv").write_bytes((EXAMPLES / "pushed.csv").read_bytes())
     return "pushed.csv"
+
+
+def test_a_short_log_of_a_device_without_friction_has_its_numbers(wavesweep, tmp_path, monkeypatch):
+    """Of a march in numpy, with white noise of a micrometre: 200 readings in 0.2 s."""
+    monkeypatch.chdir(tmp_path)
+    random = np.random.default_rng(0)
+    force = random.uniform(-1, 1, 25).repeat(8)
+    position = marched(0.1, 0.7, force, 1.25, 0.0, 0.0) + 1e-6 * random.standard_normal(200)
+    columns = np.c_[np.arange(200) / RATE, force, position]
+    np.savetxt("log.csv", columns, delimiter=",", header="time,force,position", comments="", fmt="%.12g")
+    code, out, err = wavesweep("identify", "log.csv", "--out", "device.toml", "--no-plot", "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    assert (found["explained"], found["missing"], found["samples"]) == (True, "", 200)
+    assert (found["duration_s"], found["rate_hz"]) == pytest.approx((0.2, RATE))
+    for name, value, width in (("mass", 0.1, 1e-3), ("damping", 0.7, 1e-2), ("delay", 1.25, 0.03), ("offset", 0.0, 1e-4)):
+        parameter = found["parameters"][name]
+        assert parameter["low"] < value < parameter["high"], name
+        assert width / 100 < parameter["high"] - parameter["low"] < width, name
+    device = load("device.toml")
+    assert device.values["device.mass"] == found["parameters"]["mass"]["value"]
+    assert {axis.path for axis in device.for_all.axes} == {f"device.{key}" for key in ("mass", "damping", "dead_time")}
+    table = results.read(Path("results/log/identify.csv"))
+    assert np.sqrt(np.nanmean(table["residual"] ** 2)) == pytest.approx(1e-6, rel=0.15)
+    assert np.isfinite(table["residual"]).sum() > 180
+    Path("device.toml").write_text('controller.kind = "dc"\n')
+    code, _, err = wavesweep("identify", "log.csv", "--out", "device.toml", "--no-plot")
+    assert (code, "device.toml: found a spec that identify did not write; give --overwrite" in err) == (2, True)
 
 
 @pytest.mark.slow
