@@ -74,7 +74,7 @@ def pieces_of(tables: dict, ask: Ask, claims: Iterable) -> Iterator[Piece]:
             span = values.pop(path_of(tables, name), None)
         members = claim.claim == "refuted" and numbers.items() <= values.items()
         if span and not claim.shares and (values == numbers or members):
-            state = STATES[ask.radius != 1][bool(claim.outside)]
+            state = "below" if ask.gain else STATES[ask.radius != 1][bool(claim.outside)]
             yield Piece(*span, "refuted" if claim.claim in ANSWERS else state)
 
 
@@ -114,7 +114,7 @@ def in_words(tables: dict, ran: str, question: Sequence[Ask], claims: Sequence) 
         ]
         scope = (" and ".join(sides) or "own numbers") + SCOPES.get(ask.claim, f" for {ask.claim}")
         if ask.gain:
-            scope = f"{' and '.join(sides) or 'own numbers'} for {gain_in_words(ask.gain)}"
+            scope = f"{' and '.join(sides) or 'own numbers'} for {gain_in_words(ask.gain, '')}"
         if ask.radius != 1:
             scope += f" within a circle of radius {plain(ask.radius)} in each period of its rates"
         covered = _of_map(ask, claims) if ran == "map" else _of_row(tables, ask, claims)
@@ -170,9 +170,11 @@ def _of_row(tables, ask: Ask, claims) -> tuple[str, bool]:
             words.append(f"{'open' if stated else 'NOT COVERED'}{ends}{share}")
     if between:
         words.append(f"open between ({_share(between, size)})")
-    return "proved " * (whole and line[0].state != "refuted") + ", ".join(
-        words + ["claimed more than once"] * again
-    ), whole
+    for place, said in enumerate(words):
+        if whole and not said.startswith("open"):
+            words[place] = f"proved {said}" * (said[:7] != "refuted") or said
+            break
+    return ", ".join(words + ["claimed more than once"] * again), whole
 
 
 def _of_map(ask: Ask, claims) -> tuple[str, bool]:
@@ -234,12 +236,12 @@ def _axis(axis) -> tuple[Fraction, Fraction, int]:
     return min(numbers), max(numbers), len(set(numbers))
 
 
-def gain_in_words(gain: Gain) -> str:
+def gain_in_words(gain: Gain, verb: str = "is ") -> str:
     level = plain(gain.at_most)
     if gain.cut:
         less = f" - {plain(gain.less)}" if gain.less else ""
-        return f"|1/(1 + L){less}| at {gain.cut} is below {level} at all frequencies"
-    return f"in the energy of all ticks {gain.signal} is below {level} times {gain.source}, whatever comes in"
+        return f"|1/(1 + L){less}| at {gain.cut} {verb}below {level} at all frequencies"
+    return f"in the energy of all ticks {gain.signal} {verb}below {level} times {gain.source}, whatever comes in"
 
 
 def plain(number: Fraction) -> str:

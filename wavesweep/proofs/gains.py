@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from wavesweep.checker.gain import Gain, stays_below
 from wavesweep.checker.reader.loops import INPUT, OUTPUT
 from wavesweep.proofs.cells import Cell, Find, cells_between, exactly, stretches, tree, written
 from wavesweep.proofs.drifts import drifts_of
+from wavesweep.proofs.sets import decimals
 
 SHARES = 0.3, 0.03, 3e-3, 3e-4, 1e-5, 1e-7, 1e-9  # of a state's energy that a form loses besides
 ENOUGH = 1e-3  # of such a share, that the inequality has left
@@ -22,6 +24,25 @@ NO_RIMS = np.nan, np.nan  # no end of a range is next to the unit circle
 PLACES = -1.0, 0.0, 1.0  # of a cell, at which forms are found
 UNSEEN = 1e-9  # energy of a state that the output does not show, of the largest
 Ball = dict[str, tuple[float, float]]
+
+
+def gain_of(bound: Any) -> Gain | None:
+    """Return what the checker knows a bound of [sweep] require by; None of one that is not of a gain
+    over a frame at all frequencies."""
+    level = exactly(bound.at_most) if hasattr(bound, "at_most") else None
+    if hasattr(bound, "centre"):
+        return Gain("", "", bound.cut, exactly(bound.centre), level)
+    if bound.word == "gain" and level and bound.band_hz is None:
+        return Gain(bound.source, bound.signal, "", Fraction(0), level)
+    return None
+
+
+def in_file(gain: Gain) -> dict[str, str]:
+    """Return a gain as a file has it."""
+    names = {"from": gain.source, "to": gain.signal}
+    if gain.cut:
+        names = {"cut": gain.cut, "less": decimals(gain.less)}
+    return names | {"at_most": decimals(gain.at_most)}
 
 
 def claims_of_gain(
@@ -42,19 +63,18 @@ def claims_of_gain(
     )
     claim.drifts = drifts_of(tables, claim)
     family = file.family_of(tables, claim)
-    asked = {"from": gain.source, "to": gain.signal}
-    if gain.cut:
-        asked = {"cut": gain.cut, "less": str(float(gain.less))}
     head: dict[str, Any] = {
         "claim": "gain",
-        "gain": asked | {"at_most": repr(float(gain.at_most))},
+        "gain": in_file(gain),
         "numbers": dict(numbers),
         "drifts": claim.drifts,
         "states": family.states,
     }
     if not name:
         found = cell_below(family, gain, {})
-        return [[head, found.line]] if isinstance(found, Cell) else []
+        if not isinstance(found, Cell):
+            raise Refused("the gain is not below its level, or no form is found")
+        return [[head, found.line]]
 
     def find(box):
         return cell_below(family, gain, box)
@@ -64,7 +84,9 @@ def claims_of_gain(
     start = _first_proved(name, low, high, find)
     stop = _first_proved(name, high, low, find)
     if start is None or stop is None:
-        return []
+        raise Refused(
+            "no form is found next to an end, as where the level is the gain at rest at all values"
+        )
     cells = cells_between(name, (start, stop), NO_RIMS, [low, high], find)
     for run in stretches(sorted(cells, key=lambda cell: cell.low)):
         sides_written = {name: [repr(run[0].low), repr(run[-1].high)]}

@@ -17,6 +17,7 @@ from wavesweep.checker import balls, coverage
 from wavesweep.checker.__main__ import in_words
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import Proof, ask_of, claim_of, read, spec_of
+from wavesweep.checker.gain import Gain
 from wavesweep.checker.reader import for_all, path_of
 from wavesweep.checker.reader.loops import Unreadable
 from wavesweep.engine.errors import UsageError, WavesweepError
@@ -37,6 +38,7 @@ from wavesweep.proofs.claims import (
     times_of,
     write,
 )
+from wavesweep.proofs.gains import claims_of_gain, gain_of, in_file
 from wavesweep.proofs.planes import Part
 from wavesweep.proofs.sets import LEFT_OPEN, decimals
 from wavesweep.proofs.walls import claim_of_motion, claim_of_walls
@@ -104,7 +106,7 @@ def with_proof(
     file has, and what has no proof. Errors: ContradictedError."""
     text = text_of(source)
     numbers = numbers_set(spec, overrides)
-    if spec.require and not sizes_alone(spec):
+    if spec.require and not (sizes_alone(spec) or gains_alone(spec)):
         say(f"no proof file for {REQUIRED}")
         return table
     along, _ = sweep_axes(spec, str(table.columns["along"][0]))
@@ -123,6 +125,16 @@ def sizes_alone(spec: Spec) -> bool:
     required: Any = spec.require
     bound = required.bound
     return not (bound.gains or bound.damped or bound.bounded)
+
+
+def gains_alone(spec: Spec) -> list[Gain]:
+    """Return the gains that a spec requires to stay below a level; none if it requires more than such
+    at all frequencies."""
+    required: Any = spec.require
+    gains = [gain_of(bound) for bound in required.bound.gains] if required else []
+    if None in gains or (required and required.bound.of_modes):
+        return []
+    return [gain for gain in gains if gain]
 
 
 def radius_of(spec: Spec, tables: dict, numbers: Mapping[str, str]) -> float:
@@ -224,12 +236,19 @@ class _Proofs:
         return spec_of(self.text)
 
     def ask(
-        self, kind: str, numbers: Mapping[str, str], sides: Mapping, radius: float = 1.0
+        self,
+        kind: str,
+        numbers: Mapping[str, str],
+        sides: Mapping,
+        radius: float = 1.0,
+        gain: Gain | None = None,
     ) -> None:
         """Add a part of the question."""
         part: dict[str, Any] = {"claim": kind, "numbers": dict(numbers), "sides": dict(sides)}
         if radius != 1:
             part["radius"] = repr(radius)
+        if gain:
+            part["gain"] = in_file(gain)
         self.question.append(part)
 
     def of_rows(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
@@ -237,6 +256,14 @@ class _Proofs:
         sides = {self.number: [*map(repr, self.span)]}
         radius = 1.0
         first = len(self.claims)
+        gains = gains_alone(self.spec)
+        if kind in OWN and gains:
+            for gain in gains:
+                self.ask("gain", numbers, sides, gain=gain)
+                first = len(self.claims)
+                self._of_gain(numbers, rows, gain)
+                self._close("gain", numbers, rows, self.claims[first:])
+            return
         if kind in OWN:
             kind = "modes"
             radius = radius_of(self.spec, self.tables, numbers) if self.spec.require else 1.0
@@ -267,6 +294,13 @@ class _Proofs:
         with self.telling("slice"):
             found = claims_along(self.tables, numbers, self.number, self.span, ends, radius)
             self.claims += [lines for _, lines in found]
+
+    def _of_gain(self, numbers: dict[str, str], rows: Columns, gain: Gain) -> None:
+        """Add the claims that a gain stays below its level in the intervals of a slice."""
+        ends = _within(rows)
+        for span in zip(ends[::2], ends[1::2], strict=True):
+            with self.telling("row"):
+                self.claims += claims_of_gain(self.tables, numbers, self.number, span, gain)
 
     def _of_set(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
         """Add the claims of rows of all that [for_all] says, and of what refutes the values beyond."""
@@ -339,7 +373,8 @@ class _Proofs:
         ask = ask_of(part)
         line = _covered(self.tables, ask, claims)
         low, high = ask.sides[self.number]
-        if not line[0].state and line[-1].state and float(rows["low"][0]) == low:
+        begins_at_drift = not line[0].state and line[-1].state and float(rows["low"][0]) == low
+        if begins_at_drift and kind != "gain":
             point = numbers | {self.number: repr(self.span[0])}
             with suppress(Refused, Unreadable):
                 self.claims.append(claim_at(self.tables, kind, point, float(ask.radius)))
@@ -356,7 +391,9 @@ class _Proofs:
         if kind == "modes":
             near = exactly(SAME_END) * max(abs(low), abs(high), high - low)
         holes = [piece[:2] for piece in line if not piece.state and piece.high - piece.low <= near]
-        if kind != "modes":
+        if kind == "gain":
+            holes = [piece[:2] for piece in line if not piece.state and _beside_rows(piece, rows)]
+        elif kind != "modes":
             ends = [low, *map(exactly, _within(rows)), high]
             holes += zip(ends[::2], ends[1::2], strict=True)
         part["open"] = [[decimals(begin), decimals(end)] for begin, end in holes if begin < end]
@@ -425,6 +462,16 @@ def _within(rows: Columns) -> list[float]:
     return pairs[np.isfinite(pairs).all(1)].ravel().tolist()
 
 
+def _beside_rows(hole: coverage.Piece, rows: Columns) -> bool:
+    """Whether a hole has at most what is left open about an end of any interval of a slice."""
+    ends = _within(rows)
+    for low, high in zip(ends[::2], ends[1::2], strict=True):
+        common = min(high, float(hole.high)) - max(low, float(hole.low))
+        if common > LEFT_OPEN * (high - low):
+            return False
+    return True
+
+
 def contradicted(line: Sequence[coverage.Piece], rows: Columns) -> str:
     """Return what is proved of a slice and is not what its rows say, in words; empty if all is."""
     ends = _within(rows)
@@ -432,7 +479,7 @@ def contradicted(line: Sequence[coverage.Piece], rows: Columns) -> str:
     for piece in line:
         low, high = float(piece.low), float(piece.high)
         near = NO_CONTRADICTION * max(abs(low), abs(high))
-        if piece.state in ("stable", "within"):
+        if piece.state in ("stable", "within", "below"):
             agrees = any(begin <= low + near and high - near <= end for begin, end in intervals)
         else:
             agrees = all(high <= begin + near or end - near <= low for begin, end in intervals)
@@ -483,8 +530,12 @@ def of_design(
         for radius in radii:
             proofs.ask("modes", numbers, {}, radius)
             proofs.claims.append(claim_at(tables, "modes", numbers, radius))
+    for gain in gains_alone(spec):
+        proofs.ask("gain", numbers, {}, gain=gain)
+        with proofs.telling("what is required"):
+            proofs.claims += claims_of_gain(tables, numbers, "", (0.0, 0.0), gain)
     others = [words for kind, words in UNCLAIMED_FACTS.items() if found.get(kind)]
-    if spec.require and not sizes_alone(spec):
+    if spec.require and not (sizes_alone(spec) or gains_alone(spec)):
         others.append(REQUIRED)
     for of_all in filter(None, map(found.get, FACTS)):
         if spec.require:
@@ -553,10 +604,11 @@ def _contradictions(
     """Yield what a table has and its proof file does not ask about, or proves otherwise."""
     tables = of_spec.tables
     for kind, own, rows in _slices(spec, columns):
-        claim = "modes" if kind in OWN else CLAIMED.get(kind, kind)
+        own_claim = "gain" if gains_alone(spec) else "modes"
+        claim = own_claim if kind in OWN else CLAIMED.get(kind, kind)
         where = ", ".join(f"{name} = {value}" for name, value in own.items()) or "own numbers"
         numbers = {path_of(tables, name): Fraction(value) for name, value in own.items()}
-        if claim not in coverage.SCOPES or (spec.require and claim != "modes"):
+        if claim not in coverage.SCOPES.keys() | {"gain"} or (spec.require and claim != own_claim):
             continue
         answered = False
         for ask in of_spec.question:
