@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from fractions import Fraction
-from math import inf, log2, sqrt
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,9 @@ PLACES = [
     Fraction(place, 1000) for place in (480, 1, 310, 770, 999)
 ]  # of the sides, that are looked at
 NOTHING = (0, 0)  # the enclosure of 0
-UNIT = (0, balls.ONE)
+ABSENT = 1e-12  # of a direction: a share that is 0 but for rounding
+# of a power of two, so that ratios such as 1 and the root of 2 are not told apart by rounding
+BESIDE_HALVES = 0.2
 
 
 def drifts_of(
@@ -84,25 +85,24 @@ def _next(rows, live, cells):
     """Yield drifts of equations at rest, as the checker solves them, each with a lead of its own.
 
     Leads are memories against which no other share grows much over the places; of those that are
-    alike in this up to a power of two, the last by name is eliminated first.
+    alike in this up to a power of two, the first by name.
     """
     variables = sorted({name for row in rows for name in row} - live)
     memory = sorted(live)
     names = variables + memory
     if not _kept(rows, names, cells[0]):
         return
-    steadiness = _steadiness([_kept(rows, names, cell) for cell in cells], memory)
-    steady = sorted(memory, key=lambda name: -steadiness[name])
-    kept = [_kept(rows, variables + steady[::-1], cell) for cell in cells]
+    kept = [_kept(rows, names, cell) for cell in cells]
+    powers = _steadiness(kept, memory[::-1])
+    eliminated = [memory[::-1][at] for at in np.argsort(powers, kind="stable")]
+    kept = [_kept(rows, variables + eliminated, cell) for cell in cells]
     leads = [*kept[0]]
     if any([*directions] != leads for directions in kept) or not live.issuperset(leads):
         return
     for lead in reversed(leads):
         moved = {name for directions in kept for name in directions[lead]}
-        taking_part = [
-            name.partition(drifts.APART)[0] for name in memory + variables if name in moved
-        ]
-        drift = [*dict.fromkeys([lead, *taking_part])]
+        ordered = [name for name in memory + variables if name in moved]
+        drift = [*dict.fromkeys([lead, *(name.partition(drifts.APART)[0] for name in ordered)])]
         try:
             drifts.drift_of(rows, drift, cells[0])
         except Refused:
@@ -130,7 +130,7 @@ def _kept(rows, names, cell):
         for row in (*left, *solved.values()):
             _eliminate(ring, row, name, shares)
         solved[name] = shares
-    directions = {name: {name: UNIT} for name in names if name not in solved}
+    directions = {name: {name: balls.UNIT} for name in names if name not in solved}
     for name, shares in solved.items():
         for lead, share in shares.items():
             if lead in directions and _size(share):
@@ -157,23 +157,14 @@ def _eliminate(ring, row, name, shares):
 def _steadiness(kept, memory):
     """Return the least share of each memory over the places, as against the middle and against the
     memory that grows most there, in powers of two."""
-    sizes = np.array([_sizes(directions.values(), memory) for directions in kept])
-    moved = sizes[0] > 0
-    ratios = np.where(moved, sizes / np.where(moved, sizes[0], 1.0), 0.0)
-    largest = ratios.max(axis=1, keepdims=True)
-    least = (ratios / np.where(largest > 0, largest, 1.0)).min(axis=0)
-    powers = [round(log2(share)) if share > 0 else -inf for share in least.tolist()]
-    return dict(zip(memory, powers, strict=True))
-
-
-def _sizes(directions, memory):
-    """Return the lengths of the axes' projections on directions, in any basis of these."""
-    basis: list[np.ndarray] = []
-    for shares in directions:
-        row = np.array([shares.get(name, NOTHING)[1] / balls.ONE for name in memory])
-        for unit in basis:
-            row = row - (row * unit).sum() * unit
-        length = sqrt((row * row).sum())
-        if length > 0:
-            basis.append(row / length)
-    return np.sqrt(sum(unit * unit for unit in basis)) if basis else np.zeros(len(memory))
+    sizes = []
+    for directions in kept:
+        shares = [
+            [own.get(name, NOTHING)[1] / balls.ONE for name in memory]
+            for own in directions.values()
+        ]
+        basis, _ = np.linalg.qr(np.transpose(shares))
+        sizes.append(np.linalg.norm(basis, axis=1).clip(ABSENT))
+    ratios = np.array(sizes) / sizes[0]
+    least = (ratios / ratios.max(axis=1, keepdims=True)).min(axis=0)
+    return np.where(sizes[0] > ABSENT, np.round(np.log2(least) + BESIDE_HALVES), -np.inf)
