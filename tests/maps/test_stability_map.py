@@ -12,6 +12,8 @@ from wavesweep.maps.figure import stability_map as drawn_map
 from wavesweep.maps.rectangle import largest_about
 from wavesweep.maps.stability_map import stability_map
 from wavesweep.maps.table import KINDS
+from wavesweep.program import plots
+from wavesweep.program.plots.interval_legend import OWN
 
 DRIVE = {
     "rates": {"tick_hz": 500.0},
@@ -177,14 +179,13 @@ def test_every_part_is_drawn_in_its_place(third):
             np.testing.assert_allclose(colour, of_kind, atol=0.01)
         assert (axes.get_xlim(), axes.get_ylim()) == ((0, 4), (1, 3))
         assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
-        (star,) = axes.lines
-        assert star.get_xydata().tolist() == [[0.5, 2.0]]
+        (cross,) = axes.lines
+        assert cross.get_xydata().tolist() == [[0.5, 2.0]]
         boxes = [[*box.get_xy(), box.get_width(), box.get_height()] for box in axes.patches]
         assert boxes == ([] if third else [[0.5, 1.0, 0.5, 2.0]])
     assert [axes.get_title() for axes in canvas.axes] == (["c = 11", "c = 15", "c = 19"] if third else [""])
     words = [text.get_text() for text in canvas.legends[0].get_texts()]
-    rows = [f"unstable, {number} outside" for number in (1, 2, 3)]
-    assert words == ["stable", *rows, "unstable, 4 or more outside", "open"]
+    assert words == ["stable", "unstable, 1 outside", "unstable, 4 or more outside", "open"]
     assert ("dashed" in " ".join(text.get_text() for text in canvas.texts)) is not third
 
 
@@ -209,10 +210,15 @@ def test_a_map_of_a_block_that_nothing_drives_is_that_of_its_matrix():
     block = {"type": "ss", "A": [["a", "b"], ["-b", "a"]], "inputs": [], "B": [[], []], "C": [[1, 0]]}
     sweep = {"along": "a", "a": {"start": -2.0, "stop": 1.0}, "b": {"start": 0.0, "stop": 2.0}}
     tables = {"rates": {"tick_hz": 10.0}, "numbers": {"a": 0.3, "b": 0.2}, "block": {"x": block}, "sweep": sweep}
-    columns = stability_map(wavesweep.load(tables), ["a", "b"], 0.02).columns
+    table = stability_map(wavesweep.load(tables), ["a", "b"], 0.02)
+    columns = table.columns
     assert {*columns["proved"]} == {"stable", "unstable", "open"}
     assert (columns["first_high"][columns["proved"] == "stable"] <= 0).all()
     assert (columns["first_low"][columns["proved"] == "unstable"] >= 0).all()
+    figure = plots.stability_map(columns, table.facts)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["stable", "unstable, 2 outside", "open"]
+    (own,) = figure.axes[0].lines  # with the mark that it has in every figure
+    assert (own.get_marker(), own.get_xydata().tolist()) == (OWN["marker"], [[0.3, 0.2]])
 
 
 def test_the_largest_rectangle_about_a_point_is_that_of_all_tries():

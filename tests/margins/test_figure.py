@@ -52,6 +52,18 @@ def far_from(points, line):
     return np.linalg.norm(points - a - share[..., None] * along, axis=-1).min(0)
 
 
+def test_a_zero_on_the_circle_leaves_the_axis_to_the_gains_of_margins():
+    spec = drive()
+    spec["block"]["n"] = {"type": "notch", "frequency_hz": 15, "q": 1, "depth": 0, "every": 5}
+    spec["wire"]["n.u"] = spec["wire"]["s.u"]
+    spec["wire"]["s.u"] = "n.y"
+    table = margins(wavesweep.load(spec), "s.y")
+    figure = plots.margins(table.columns, table.facts)
+    (gain,) = (axes for axes in figure.axes if axes.get_label() == PANELS[1])
+    assert gain.lines[0].get_ydata().min() < -150
+    assert -115 < gain.get_ylim()[0] < -90
+
+
 @pytest.mark.parametrize("width", [85 / 25.4])
 def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     table = margins(wavesweep.load(drive()), "s.y")

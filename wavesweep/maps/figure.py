@@ -1,12 +1,13 @@
 """The figure of a plane in parts: what is proved stable, what is proved unstable, and what is open."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from wavesweep.maps.stability_map import PLACES
 from wavesweep.program.columns import Columns
+from wavesweep.program.plots.interval_legend import OWN
 from wavesweep.program.plots.labels import assumption, label, valued
 from wavesweep.program.plots.style import (
     ONE_COLUMN,
@@ -34,7 +35,6 @@ def stability_map(columns: Columns, facts: Mapping[str, Any]) -> Any:
         cuts = [low[2] + share * (high[2] - low[2]) for share in PANELS]
     else:
         cuts = [np.nan]
-    most = np.nanmax(np.append(columns["outside"], 0))
     with figure(ONE_COLUMN if len(cuts) == 1 else TWO_COLUMNS, 3.0) as canvas:
         panels = canvas.subplots(1, len(cuts), squeeze=False, sharey=True)[0]
         for axes, cut in zip(panels, cuts, strict=True):
@@ -51,28 +51,30 @@ def stability_map(columns: Columns, facts: Mapping[str, Any]) -> Any:
                 if logarithmic:
                     set_scale("log")
             axes.set_xlabel(label(names[0], facts))
-            axes.plot(*facts["own"][:2], "*", color="black", markersize=7, zorder=4)
+            axes.plot(*facts["own"][:2], **OWN)
         panels[0].set_ylabel(label(names[1], facts))
         if facts["about"]:
             start, stop = np.array(facts["about"])
             box: dict[str, Any] = {"fill": False, "linestyle": "--", "linewidth": 0.8, "zorder": 3}
             panels[0].add_patch(Rectangle(start, *(stop - start), **box))
-        handles = [Patch(facecolor=_STABLE, label="stable")]
-        for outside in range(1, int(min(most, DARKEST)) + 1):
-            more = " or more" if outside == DARKEST < most else ""
-            handles.append(
-                Patch(facecolor=_grey(outside), label=f"unstable, {outside}{more} outside")
-            )
-        handles.append(Patch(facecolor=_OPEN, label="open"))
+        looks = [look for look in _looks(columns) if look[0].any()]
+        handles = [Patch(facecolor=colour, label=name) for _, colour, name in looks]
         canvas.legend(handles=handles, loc="outside upper center", ncols=2)
-        star = "Star: the spec's own design"
+        cross = "Cross: the spec's own design"
         dashed = "; dashed: the largest stable rectangle about it" if facts["about"] else ""
-        note_below(canvas, f"{star}{dashed}. Every point is proved or open.", assumption(facts))
+        note_below(canvas, f"{cross}{dashed}. Every point is proved or open.", assumption(facts))
     return canvas
 
 
-def _grey(outside: int) -> str:
-    return f"{0.9 - 0.15 * min(outside, DARKEST):.2f}"
+def _looks(columns: Columns) -> Iterator[tuple[np.ndarray, Any, str]]:
+    """Yield flags of the parts that are drawn alike, their colour and their name."""
+    outside = columns["outside"]
+    yield columns["proved"] == "stable", _STABLE, "stable"
+    for number in range(1, DARKEST):
+        yield outside == number, f"{0.9 - 0.15 * number:.2f}", f"unstable, {number} outside"
+    more = f"unstable, {DARKEST}{' or more' if (outside > DARKEST).any() else ''} outside"
+    yield outside >= DARKEST, f"{0.9 - 0.15 * DARKEST:.2f}", more
+    yield columns["proved"] == "open", _OPEN, "open"
 
 
 def _draw(axes: Any, columns: Columns) -> None:
@@ -80,14 +82,7 @@ def _draw(axes: Any, columns: Columns) -> None:
 
     x, X, y, Y = (columns[f"{place}_{end}"] for place in PLACES[:2] for end in ("low", "high"))
     corners = np.stack([np.stack(each, -1) for each in ((x, y), (X, y), (X, Y), (x, Y))], 1)
-    proved = columns["proved"]
-    looks = [(proved == "stable", _STABLE), (proved == "open", _OPEN)]
-    for outside in range(1, DARKEST + 1):
-        rows = columns["outside"] == outside
-        if outside == DARKEST:
-            rows |= columns["outside"] > outside
-        looks.append((rows, _grey(outside)))
-    for rows, colour in looks:
+    for rows, colour, _ in _looks(columns):
         if rows.any():
             axes.add_collection(
                 PolyCollection(corners[rows], antialiased=False, linewidth=0, facecolor=colour)

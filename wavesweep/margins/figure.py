@@ -33,6 +33,7 @@ from wavesweep.program.spec import Axis, Spec
 
 LOWEST_SHOWN = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
+LEAST_GAIN = -100.0  # dB, below which an axis shows margins alone: a zero on the circle has none
 FIRST_ANGLES = 600  # angles to begin with
 CURVE_STEP = 0.03  # change of ln L between neighbours, at most
 # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
@@ -492,6 +493,8 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
         axes.set_xlim(lowest, top)
         seen_values = np.concatenate([values[shown], *family_seen[row], np.array(marked)])
         low = min(limit, *seen_values)
+        if axes is gain:
+            low = max(low, min(LEAST_GAIN, *marked))
         high = max(limit, *seen_values)
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.grid(**GRID)

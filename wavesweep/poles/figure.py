@@ -57,6 +57,7 @@ def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
         axes.set_ylim(ROOM_OF_CIRCLE * shown.imag.min(), ROOM_OF_CIRCLE * shown.imag.max())
         axes.set_aspect("equal")
         axes.set(xlabel="real part of z", ylabel="imaginary part of z")
+        axes.locator_params(axis="x", nbins=6)
         axes.grid(**GRID)
         beyond = int((np.abs(z) > REACH).sum())
         far = f"Not shown: {beyond} poles beyond {REACH:g}." if beyond else ""
@@ -156,9 +157,11 @@ def _steps(numbers: np.ndarray, z: np.ndarray) -> tuple[list[np.ndarray], np.nda
     colours = []
     for value, before, after in zip(values, poles, poles[1:], strict=False):
         far = np.abs(before[:, None] - after[None])
+        nearest = far == np.minimum(far.min(0), far.min(1, keepdims=True))
         for a, b in zip(*linear_sum_assignment(far), strict=True):
-            # Up to this step between neighbouring values a line joins two poles.
-            if far[a, b] < 0.2:
+            # Beyond this step between neighbouring values a line joins poles that are each other's
+            # nearest alone.
+            if far[a, b] < 0.2 or nearest[a, b]:
                 step = np.array([before[a], after[b]])
                 steps.append(np.column_stack([step.real, step.imag]))
                 colours.append(value)

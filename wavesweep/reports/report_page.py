@@ -52,6 +52,7 @@ pre { white-space: pre-wrap; padding: .6rem .8rem; background: #f6f6f4; }
 @media screen and (max-width: 620px) { figure { overflow-x: auto; } figure svg { max-width: none; }
   td:last-child { min-width: 24rem; } } /* a table scrolls, and has no rows of eight lines */
 @media print { body { max-width: none; margin: 0; padding: 0; font-size: 10pt; }
+  figure svg { max-height: 11cm; } /* so that a page has room for the next one */
   .wide { overflow: visible; } td:not(:last-child) { white-space: normal; } }
 </style>
 </head>
