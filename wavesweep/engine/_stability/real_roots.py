@@ -68,23 +68,29 @@ def isolate(coefficients: np.ndarray, noise: np.ndarray) -> Roots:
     at_one, at_minus_one = at_ends(coefficients)
     open_at_one = (edge & (roots.real > 0)).any(-1) | (np.abs(at_one) <= 2 * noise)
     open_at_minus_one = (edge & (roots.real < 0)).any(-1) | (np.abs(at_minus_one) <= 2 * noise)
-    # The sign of the derivative at simple real roots, also if other roots are not proved: that of
-    # `lead prod (x_i - x_j)`.
-    apart = roots[:, :, None] - roots[:, None, :]
-    index = np.arange(roots.shape[1])
-    apart[:, index, index] = 1.0
-    size = np.abs(apart)
-    turns = apart / np.where(size > 0, size, 1)
     return replace(
         none,
         value=roots.real,
         radius=radius,
         inside=inside,
-        slope_sign=np.sign(coefficients[:, -1:] * turns.prod(-1).real),
+        slope_sign=_slope_signs(coefficients[:, -1], roots, inside),
         proved=proved,
         open_at_one=open_at_one,
         open_at_minus_one=open_at_minus_one,
     )
+
+
+def _slope_signs(lead: np.ndarray, roots: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return the signs of the polynomial's derivative at the real roots inside, `(rows, n-1)`,
+    also if other roots are not proved: of `lead prod (x_i - x_j)`; 0 for other roots."""
+    row, index = np.nonzero(inside)
+    apart = roots[row, index][:, None] - roots[row]
+    apart[np.arange(row.size), index] = 1.0
+    size = np.abs(apart)
+    turns = apart / np.where(size > 0, size, 1)
+    signs = np.zeros(roots.shape)
+    signs[row, index] = np.sign(lead[row] * turns.prod(-1).real)
+    return signs
 
 
 def _of_size_one(coefficients: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
