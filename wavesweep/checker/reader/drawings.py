@@ -96,6 +96,7 @@ class Drawing:
                 if key in OF_BLOCKS.get(keys.get("type"), {}):
                     self.refuse(block, key)
             self.refuse_unfit(block, keys)
+            self.phase(block)
         # (what, "" of each tick or a block of its runs)
         self.remembered: set[tuple[str, str]] = set()
         self.plants = {name: self.plant(name) for name in self.blocks if self.is_plant(name)}

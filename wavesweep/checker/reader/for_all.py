@@ -288,13 +288,14 @@ def _from_sample_to_sample(schedule: Schedule) -> Schedule:
 def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     """Of frames and results of a controller: the environment integrates over the frame, or over the nominal one."""
     nominal = loop_with({})
+    delay = values.get(DELAY, nominal.delay)
+    if delay != "frame" and delay > values.get(RATIO, nominal.ratio):
+        raise Unreadable("results that come after their frame have no proof here")
     loop = loop_with(values)
     if loop.ratio.denominator > 1 or loop.kind in ("dc", "pmw-mean"):
         raise Unreadable(
             f"frames of {loop.kind} that vary, or do not last whole ticks, have no proof here"
         )
-    if loop.delay != "frame" and loop.delay > loop.ratio:
-        raise Unreadable("results that come after their frame have no proof here")
     step = loop.key("environment.step")
     if not step and loop.kind not in ("dc-slow", "dc-lm") and RATIO in found.varying:
         raise Unreadable("environment.step is missing, where frames vary")

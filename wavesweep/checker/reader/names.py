@@ -1,8 +1,6 @@
 """Names of numbers in [sweep], [for_all] and claims: one number has one name, and one quantity one key."""
 
 from collections.abc import Iterator
-from fractions import Fraction
-from math import ceil
 from typing import Any
 
 from .devices import DEFAULTS
@@ -40,7 +38,6 @@ OWN = {  # keys of tables that are no numbers; in a drawn loop a number of the s
     "for_all": ("lost", "loss", "contact", "tick"),
     "vary": (),
 }
-TINY = Fraction(10) ** -15  # below half a rate
 PARTS = {
     "for_all": {"start", "stop", "values", "varying", "shares", "next"}
 }  # of a number; of others num and scale
@@ -177,34 +174,14 @@ def values_of(table: str, name: str, given) -> list:
     return [given["start"], given["stop"]]
 
 
-def limits_of(tables: dict) -> dict[str, tuple[Fraction, tuple[str, ...]]]:
-    """The largest values that numbers of a controller may have beside the others, and axes that change them."""
-    rates = tables.get("rates", {})
-    fast, slow, ratio = (
-        rates.get(key, default)
-        for key, default in (("fast_hz", 1000), ("slow_hz", 50), ("ratio", None))
-    )
-    if not all(isinstance(each, int | Fraction) and each > 0 for each in (fast, slow, ratio or 1)):
-        return {}  # which is told where the loop is read
-    if ratio is None:
-        ratio = Fraction(fast) / Fraction(slow) if "slow_hz" in rates else Fraction(20)
-    found = {
-        f"filters.{name}.cutoff_hz": (Fraction(fast) / 2 * (1 - TINY), ("rates.fast_hz",))
-        for name in FILTERS
-    }
-    return found | {
-        "environment.delay": (
-            Fraction(ceil(ratio)),
-            ("rates.ratio", "rates.slow_hz", "rates.fast_hz"),
-        )
-    }
+def one_key_each(tables: dict, arithmetic) -> list[dict]:
+    """The numbers of [sweep] and [for_all], all at their least value and all at their largest.
 
-
-def one_key_each(tables: dict, arithmetic) -> None:
-    """Unreadable for a number that tables have by two names, for a range that none is, and for values that a key cannot have."""
+    Unreadable for a number that tables have by two names, for a range that none is, and for values that a key cannot have.
+    """
+    ends: list[dict] = [{}, {}]
     first: dict[str, tuple[str, str]] = {}
     own = {**tables, "vary": tables.get("design", {}).get("vary", {})}
-    limits = limits_of(tables) if "controller" in tables else {}
     for table in OWN:
         for name, given in axes(tables, table, own.get(table, {})):
             where, other = first.get(quantity(tables, name), ("", name))
@@ -215,12 +192,11 @@ def one_key_each(tables: dict, arithmetic) -> None:
             values = values_of(table, name, given)
             for value in values:
                 rule.refuse(f"{table}.{name}", value, arithmetic)
-            limit, others = limits.get(name, (None, ()))
-            if limit is not None and max(values) > limit and not {*others} & {*own.get(table, {})}:
-                raise Unreadable(
-                    f"{table}.{name} goes up to {float(max(values)):g}, beyond {float(limit):g}"
-                )
             if isinstance(given, dict) and "stop" in given and values[0] > values[1]:
                 raise Unreadable(
                     f"{table}.{name} goes from {float(values[0]):g} down to {float(values[1]):g}"
                 )
+            if table in ("sweep", "for_all"):
+                for at, end in enumerate((min, max)):
+                    ends[at][name] = end(values)
+    return ends
