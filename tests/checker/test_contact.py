@@ -142,7 +142,7 @@ def test_a_spec_with_another_number_is_refused(tmp_path, before, after):
 
 
 @pytest.mark.parametrize(
-    "more", ['"rates.ratio" = { values = [20], varying = true }', "lost = 1", '"device.mass" = { start = 0.1, stop = 0.1 }']
+    "more", ['"rates.ratio" = { values = [16, 20], varying = true }', "lost = 1", '"device.mass" = { start = 0.1, stop = 0.1 }']
 )
 def test_what_varies_is_refused(tmp_path, more):
     code, words = checked(tmp_path, f"{DIRECT}[for_all]\n{more}\n", written(DIRECT))

@@ -74,3 +74,11 @@ def test_verify_holds_the_question_against_rows(tmp_path):
     said = [text for text, wrong in of_table.checked(proof, facts, changed) if wrong]
     assert len(said) == 2
     assert "of which the file does not ask" in said[0]
+
+
+def test_a_proof_that_takes_more_memory_than_it_may_is_left_out_with_a_sentence(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(of_table, "claims_along", lambda *_: bytearray(of_table.MEGABYTES << 21))
+    _, proof = written(tmp_path, SERVO, "stability-region", "--no-plot")
+    assert "no proof of a slice: more than 800 MB of memory; fewer states or messages take less" in capsys.readouterr().err
+    assert not proof.exists()
+    assert len(bytearray(of_table.MEGABYTES << 21)) > 1e9  # the limit ends with the claim

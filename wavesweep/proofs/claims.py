@@ -16,6 +16,7 @@ from wavesweep.checker import balls, file
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import for_all, loop_of, with_numbers
 from wavesweep.proofs.cells import (
+    WINDOW,
     Cell,
     cell_of,
     cells_along,
@@ -100,12 +101,6 @@ def claim_of_set(
         claim.drifts = drifts_of(tables, claim, member)
         family = file.family_of(tables, claim, member)
         claim.states = family.states
-        cells = Cells.of(family, claim, beyond)
-        words = []
-        if kind == "for all":
-            words.append(cells.cycle)
-        if kind == "for all" and text:
-            words.append(cells.word(word_of(tables, claim, read(text))))
         own = _coordinates(claim)
         if member:
             values = {
@@ -115,6 +110,17 @@ def claim_of_set(
             lines.append({"member": values} | own)
         else:
             head |= own
+        if along and not allowed.ranges and kind == "for all" and "" in family.frames.words:
+            ends = low + WINDOW * (high - low), high - WINDOW * abs(high)
+            lines += _constant(family, name, *ends)
+            written[name] = [repr(end) for end in ends]
+            continue
+        cells = Cells.of(family, claim, beyond)
+        words = []
+        if kind == "for all":
+            words.append(cells.cycle)
+        if kind == "for all" and text:
+            words.append(cells.word(word_of(tables, claim, read(text))))
         begins, tree_of_cells = lines_over(cells, [word for word in words if word])
         lines += tree_of_cells
         if along and begins > cells.whole[0, 0]:
@@ -122,6 +128,15 @@ def claim_of_set(
                 raise Refused(f"no forms are found next to {name} = {low:.6g}")
             written[name] = [decimals(cells.number(0, begins)), written[name][1]]
     return [head, *lines]
+
+
+def _constant(family: file.Family, name: str, low: float, high: float) -> Lines:
+    """The cells of a loop that is stable from one number to another. Errors: Refused."""
+    runs = list(stretches(cells_along(name, low, high, [], partial(cell_of, family))))
+    whole = [run for run in runs if (run[0].low, run[-1].high, run[0].outside) == (low, high, 0)]
+    if not whole:
+        raise Refused(f"no forms are found from {name} = {low:.6g} to {high:.6g}")
+    return list(tree(name, whole[0]))
 
 
 def claim_refuted(tables: dict, numbers: Mapping[str, str], text: str) -> Lines:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.checker import balls, coverage
-from wavesweep.checker.__main__ import in_words
+from wavesweep.checker.__main__ import in_words, limited
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import Proof, ask_of, claim_of, read, spec_of
 from wavesweep.checker.gain import Gain
@@ -60,6 +60,7 @@ IN_ANY_ORDER = "for_all", "messages"  # their kinds that are not about means
 ORDINALS = "first", "second", "third"  # in the columns of a map
 REQUIRED = "what [sweep] require asks for"
 SHORT = 0.0, 1e-3, 1e-2, 3e-2  # of a row: how much of it a claim may leave out at its high end
+MEGABYTES = 800  # of memory that a claim may take
 SAME_END = 8 * WINDOW  # of an end or of the range: what a proof leaves open about it
 SAME_RADIUS = 1e-5  # of a radius in doubles
 PLACES = np.array(
@@ -373,7 +374,7 @@ class _Proofs:
         ask = ask_of(part)
         line = _covered(self.tables, ask, claims)
         low, high = ask.sides[self.number]
-        begins_at_drift = not line[0].state and line[-1].state and float(rows["low"][0]) == low
+        begins_at_drift = not line[0].state and len(line) > 1 and float(rows["low"][0]) == low
         if begins_at_drift and kind != "gain":
             point = numbers | {self.number: repr(self.span[0])}
             with suppress(Refused, Unreadable):
@@ -387,24 +388,34 @@ class _Proofs:
         if kind in CLAIMED.values():
             for member in _members(self.tables):
                 self.hold_loop(numbers, {name: [value] for name, value in member.items()})
-        near = exactly(LEFT_OPEN) * (high - low)
-        if kind == "modes":
-            near = exactly(SAME_END) * max(abs(low), abs(high), high - low)
-        holes = [piece[:2] for piece in line if not piece.state and piece.high - piece.low <= near]
-        if kind == "gain":
-            holes = [piece[:2] for piece in line if not piece.state and _beside_rows(piece, rows)]
-        elif kind != "modes":
-            ends = [low, *map(exactly, _within(rows)), high]
-            holes += zip(ends[::2], ends[1::2], strict=True)
-        part["open"] = [[decimals(begin), decimals(end)] for begin, end in holes if begin < end]
+        near = exactly(SAME_END) * max(abs(low), abs(high), high - low)
+        intervals = [(low, high, near)]
+        if kind != "modes":
+            ends = [*map(exactly, _within(rows))]
+            pairs = zip(ends[::2], ends[1::2], strict=True)
+            intervals = [
+                (start, stop, exactly(LEFT_OPEN) * (stop - start)) for start, stop in pairs
+            ]
+        holes = []
+        for begin, end, state in line:
+            inside = [min(end, stop) - max(begin, start) <= near for start, stop, near in intervals]
+            if not state and all(inside):
+                holes.append((begin, end))
+        part["open"] = [[decimals(begin), decimals(end)] for begin, end in holes]
 
     @contextmanager
     def telling(self, what: str) -> Iterator[None]:
         """Keep why there is no claim."""
+        limited(0, MEGABYTES)
         try:
             yield
-        except (Refused, Unreadable) as error:
-            self.unproved[f"no proof of a {what}: {error}"] += 1
+        except (Refused, Unreadable, MemoryError) as error:
+            why = str(error)
+            if isinstance(error, MemoryError):
+                why = f"more than {MEGABYTES} MB of memory; fewer states or messages take less"
+            self.unproved[f"no proof of a {what}: {why}"] += 1
+        finally:
+            limited(0, 0)
 
     def hold_loop(self, numbers: Mapping[str, str], places: Mapping[str, list[float]]) -> None:
         """Hold the checker's loop against the engine's, by their spectral radius in doubles, at places of
@@ -460,16 +471,6 @@ def _within(rows: Columns) -> list[float]:
     """The ends of the intervals of a slice, low and high in turn."""
     pairs = np.stack([rows["low"], rows["high"]], 1)
     return pairs[np.isfinite(pairs).all(1)].ravel().tolist()
-
-
-def _beside_rows(hole: coverage.Piece, rows: Columns) -> bool:
-    """Whether a hole has at most what is left open about an end of any interval of a slice."""
-    ends = _within(rows)
-    for low, high in zip(ends[::2], ends[1::2], strict=True):
-        common = min(high, float(hole.high)) - max(low, float(hole.low))
-        if common > LEFT_OPEN * (high - low):
-            return False
-    return True
 
 
 def contradicted(line: Sequence[coverage.Piece], rows: Columns) -> str:

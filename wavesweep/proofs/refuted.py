@@ -92,7 +92,8 @@ def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
     for letter, schedule in schedules.items():
         ticks = schedule.period / loop.T
         delay = re.search(rf"{for_all.DELAY}=([^;]*)", letter)
-        results = ["lost"] if letter.endswith("lost") else ["", f"delay {delay and delay[1]}"]
+        of_frame = delay[1] if delay else getattr(loop, "delay", "")
+        results = ["lost"] if letter.endswith("lost") else ["", f"delay {of_frame}"]
         letters |= {(ticks, result): letter for result in results}
     try:
         return [letters[Fraction(ticks), result] for ticks, result in refuter.frames]

@@ -29,7 +29,7 @@ COUNTS = {
     "n",
     "late",
     "lost",
-}  # of blocks: a number that one of them is, is whole
+}  # of blocks: a number that one of them reads is whole
 MOST = 256  # combinations of listed values, and kinds of frames
 MESSAGES = {"late", "lost", "loss", "burst"}  # what may happen to those of a channel
 LONGEST_TICK = 10  # s
@@ -79,7 +79,8 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
     table = tables.get("for_all", {})
     controller = "controller" in tables
     blocks = tables.get("block", {}).values()
-    counts = {str(keys[key]) for keys in blocks for key in COUNTS & keys.keys()}
+    texts = [str(keys[key]) for keys in blocks for key in COUNTS & keys.keys()]
+    counts = {name for text in texts for name in names_in(parsed(text))}
     named = dict(axes(tables, "for_all", table))
     for name, given in named.items():
         number = called(tables, name)
@@ -88,6 +89,10 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
             raise Unreadable(f"{number} varies from frame to frame: expected {RATIO} or {DELAY}")
         rule = rule_of(tables, path_of(tables, name))
         _of_number(found, number, given, exact, rule.whole if rule else number in counts)
+    elapsed = tables.get("environment", {}).get("step") != "nominal"
+    for name, values in [*found.varying.items()]:
+        if len(values) == 1 and elapsed and name not in found.shares | found.following:
+            found.listed[name] = found.varying.pop(name)
     given = {name: table[name] for name in OWN["for_all"] if name in table.keys() - named.keys()}
     found.lost = _whole(exact(given.get("lost", 0)), MOST_LOST)
     found.loss = given.get("loss")
