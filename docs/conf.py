@@ -27,7 +27,7 @@ SECTIONS = {
     "Concepts": "concepts controllers",
     "Guides": "check sweeps identify for-all frames timing margins drawn-loops design results",
     "Reference": "commands keys blocks tables library engine",
-    "Background": "proof check-it-yourself accuracy speed in-place-of design-notes",
+    "Background": "proof check-it-yourself proof-files accuracy speed in-place-of design-notes",
 }
 
 

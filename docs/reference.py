@@ -16,6 +16,7 @@ import tomllib
 from collections import Counter
 from contextlib import chdir, redirect_stdout
 from dataclasses import replace
+from importlib import import_module
 from itertools import chain
 from pathlib import Path
 
@@ -31,6 +32,8 @@ HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
 GALLERY = HERE / "gallery.md"
 MARK = re.compile(r"^<!-- from the code: (\w+) -->$", re.MULTILINE)
+# modules of the checker, in the order of reading
+CHECKER = "file coverage frame reader.controllers reader.drawings reader.filters form contact gain"
 SHARED = 3  # commands: an option that so many have is explained once, for all of them
 
 
@@ -357,7 +360,17 @@ def draw_loop(name: str) -> bytes:
     return "\n".join(line.rstrip() for line in picture.getvalue().splitlines()).encode() + b"\n"
 
 
-MADE = {made.__name__: made for made in (install, commands, keys, devices, blocks, steps, tables, doubts, summaries, library)}
+def proofs() -> str:
+    """The format of proof files, the memory of loops and the inequalities, as the modules of the checker have them."""
+    parts = []
+    for name in CHECKER.split():
+        first, _, rest = inspect.getdoc(import_module(f"wavesweep.checker.{name}")).partition("\n")
+        parts += [f"## {_plain(first.rstrip('.'))}", "\n".join(f"    {line}" for line in rest.strip().split("\n"))]
+    return "\n\n".join(parts)
+
+
+PARTS = install, commands, keys, devices, blocks, steps, tables, doubts, summaries, library, proofs
+MADE = {made.__name__: made for made in PARTS}
 
 
 def _printed(*words):

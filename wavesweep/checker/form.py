@@ -2,7 +2,8 @@
 
 If P - A(p)' P A(p) > 0 all over a cell, no eigenvalue of A(p) is on the unit circle, and as many are outside as P has negative
 ones (Ostrowski and Schneider, "Some theorems on the inertia of general matrices", 1962). P itself may depend on p: it is regular
-wherever the inequality holds, so its inertia does not change within the cell.
+wherever the inequality holds, so its inertia does not change within the cell. With another radius A is divided by it. With a turn
+of 1 or -1 the same is looked at as X' (P - A' P A) X > 0 with any regular X near (1 + turn A)^-1.
 """
 
 from collections.abc import Iterable

@@ -2,6 +2,10 @@
 
 A map is {memory: {memory: coefficient}}, a row for each memory that it changes; what has no row stays. A frame is a list of
 steps, each a map. Those that depend on no side of a cell are multiplied once.
+
+A frame goes through its instants in order; at each the equations of what happens there are solved together and the memory is
+written, and between two instants plants move by exp(A t) with all else held. The memory of a loop is what some frame reads before
+it writes it; what each instant writes as 0 is left out. The states of a form are the memory less the first of each drift, sorted.
 """
 
 from .balls import (

@@ -8,7 +8,7 @@ import re
 
 from .controllers import Controller
 from .drawings import Drawing
-from .names import RULES, flat
+from .names import OF_BLOCKS, RULES, flat
 from .names import path_of as path_of
 from .names import with_numbers as with_numbers
 
@@ -77,19 +77,9 @@ def unknown_key(tables: dict, loop: Controller | Drawing) -> str | None:
         keys = {key for part in parts for key in part} - PORTS.get(port, set())
         own += [f"ports.{port}.{key}" for key in keys] + [f"ports.{port}"] * (port not in PORTS)
     for name, block in loop.blocks.items():
-        extra = {
-            "integrator": LIMITS,
-            "pi": LIMITS,
-            "pid": LIMITS,
-            "saturation": LIMITS,
-            "channel": MESSAGES,
-        }
-        free = {"type"} | extra.get(block["type"], set())
-        own += [
-            f"block.{name}.{key}"
-            for key in block
-            if key not in free and (name, key) not in loop.read
-        ]
+        free = {"type"} | (LIMITS | MESSAGES) & OF_BLOCKS.get(block["type"], {}).keys()
+        unread = [key for key in block if key not in free and (name, key) not in loop.read]
+        own += [f"block.{name}.{key}" for key in unread]
     own += [f"wire.{port}" for port in loop.wires if f"wire.{port}" not in loop.key.asked]
     texts = [
         str(value)

@@ -1,4 +1,17 @@
-"""The eight controllers, row by row of docs/controllers.md, in exact time."""
+"""The eight controllers, row by row of docs/controllers.md, in exact time.
+
+The memory of a loop, by the names in proof files; each is written at the end of an instant with what stands behind it:
+
+    @x, @v                     position and velocity of the device, which move between instants with f = @f held
+    @f                         the motors' force that acts; behind a delay @m0, @m1 .. those of the last ticks, the newest first
+    @x before                  the position of the last tick, if velocity is a difference
+    @held NAME                 a slow result in place: F; of dc-lm also x_ref, v_ref; of dc-vc(-lm) F, x_s, v_s; of pmw F, w, x_s
+    @J NAME                    the result of slow event J of a period, J = 0 where rates divide, until it is in place
+    @read x, @read v, @read u_s    what the last tick had, for a slow event between ticks
+    @slow place, @local place  the avatars of environment and local model, and @slow speed, @local speed if trapezoidal
+    @FILTER K state I          state I of section K of lp1, hp or lp2 (filters.py)
+    @v_2                       the local model's wave of the last tick;   @uK of pmw-mean u_m K + 1 ticks ago
+"""
 
 import math
 from fractions import Fraction

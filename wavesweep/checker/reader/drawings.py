@@ -1,6 +1,18 @@
 """Loops drawn in a spec, block by block of docs/blocks.md, in exact time.
 
-Variables of a tick are outputs of blocks, "block.port", and inputs of plants, "into block.port".
+Variables of a tick are outputs of blocks, "block.port", and inputs of plants, "into block.port". The memory, by the names in
+proof files, is written at the end of an instant with what stands behind it (B is a block, of a class with dots):
+
+    @B xI                      state I of a plant or of ss: of a mass x, v; of several axes all positions, then all velocities
+    @into B.PORT               what is held at a port of a plant since the last tick
+    @held B.PORT               an output, of a block that does not run in each tick until it runs again
+    @B state I, @B K state I   of tf, lead, notch and biquad, and of section K of butterworth (filters.py)
+    @B integral, @B moved, @B u, @B d   of integrator, pi and pid: the integral; of an explicit one the last step times input;
+                               the last input, also of a difference; the filtered slope
+    @B y                       of lowpass;   @B sum of impulse;   @B depth of a wall;   @B x, @B v of avatar and local_model
+    @B ago K                   inputs K runs ago, of delay, fir and mean;   @B sent K of a channel K messages before
+    @B given K, @B seen K      of a dead time between ticks: what blocks gave and what plants showed K ticks ago; @B arrived
+    @before SIGNAL, @last SIGNAL   of prev(...): in the last tick, of an impulse in its last run
 """
 
 import math

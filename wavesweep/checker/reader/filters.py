@@ -1,4 +1,19 @@
-"""Digital filters from their analog ones by the bilinear transform, as (A, B, C, D): lists, and D a coefficient."""
+"""Digital filters from their analog ones by the bilinear transform, as (A, B, C, D): lists, and D a coefficient.
+
+A Butterworth filter of order n is a series of sections. Of the pair of poles k = 0 .. n/2 - 1 at the angles +-a, where
+a = pi (2 k + n + 1)/(2 n), r = cos a and t = sin a, the analog one has, in units of its cutoff,
+
+    A = [[r, t], [-t, r]],   B = (0, 1)',   low-pass C = (1/t, 0), D = 0;   high-pass C = ((2 r^2 - 1)/t, 2 r), D = 1,
+
+and of the last pole of an odd order A = -1, B = 1, C = 1 and D = 0, of a high-pass C = -1 and D = 1. With w = tan(pi fc/fs), fc the
+cutoff and fs the rate of the filter, and E = (1 - w A)^-1, the digital section has
+
+    E (1 + w A),   2 w E B,   C E,   D + w C E B
+
+in their places: of first order ((1 - w)/(1 + w), 2 w/(1 + w), 1/(1 + w), w/(1 + w)), so its state is 1 + w times as large as that
+of other realisations. A transfer function b/a of order n, a0 = 1, has the first row -a1 .. -an and ones below the diagonal in A,
+B = (1, 0 .. 0)', C = (b1 - b0 a1 .. bn - b0 an) and D = b0.
+"""
 
 from .loops import Unreadable, dot
 
