@@ -24,7 +24,7 @@ def spec_of(margins, m, kp):
 
 def named(margin, size, text):
     """The member and the factor that a counterexample names."""
-    value = dict(re.findall(r"(\w+)(?: at c.y| at c.y turned by deg)? = ([-\d.e+]+)", text))
+    value = dict(re.findall(r"(\w+)(?: at c.y)? = ([-\d.e+]+)", text))
     turn = np.exp(1j * np.radians(float(value[margin])))
     match margin:
         case "gain":

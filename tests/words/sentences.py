@@ -458,7 +458,7 @@ def unsearched(run, some, count, again):
 
 
 @shape(
-    rf"more than 1 % between what is proved and what is refuted is not known in {N} rows? of for_all",
+    rf"more than 1 % between what is proved and what is refuted at an end is not known in {N} rows? of for_all",
     "stability-region",
 )
 def unsettled(run, count):
@@ -614,7 +614,7 @@ def nowhere(run, said):
         truth = run.case.inside(members)
         assert not truth or greatest(truth) < run.case.start * 1.01, said
         assert all(min(run.case.members[name]) <= each[0] <= max(run.case.members[name]) for name, each in named.items()), said
-    found = re.search(rf"nearest at K = {N}: {N} Hz, grows by a factor of e in {N} s", said)
+    found = re.search(rf"nearest of those looked at: K = {N}: {N} Hz, grows by a factor of e in {N} s", said)
     if found and len(members["n"]) == len(members["c"]) == 1:
         K, hz, seconds = map(float, found.groups())
         frame = members["n"][0] * T

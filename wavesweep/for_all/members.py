@@ -133,7 +133,7 @@ def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
             if low - NO_CONTRADICTION * abs(low) <= high + NO_CONTRADICTION * abs(high)
         ]
         if not common:
-            others = f"; with {met} it is in {_spans(before)}" if met else ""
+            others = f"; with {met}, it is in {_spans(before)}" if met else ""
             name = case.along.rpartition(".")[2]
             if stable:
                 return f"with {label} {name} is stable in {_spans(stable)}{others}"
@@ -150,7 +150,7 @@ def _nearest(loop: Loops, name: str, case: Case, span: tuple[float, float]) -> s
     if time is None or time > 0:  # nothing grows there
         return ""
     grows = f"{mode['hz']:.4g} Hz, {lasting(time)}"
-    return f" (nearest at {name} = {mode['value']:.6g}: {grows})"
+    return f" (nearest of those looked at: {name} = {mode['value']:.6g}: {grows})"
 
 
 def _spans(stable: Sequence[tuple[float, float]]) -> str:

@@ -31,9 +31,7 @@ class RowKind:
     unsettled: str = ""
 
 
-OPEN_BETWEEN = (
-    "more than 1 % between what is proved and what is refuted is not known in {rows} of {words}"
-)
+OPEN_BETWEEN = "more than 1 % between what is proved and what is refuted at an end is not known in {rows} of {words}"
 COMPUTED: Mapping[str, RowKind] = {
     "free": RowKind("the device alone, without a hand", "free device"),
     "operator": RowKind("the spec's own operator", "operator", "#56B4E9", 1),

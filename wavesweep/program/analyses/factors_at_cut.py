@@ -106,10 +106,10 @@ def _with_circle(
         raise UsageError(
             f"{PATH}.margins.{margin}: expected {expected} beside [for_all], found {cut}"
         )
-    turn = _range(f"{name} turned by deg", 0.0, 180.0)
+    turn = _range(f"degrees of turn for {name}", 0.0, 180.0)
     sides = [turn]
     size = Tree.number(radius)
     if comes_back_at_once(loops, varied):
-        sides.append(_range(f"{name} in size", 0.0, radius))
+        sides.append(_range(f"size for {name}", 0.0, radius))
         size = Tree.name(sides[1].name)
     return _with_turned(loops, on_circle(size, _angle(turn), c), sides), sides

@@ -117,7 +117,7 @@ def mode_in_words(mode: Mapping[str, Any], name: str, unit: str) -> str:
         return stays_in_words(mode["states"])
     said = f"{mode['hz']:.4g} Hz, damping ratio {mode['damping_ratio']:.3g}, {lasting(time)}"
     states = f" of {', '.join(mode['states'])}" if mode["states"] else ""
-    place = f"nearest at {name} = {mode['value']:.6g}{unit}"
+    place = f"nearest of those looked at: {name} = {mode['value']:.6g}{unit}"
     return (
         f"{place}, where the mode z = {mode['z_re']:.4g}{imaginary}{states} is in the way ({said})"
     )

@@ -165,7 +165,9 @@ def own_lines(
             common = ""
         else:
             common = "common "
-        why = f"spectral radius {radius:.6g} per {common}frame of {1e3 * found['period_s']:.6g} ms"
+        seconds = found["period_s"]
+        period = f"{seconds:.6g} s" if seconds >= 10 else f"{1e3 * seconds:.6g} ms"
+        why = f"spectral radius {radius:.6g} per {common}frame of {period}"
         why += ", but for rounding" if radius == 1 else ""
     subject = f"{spec.name}, {spec.kind}"
     if verdict:
