@@ -3,9 +3,9 @@ proved."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from wavesweep.engine._stability.real_roots import Roots
 
-    # Phase, logarithm of the size and rounding error of functions, see `panel_roots`.
+    # Sign, logarithm of the size and rounding error of functions, see `panel_roots`.
     _Sample = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 NODES = 20  # samples of a panel
@@ -33,16 +35,17 @@ PANEL_ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in hal
 RIM_POINTS = 8  # on its upper half
 RIM = PANEL_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 RIM = (RIM + 1 / RIM) / 2
-# over the largest value on the ellipse
-INTERPOLANT_ERROR = 4 * PANEL_ELLIPSE ** (1 - NODES) / (PANEL_ELLIPSE - 1)
-# of itself, up to which the error of a value on the rim counts; what is beyond is no better known
-ROUGH_VALUE = 10.0
+# more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
+LEBESGUE = 4
+PANEL_ELLIPSES = (PANEL_ELLIPSE, 4.0, 8.0)  # the same of those by which interpolants are bounded
+# by which bounds may grow while other panels are divided; they are checked again in the end
+ALLOWANCE = 8.0
+MOST_BEYOND = 2 * LEBESGUE  # how much functions may exceed the largest samples, see `panel_roots`
+MOST_SHARE = np.log(0.5)  # of the largest sample, that an interpolant may be off, in the logarithm
 # of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
 CUT_AT = 0.48
 # of half a panel, from its middle: how far out its smallest sample says where to cut
 CUT_FROM_MIDDLE = 0.7
-# more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
-LEBESGUE = 4
 for _array in (NODE, TRANSFORM, RIM):
     _array.flags.writeable = False
 
@@ -55,7 +58,8 @@ class PanelRoots:
     the distance to which that is known, and the sign of the slope. lost, overflown, settled: panels
     as (column, low, high): given up, given up since samples overflow there, and settled by the
     function that settles. open_low, open_high: `(columns,)`, whether roots may be left in the first
-    or the last bit of the interval.
+    or the last bit of the interval. unsure: `(columns,)`, whether a bound does not hold. leaves: which
+    functions exceed by a factor of at most MOST_BEYOND.
     """
 
     column: np.ndarray
@@ -68,6 +72,8 @@ class PanelRoots:
     settled: tuple[np.ndarray, np.ndarray, np.ndarray]
     open_low: np.ndarray
     open_high: np.ndarray
+    unsure: np.ndarray
+    leaves: Leaves
 
 
 class PanelLimits(NamedTuple):
@@ -84,25 +90,32 @@ class PanelLimits(NamedTuple):
 
 
 def panel_roots(
-    sample: _Sample, edges: np.ndarray, columns: int, limits: PanelLimits, settling: int
+    sample: _Sample,
+    edges: np.ndarray,
+    columns: int,
+    limits: PanelLimits,
+    settling: int,
+    degree: int,
 ) -> PanelRoots:
-    """Find all roots of several functions of each column, real analytic in x.
+    """Find all roots of several functions of each column between 0 and pi, real and even
+    trigonometric polynomials of at most a degree.
 
-    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real
-    or complex) the functions' values as phase, logarithm of the size, and rounding error relative
-    to the size, each `(functions, panels, points)`. edges: of the first panels of each column.
-    columns: number of columns. settling: number of a function that settles a panel on which it is
-    proved to be positive, whatever the other functions do; its roots do not count.
+    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`) the
+    functions' values as sign, logarithm of the size, and rounding error relative to the size, each
+    `(functions, panels, points)`. edges: of the first panels of each column. columns: number of
+    columns. settling: number of a function that settles a panel on which it is proved to be
+    positive, whatever the other functions do; its roots do not count.
 
     On each panel the interpolant at NODES points must have decayed, and `isolate` must prove its
     roots for every function within the error bound; otherwise the panel is split. The bound
     consists of rounding, of the coefficients that are cut away, and of features that the nodes may
     miss: the interpolant of a function that is analytic and at most G inside an ellipse about the
     panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N.
-    Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2). By the maximum
-    principle G is that on the ellipse's rim; the functions are sampled there at complex x. A mode
-    of the tick may have no visible effect at the nodes, since it enters a frame as a high power; it
-    is large on the rim if it is large anywhere on the panel.
+    Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2), G by `_shares`. A mode
+    of the tick may have no visible effect at the nodes, since it enters a frame as a high power.
+
+    Let a function be at most A times the largest sample of each panel there, with the least A. Then
+    it is at most LEBESGUE + A/2 times that if no share is beyond 1/2, and so A is at most 2 LEBESGUE.
     """
     column = np.repeat(np.arange(columns), edges.size - 1)
     low = np.tile(edges[:-1], columns)
@@ -112,6 +125,7 @@ def panel_roots(
     no_panels = no_index, nothing, nothing
     roots = [_Roots(no_index, no_index, nothing, nothing, nothing)]
     given_up = {"lost": [no_panels], "overflown": [no_panels], "settled": [no_panels]}
+    closed: list[_Tiles] = []
     open_low = np.zeros(columns, bool)
     open_high = np.zeros(columns, bool)
 
@@ -123,7 +137,10 @@ def panel_roots(
         left = low - reach
         right = high + reach
         panels = _Panels(column, (left + right) / 2, (right - left) / 2)
-        judged = _judged(sample, panels, settling)
+        samples = _Samples(*sample(panels.column, panels.at(NODE)))
+        tiles = _Tiles(column, low, high, samples.largest, np.zeros(column.size))
+        leaves = Leaves.of(columns, _Tiles.join([*closed, tiles]), degree)
+        judged = _judged(samples, panels, settling, _shares(tiles, leaves))
         roots += judged.roots
         short = ~judged.proved & (high - low < limits.end_bit)
         at_low = short & (low == edges[0])
@@ -137,8 +154,15 @@ def panel_roots(
         hopeless = open_ & ((high - low <= limits.smallest) | crowded)
         give("lost", hopeless & judged.finite)
         give("overflown", hopeless & ~judged.finite)
-        column, low, high = _cut(column, low, high, judged.cut_at, open_ & ~hopeless)
+        split = open_ & ~hopeless
+        closed.append(replace(tiles, allowed=judged.allowed).take(~split))
+        column, low, high = _cut(column, low, high, judged.cut_at, split)
     found = _Roots.join(roots)
+    tiles = _Tiles.join(closed)
+    leaves = Leaves.of(columns, tiles, degree)
+    beyond = _shares(tiles, leaves).max(0) > tiles.allowed
+    unsure = np.zeros(columns, bool)
+    unsure[tiles.column[beyond]] = True
     return PanelRoots(
         found.column,
         found.function,
@@ -150,6 +174,8 @@ def panel_roots(
         _joined(given_up["settled"]),
         open_low,
         open_high,
+        unsure,
+        leaves,
     )
 
 
@@ -187,10 +213,24 @@ class _Panels(Rows):
         return self.middle[:, None] + self.half[:, None] * place
 
 
+class _Samples(NamedTuple):
+    """What functions are at the nodes of panels, see `panel_roots`."""
+
+    sign: np.ndarray
+    log: np.ndarray
+    error: np.ndarray
+
+    @property
+    def largest(self) -> np.ndarray:
+        """The logarithm of the largest of each, `(panels, functions)`; -inf if one is not finite."""
+        sizes = self.log + np.log1p(EPS * self.error)
+        return np.where(np.isfinite(sizes).all(-1), sizes.max(-1), -np.inf).T
+
+
 class _Judged(NamedTuple):
     """What is known of panels, `(panels,)`: whether their roots are proved, they are settled,
-    all samples are finite, and none is; the roots on proved panels; and the places to cut, as
-    shares of a width."""
+    all samples are finite, and none is; the roots on proved panels; the places to cut, as shares of a
+    width; and the largest shares that the proofs allow, see `_Tiles`."""
 
     proved: np.ndarray
     settled: np.ndarray
@@ -198,26 +238,32 @@ class _Judged(NamedTuple):
     overflown: np.ndarray
     roots: list[_Roots]
     cut_at: np.ndarray
+    allowed: np.ndarray
 
 
-def _judged(sample: Callable[..., Any], panels: _Panels, settling: int) -> _Judged:
-    """What the samples of panels prove."""
-    phase, log, error = sample(panels.column, panels.at(NODE))
+def _judged(samples: _Samples, panels: _Panels, settling: int, shares: np.ndarray) -> _Judged:
+    """What the samples of panels prove; shares: see `_shares`."""
+    sign, log, error = samples
     functions = log.shape[0]
     reached = np.isfinite(log).all(0).any(-1)
     finite = np.isfinite(log).all((0, -1))
-    sign = np.where(finite[:, None], phase.real, 0.0)
-    trend = _trend(log, finite)
-    trend = np.where(_tail(sign, log, trend) < _tail(sign, log, 0 * trend), trend, 0.0)
-    value, peak = _scaled(sign, log, trend)
+    sign = np.where(finite[:, None], sign, 0.0)
+    # Samples of which the largest of a panel is 1.
+    log = np.where(np.isfinite(log), log, -np.inf)
+    peak = log.max(-1)
+    peak = np.where(np.isfinite(peak), peak, 0.0)
+    value = sign * np.exp(log - peak[..., None])
     size = np.where(finite[:, None], np.abs(value) * error, np.inf)
     interpolants = [_interpolate(*samples) for samples in zip(value, size, strict=True)]
     series, noise, ready = (np.stack(facts) for facts in zip(*interpolants, strict=True))
     counted = [function for function in range(functions) if function != settling]
     decayed = ready[counted].all(0)
-    worth = decayed | ready[settling]
-    hidden = _hidden(sample, panels, np.flatnonzero(worth & finite), trend, peak)
-    proved = decayed & finite
+    share = shares.max(0)
+    bounded = finite & (share <= MOST_SHARE)
+    with np.errstate(over="ignore"):
+        of_rim = np.exp(shares + samples.largest.T - peak)
+    hidden = np.where(bounded, MOST_BEYOND * ALLOWANCE * of_rim, np.inf)
+    proved = decayed & bounded
     ready[counted] = proved
     function_of, panel = np.nonzero(ready & np.isfinite(hidden))
     coefficients = series[function_of, panel]
@@ -247,34 +293,9 @@ def _judged(sample: Callable[..., Any], panels: _Panels, settling: int) -> _Judg
     # end.
     place = NODE[np.argmin(np.abs(value[counted]).min(0), axis=-1)]
     cut_at = np.where(np.abs(place) < CUT_FROM_MIDDLE, CUT_AT, np.where(place > 0, 0.76, 0.24))
-    return _Judged(proved, settled, finite, ~reached, roots, cut_at)
-
-
-def _trend(log: np.ndarray, finite: np.ndarray) -> np.ndarray:
-    """Return the exponential growth of each function over a panel, per half of its width.
-
-    To divide by it removes no roots, and may leave a function that a polynomial follows more
-    easily: functions of a frame are powers of those of a tick.
-    """
-    right = log[..., NODE > 0.5].max(-1)
-    left = log[..., NODE < -0.5].max(-1)
-    with np.errstate(invalid="ignore"):
-        return np.where(finite, (right - left) / 1.5, 0.0)
-
-
-def _scaled(sign: np.ndarray, log: np.ndarray, trend: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return samples without their trend, the largest of a panel of size 1, and the logarithm of
-    their divisor."""
-    log = np.where(np.isfinite(log), log - trend[..., None] * NODE, -np.inf)
-    peak = log.max(-1)
-    peak = np.where(np.isfinite(peak), peak, 0.0)
-    return sign * np.exp(log - peak[..., None]), peak
-
-
-def _tail(sign: np.ndarray, log: np.ndarray, trend: np.ndarray) -> np.ndarray:
-    """Return the largest of the last Chebyshev coefficients of the samples without their trend."""
-    value, _ = _scaled(sign, log, trend)
-    return np.abs(_transformed(value, TRANSFORM[:, KEPT_COEFFICIENTS:])).max(-1)
+    allowed = np.where(proved | settled, share + np.log(ALLOWANCE), MOST_SHARE)
+    allowed = np.minimum(allowed, MOST_SHARE)
+    return _Judged(proved, settled, finite, ~reached, roots, cut_at, allowed)
 
 
 def _transformed(value: np.ndarray, transform: np.ndarray) -> np.ndarray:
@@ -289,32 +310,95 @@ def _transformed(value: np.ndarray, transform: np.ndarray) -> np.ndarray:
     return total
 
 
-def _hidden(
-    sample: Callable[..., Any],
-    panels: _Panels,
-    index: np.ndarray,
-    trend: np.ndarray,
-    peak: np.ndarray,
-) -> np.ndarray:
-    """Return a bound on features between the nodes of the panels `index`, in units of each
-    function's largest sample.
+class Leaves(NamedTuple):
+    """The panels that cover the interval of each column, in rows of one length.
 
-    It is infinite for other panels.
+    low, high: `(columns, leaves)`, of width 0 behind the last leaf. largest: the logarithm of the largest sample of each function,
+    `(functions, columns, leaves)`, and -inf there. degree: of the functions.
     """
-    hidden = np.full(peak.shape, np.inf)
-    if not index.size:
-        return hidden
-    chosen = panels.take(index)
-    _, log, error = sample(chosen.column, chosen.at(RIM))
-    of_error = np.log1p(np.minimum(EPS * error, ROUGH_VALUE))
-    log = log + of_error - trend[:, index, None] * RIM.real
-    with np.errstate(over="ignore", invalid="ignore"):
-        # Between two points of the rim it may be larger than at both, by no more than they differ,
-        # and twice for good measure.
-        steepest = np.abs(np.diff(log, axis=-1)).max(-1)
-        most = 2 * INTERPOLANT_ERROR * np.exp(log.max(-1) + steepest / 2 - peak[:, index])
-    hidden[:, index] = np.where(np.isfinite(most), most, np.inf)
-    return hidden
+
+    low: np.ndarray
+    high: np.ndarray
+    largest: np.ndarray
+    degree: int
+
+    @staticmethod
+    def of(columns: int, tiles: _Tiles, degree: int) -> Leaves:
+        """The leaves of so many columns."""
+        order = np.argsort(tiles.column, kind="stable")
+        column = tiles.column[order]
+        place = np.arange(order.size) - np.searchsorted(column, column)
+        shape = columns, place.max(initial=0) + 1
+        low, high = np.zeros((2, *shape))
+        largest = np.full((2, *shape), -np.inf)
+        low[column, place] = tiles.low[order]
+        high[column, place] = tiles.high[order]
+        largest[:, column, place] = tiles.largest[order].T
+        return Leaves(low, high, largest, degree)
+
+    @np.errstate(all="ignore")
+    def bound(
+        self, column: np.ndarray, middle: np.ndarray, half: np.ndarray, axes: float
+    ) -> np.ndarray:
+        """Return logarithms of bounds on functions F in ellipses whose half axes a and b add up to
+        `axes` half widths, `(functions, n)`, if none exceeds the largest sample of any leaf.
+
+        F is a trigonometric polynomial of a degree N, so `z^N F` is a polynomial of z, and log|F| at
+        theta + i s, s > 0, is at most N s and the mean of log|F| over the circle with Poisson's kernel
+
+            sinh(s)/(cosh(s) - cos(t - theta))/(2 pi) <= sinh(s)/(1 - cos(t - theta))/(2 pi),
+
+        whose integral is a cotangent. In an ellipse s is at most b. Leaves nearer to it than half a
+        width count with the largest of them, all others, and their images at -t, with the bound on
+        their weights.
+        """
+        low = self.low[column]
+        high = self.high[column]
+        largest = self.largest[:, column]
+        half = half[:, None]
+        middle = middle[:, None]
+        a = (axes + 1 / axes) / 2 * half
+        b = (axes - 1 / axes) / 2 * half
+        near = np.zeros(low.shape, bool)
+        weight = np.zeros(low.shape)
+        for begin, end in (
+            (low - middle, high - middle),
+            (middle - high, middle - low),
+            (middle + low, middle + high),
+            (2 * np.pi - middle - high, 2 * np.pi - middle - low),
+        ):
+            near |= (begin - a < half) & (end > -a)
+            first, last = (np.clip(at - a, half, np.pi) for at in (begin, end))
+            weight += 1 / np.tan(first / 2) - 1 / np.tan(last / 2)
+        beside = np.where(near, largest, -np.inf).max(-1)
+        beyond = np.where(near, 0.0, np.maximum(largest - beside[..., None], 0.0))
+        mean = beside + (np.sinh(b) / (2 * np.pi) * weight * beyond).sum(-1)
+        return np.where((a + half < np.pi)[:, 0], mean + self.degree * b[:, 0], np.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class _Tiles(Rows):
+    """Panels without their overlaps: column, low and high end, the logarithms of the largest
+    sample of each function, `(panels, functions)`, and the largest of `_shares` that their proofs
+    allow, `(panels,)`."""
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    largest: np.ndarray
+    allowed: np.ndarray
+
+
+def _shares(tiles: _Tiles, leaves: Leaves) -> np.ndarray:
+    """Return logarithms of bounds on how far the interpolants of tiles are off, as shares of the
+    largest sample, `(functions, tiles)`, if no function exceeds the largest sample of any leaf."""
+    half = (0.5 + OVERLAP) * (tiles.high - tiles.low)
+    middle = (tiles.low + tiles.high) / 2
+    best = np.full((2, half.size), np.inf)
+    for axes in PANEL_ELLIPSES:
+        of_rim = np.log(4 / (axes - 1)) - (NODES - 1) * np.log(axes)
+        best = np.fmin(best, leaves.bound(tiles.column, middle, half, axes) + of_rim)
+    return best - tiles.largest.T
 
 
 def _interpolate(value: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ at several scales."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE
 from wavesweep.engine._monodromy.cut import CutColumns, LinearFractional
 from wavesweep.engine._monodromy.resolvent import FEW_SOLVED, DelayLines, ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
-from wavesweep.engine._stability.arc_panels import PanelLimits, panel_roots
+from wavesweep.engine._stability.arc_panels import MOST_BEYOND, PanelLimits, panel_roots
 from wavesweep.engine._stability.boundary import polish, polish_of_many_states
 from wavesweep.engine._stability.crossings import Crossings, at_both_ends, poles_at_one
 from wavesweep.engine._stability.spectrum import count_outside, eigenvalues
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 SMALLEST_ARC = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
 MOST_OPEN_ARCS = 256  # so many open arcs of one column, and the column is given up
+WIDE = 8.0  # sum of the half axes of an ellipse about a circle of NARROW half widths
+NARROW = (WIDE - 1 / WIDE) / 2
 RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
 MANY_STATES = 100  # beyond, columns are followed one by one, without inverses of their frames
 REST_OF_PI = np.sin(np.pi)  # by which pi is larger than its double
@@ -75,19 +78,15 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         value, value_off, beyond, beyond_off = _boundary(
             systems, solver, theta, largest, loops, late((column, None))
         )
-        magnitude = np.maximum(np.abs([value, beyond]), NEXT_TO_ZERO)
-        phase = np.array([value, beyond], complex) / magnitude
-        log = np.log(magnitude)
-        # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and
-        # analytic beside it.
-        poles_of = poles[loops][:, None, :]
-        distance = on_circle(theta)[..., None] - poles_of
-        distance_back = on_circle(-theta)[..., None] - poles_of.conj()
-        far = np.maximum(np.abs(distance), NEXT_TO_ZERO)
-        far_back = np.maximum(np.abs(distance_back), NEXT_TO_ZERO)
-        phase *= (distance / far * (distance_back / far_back)).prod(-1)
-        log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
-        return phase, log, np.minimum([value_off, beyond_off] / magnitude, 1 / NEXT_TO_ZERO)
+        values = np.array([value, beyond])
+        magnitude = np.maximum(np.abs(values), NEXT_TO_ZERO)
+        # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle.
+        far = np.maximum(
+            np.abs(on_circle(theta)[..., None] - poles[loops][:, None, :]), NEXT_TO_ZERO
+        )
+        log = np.log(magnitude) + 2 * np.log(far).sum(-1)
+        off = [value_off, beyond_off] / magnitude + len(far.T) * (1 / far).sum(-1)
+        return np.sign(values), log, np.minimum(off, 1 / NEXT_TO_ZERO)
 
     def sample(column: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * solved.B.shape[-2]))
@@ -95,16 +94,18 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         for first in range(0, column.size, step):
             chunk = slice(first, first + step)
             parts.append(sampled(column[chunk], theta[chunk]))
-        phase, log, error = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
-        return phase, log, error
+        sign, log, error = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        return sign, log, error
 
     limits = PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT)
-    roots = panel_roots(sample, np.linspace(0, np.pi, 5), fixed.size, limits, settling=1)
+    degree = opened.E.shape[-1] + cut.late + 1
+    edges = np.linspace(0, np.pi, 5)
+    roots = panel_roots(sample, edges, fixed.size, limits, settling=1, degree=degree)
     at = np.flatnonzero(roots.open_low)
     if at.size:
         loops = StateSpace(*(matrix[at] for matrix in system))
         roots.open_low[at] = ~_is_clear_next_to_one(
-            opened.E[at], loops, lines, poles[at], late((at, None))
+            opened.E[at], loops, lines, poles[at], late((at, None)), partial(roots.leaves.bound, at)
         )
 
     def boundary(theta: np.ndarray) -> np.ndarray:
@@ -120,6 +121,7 @@ def _is_clear_next_to_one(
     lines: DelayLines,
     poles: np.ndarray,
     late: _Late | None,
+    bound: Callable[..., np.ndarray],
 ) -> np.ndarray:
     """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there,
     `(columns,)`.
@@ -127,9 +129,10 @@ def _is_clear_next_to_one(
     With m eigenvalues that are 1 by the pattern of E, H has a pole of order m at most there. Its
     imaginary part is odd in theta, so `f = Im K/sin(theta) |H|^2` has one of an even order q <= m +
     1, or of 2 m at most if products of two responses are in it (see `_of_late`), and `F = theta^q
-    f` is analytic on a disc that no other eigenvalue is in. F(0) is the mean of its rim, and by
-    Schwarz's lemma F is off from that by at most the largest difference on the rim times the part
-    of the way there. condensed: the loops in the states of the lines.
+    f` is analytic on a disc that no other eigenvalue is in. F is at most G on a circle of twice the
+    radius r by the bound on f times the distances of all eigenvalues, so by Schwarz's lemma it is off
+    from F(0) by at most G theta/r, and that from the mean of RIM points at r by 2 G 2^-RIM. condensed:
+    the loops in the states of the lines. bound: see `Leaves`.
     """
     m = poles_at_one(E)
     away = np.sort(np.abs(poles), axis=-1)
@@ -139,7 +142,7 @@ def _is_clear_next_to_one(
         radius = np.full(len(E), WIDEST)
     longest = max(late.frames if late else 1, lines.steps.max(initial=1))
     radius = np.minimum(radius, 1 / (4 * longest))  # of a part of a turn
-    count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
+    count, clear = count_outside(E / (3 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
     value, off_in_roundings, _, _ = _boundary(
         StateSpace(*(matrix[:, None] for matrix in condensed)), lines, theta, late=late
@@ -150,8 +153,10 @@ def _is_clear_next_to_one(
     F = value * theta**q
     noise = (EPS * off_in_roundings * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
-    # twice, for what is between two points of the rim
-    off = 2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius
+    log, *_ = bound(0 * radius, 2 * radius / NARROW, WIDE)
+    apart = np.abs(away - 2 * radius[:, None]) - 0.05 * radius[:, None]  # chords beside angles
+    log = log + q * np.log(2 * radius) - 2 * np.log(apart).sum(-1)
+    off = MOST_BEYOND * np.exp(log) * (2 * END_BIT / radius + 2 * 0.5**RIM)
     return clear & (count == E.shape[-1] - m) & (np.abs(middle) > off + 2 * noise)
 
 
@@ -362,8 +367,7 @@ def _errors_of_form(
     and the others by `left X right`. That of a diagonal T is 1 over the distance of the nearest
     eigenvalue. Schur's vectors are orthogonal, and the loop is real in its own states, in even
     units, so by the resolvent identity the size of `R right` is that of the imaginary part of
-    `right` in these states, over sin(theta). On the rim, at complex theta, an order of magnitude is
-    enough.
+    `right` in these states, over sin(theta).
     """
     of_left = np.linalg.norm(left, axis=-1)
     of_right = np.linalg.norm(right, axis=-1)
@@ -374,8 +378,6 @@ def _errors_of_form(
         apart = np.abs(on_circle(theta)[..., None] - poles).min(-1)
         apart_back = np.abs(on_circle(-theta)[..., None] - poles).min(-1)
         return of_gain * (1 / apart + 1 / apart_back), of_gain
-    if np.iscomplexobj(theta):
-        return of_gain, of_gain
     own_right = right @ form.V[loops].mT
     own_left = left @ form.Z[loops]
     R_right = np.linalg.norm(own_right.imag, axis=-1) / np.abs(np.sin(theta))
@@ -393,6 +395,7 @@ def _collect(
     complete = np.ones(fixed.size, bool)
     complete[roots.lost[0]] = False
     complete[roots.overflown[0]] = False
+    complete[roots.unsure] = False
     inside = (roots.x > 0) & (roots.x < np.pi)
     column = roots.column[inside]
     seed = roots.x[inside]
