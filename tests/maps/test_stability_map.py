@@ -206,6 +206,14 @@ def test_maps_of_a_wall_and_of_three_numbers_hold_at_their_points():
     _held(wavesweep.load(offset), ["k", "K"], 0.1, 200)
 
 
+def test_a_loop_without_states_has_no_map():
+    block = {"g": {"type": "gain", "k": "a"}, "h": {"type": "gain", "k": "b"}}
+    wire = {"g.u": "h.y", "h.u": "-0.2*g.y"}
+    tables = {"rates": {"tick_hz": 10.0}, "numbers": {"a": 0.3, "b": 0.2}, "block": block, "wire": wire}
+    with pytest.raises(UsageError, match="expected a loop with states, found none"):
+        stability_map(wavesweep.load(tables), ["a", "b"])
+
+
 def test_a_map_of_a_block_that_nothing_drives_is_that_of_its_matrix():
     block = {"type": "ss", "A": [["a", "b"], ["-b", "a"]], "inputs": [], "B": [[], []], "C": [[1, 0]]}
     sweep = {"along": "a", "a": {"start": -2.0, "stop": 1.0}, "b": {"start": 0.0, "stop": 2.0}}

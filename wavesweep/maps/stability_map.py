@@ -46,6 +46,8 @@ def stability_map(
     axes = _axes(spec, names)
     paths = [axis.path for axis in axes]
     loop = own_loop(spec)
+    if not any(placed.block.states for placed in loop.drawn().placed):
+        raise UsageError("--map: expected a loop with states, found none: nothing is to be proved")
     if timed := [axis.name for axis in axes if name_of(axis.path) in loop.drawing.timing]:
         raise UsageError(
             f"--map: expected numbers that no dead time follows from, found {', '.join(timed)}"

@@ -150,8 +150,9 @@ class Panel:
             f, Q = self.both(rim, points)
             _, Q_zero = self.both(np.zeros(1), 1)
             Q_zero = Q_zero[0, 0]
-            value[:, zero] = ((f * Q).mean(-1) / Q_zero.real)[:, None]
-            error[zero] = (self.error(rim) * np.abs(Q[0] / Q_zero)).max()
+            with np.errstate(all="ignore"):  # not finite, and OPEN, with a mode at rest
+                value[:, zero] = ((f * Q).mean(-1) / Q_zero.real)[:, None]
+                error[zero] = (self.error(rim) * np.abs(Q[0] / Q_zero)).max()
         return value, error
 
     def _finite(self, theta: np.ndarray) -> np.ndarray:
