@@ -9,6 +9,7 @@ from support.proofs import checked_file
 
 from wavesweep.program.cli import main
 from wavesweep.proofs.cells import written
+from wavesweep.proofs.forms import form_of
 
 WALL = """
 [rates]
@@ -116,3 +117,21 @@ def test_what_is_too_small_for_a_file_is_0_in_it():
     entries = np.array([[1e-106, -0.0], [1e-99, -1.25]])
     assert written(entries) == [["0.0", "0.0"], ["1e-99", "-1.25"]]
     assert written(entries, 8) == [["0", "0"], ["1e-99", "-1.25"]]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4, 5])
+def test_a_form_does_not_depend_on_the_last_bits_of_its_matrix(seed):
+    """Which are others on another processor: what is 0 but for rounding is 0."""
+    random = np.random.default_rng(seed)
+    A = np.zeros((2, 5, 5))
+    A[0, :4, :4] = 0.45 * random.normal(size=(4, 4))
+    A[0, 4] = 0.3 * random.normal(size=5)
+    A[0, 2:, :2] = 0  # the first two move none of the others
+    A[1, :3, :3] = 1e-3 * random.normal(size=(3, 3))
+    units = 10.0 ** random.uniform(-3, 3, 5)
+    A = A * units / units[:, None]
+    form = form_of(A)
+    for _ in range(4):
+        other = form_of(A * (1 + 1e-15 * random.normal(size=A.shape)))
+        assert (other.L == form.L).all()
+        assert (np.array(other.slopes) == np.array(form.slopes)).all()

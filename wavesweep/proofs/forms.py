@@ -16,6 +16,7 @@ SLOWEST = (0.9, 0.5)  # size of modes from which each has its own part in a form
 WELL_APART = 1e4  # condition of eigenvectors up to which they do alone
 SHARES = (10.0, 100.0, 1.0)  # of what lies beside them
 DIGITS = (4, 6, 9, 13, 17)  # of its entries, that are tried
+ROUNDING = 1e-12  # of the largest entry of a row: below it an entry is 0
 
 
 class Form(NamedTuple):
@@ -170,10 +171,15 @@ def _with_slopes(found, A) -> Form | None:
 
 
 def _rounded(form: Form, balanced: Sequence[np.ndarray], units: np.ndarray) -> Form | None:
-    """In the units that states have, with as few digits as leave slack."""
-    L = form.L / units
+    """In the units that states have, with as few digits as leave slack; the largest entry of each
+    row is above 0, so that the form does not depend on the signs of eigenvectors."""
+    largest = np.abs(form.L).argmax(axis=1)[:, None]
+    turned = np.sign(np.take_along_axis(form.L, largest, axis=1))
+    rounding = ROUNDING * np.take_along_axis(form.L, largest, axis=1)
+    L = np.where(np.abs(form.L) > np.abs(rounding), turned * form.L, 0.0) / units
+    symmetric = [turned * (each + each.T) / 2 * turned.T for each in form.slopes]
     for digits in DIGITS:
-        slopes = [_few((each + each.T) / 2, digits + 1) for each in form.slopes]
+        slopes = [np.round(each, digits + 1) for each in symmetric]
         found = form._replace(L=_few(L / np.abs(L).max(), digits), slopes=slopes)
         if slack(found._replace(L=found.L * units), balanced) > LEAST_SLACK:
             return found
