@@ -64,6 +64,17 @@ def test_a_graph_proves_every_order(tmp_path):
     assert words.startswith("proved: all that [for_all] and its channels allow, K_VE from 395 to 405: every motion decays")
 
 
+def test_a_graph_has_a_node_and_no_more_than_are_told(tmp_path, monkeypatch):
+    states, graph = graph_of(SPEC, "K_VE", "400", LETTERS)
+    nodes = len(graph["nodes"])
+    for most, wrong in ((nodes, False), (nodes - 1, True)):
+        monkeypatch.setattr(file, "NODES", most)
+        code, words = checked(tmp_path, SPEC, [about(states), graph])
+        assert (code, f"{nodes} nodes; at most {most}" in words) == (2 * wrong, wrong), words
+    code, words = checked(tmp_path, SPEC, [about(states), {"nodes": [], "edges": []}])
+    assert (code, "0 nodes; at most" in words) == (2, True), words
+
+
 def test_a_frame_that_may_come_must_have_an_edge(tmp_path):
     states, graph = graph_of(SPEC, "K_VE", "400", LETTERS)
     fewer = graph | {"edges": [edge for edge in graph["edges"] if edge[1] != LETTERS[2]]}

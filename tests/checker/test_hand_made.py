@@ -79,6 +79,14 @@ def test_what_does_not_follow_is_refused(case, tmp_path):
     assert words.startswith("REFUSED"), words
 
 
+@pytest.mark.parametrize("turn", [-1, 0, 1])
+def test_a_form_may_be_looked_at_turned(turn, tmp_path):
+    near = BELOW | {"sides": {"k": ["0.1", "0.11"]}}
+    assert checked(tmp_path, SPEC, [near, WITHIN | {"turn": turn}])[0] == 0
+    near = ABOVE | {"sides": {"k": ["1000", "1001"]}}
+    assert checked(tmp_path, SPEC, [near, OUTSIDE | {"turn": turn}])[0] == 0
+
+
 UNREADABLE = {
     "an unknown field": [BELOW | {"trust": True}, WITHIN],
     "an unknown field of a cell": [BELOW, WITHIN | {"proved": True}],
