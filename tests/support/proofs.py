@@ -21,7 +21,7 @@ def question_of(spec: str, lines: list[dict]) -> list[dict]:
     question = []
     for line in lines:
         if isinstance(line.get("claim"), str) and isinstance(sides := line.get("sides", {}), dict):
-            points = {name: ends[0] for name, ends in sides.items() if ends and ends[0] == ends[-1]}
+            points = {name: ends[0] for name, ends in sides.items() if isinstance(ends, list) and ends[:1] == ends[-1:] != []}
             wide = {name: ends for name, ends in sides.items() if name not in points and name not in sets}
             kind = {"refuted": "for all", "goes on": "contact"}.get(line["claim"], line["claim"])
             question.append({"claim": kind, "numbers": line.get("numbers", {}) | points, "sides": wide})
