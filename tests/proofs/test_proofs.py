@@ -69,8 +69,8 @@ def test_every_row_of_walls_has_a_proof_to_its_ends(tmp_path, capsys):
     proof = tmp_path / "out" / "zwidth.proof"
     assert "K_VE from 0 to 20000 at B_VE = 1: proved stable" in capsys.readouterr().err
     code, said = checked_file(spec, proof)
-    assert (code, said.count("proved: ")) == (0, said.count("\n") - 1)
-    stable = [line for line in _lines(proof) if line.get("outside") == 0 and "claim" in line]
+    assert (code, said.count("proved: ")) == (0, said.count("\n") - 2)
+    stable = [line for line in _lines(proof) if line.get("outside") == 0 and "sides" in line]
     rows = (tmp_path / "out" / "zwidth.csv").read_text().splitlines()
     high = [float(row.split(",")[rows[0].split(",").index("high")]) for row in rows[1:]]
     assert [float(line["sides"]["K_VE"][1]) for line in stable] == pytest.approx(high, rel=2e-9)

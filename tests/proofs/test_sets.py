@@ -140,7 +140,7 @@ def test_a_dead_time_that_may_reach_a_tick_has_no_proof(ends, tmp_path):
 def test_a_dead_time_that_is_no_sum_of_ranges_has_no_proof(seconds, tmp_path):
     lines = claim_of_set(spec_of(LATE.encode()), "for all", {}, None)
     code, words = checked(tmp_path, LATE.replace('"tau" }', f'"{seconds}" }}'), lines)
-    assert (code, "has to be plain" in words) == (2, True), words
+    assert (code, "a time or a count follows from a number with a range" in words) == (2, True), words
 
 
 def test_a_range_of_how_often_a_block_runs_is_that_of_whole_numbers(tmp_path):

@@ -77,11 +77,12 @@ K_VE = { start = 0, stop = 20000 }
 def test_rows_of_late_ticks_have_proofs(tmp_path, capsys):
     spec, proof = written(tmp_path, DIRECT, "zwidth", "--no-plot")
     said = capsys.readouterr().err
-    assert "1 of 1 slices, 0 of 1 rows for all of [for_all], 1 of 1 refuted ends" in said
-    assert "above K_VE = 43" in said  # of 4441.4
+    assert "no proof of a row for all of [for_all]: above K_VE = 43" in said  # of 4441.4
     code, said = checked_file(spec, proof)
-    assert (code, "with ticks of 0.0012 s for ever" in said) == (0, True), said
-    assert [line["claim"] for line in lines_of(proof) if "claim" in line] == ["modes", "modes", "for all", "refuted"]
+    assert (code, "with ticks of 0.0012 s for ever" in said) == (3, True), said
+    assert "NOT COVERED from 43" in said.splitlines()[-1]
+    claims = [line["claim"] for line in lines_of(proof) if "claim" in line]
+    assert [claims[0], *claims[-2:]] == ["modes", "for all", "refuted"]
     changed(proof, lambda line: line | {"word": ["start"]} if line.get("word") else line)
     code, said = checked_file(spec, proof)
     assert (code, said.count("REFUSED")) == (1, 1)

@@ -29,7 +29,7 @@ LONGEST = 60  # characters of a number
 EXPONENT = 100  # of a number: a key has sizes from 1e-60 to 1e60
 LARGEST = 8192  # bits of exact numbers; those beyond are enclosed
 POWER = 64
-COMPUTED = "a number that has to be plain is computed"
+COMPUTED = "a rate, a time or a count follows from a number with a range, or has no proof as it is computed: give it values"
 DIGITS = "[0-9](?:_?[0-9])*"
 DECIMAL = re.compile(rf"[+-]?(?:{DIGITS}(?:\.(?:{DIGITS})?)?|\.{DIGITS})(?:[eE]([+-]?{DIGITS}))?")
 
@@ -452,7 +452,7 @@ def number(given) -> Number:
 
 def exact(value) -> Fraction:
     if number(value).moves:
-        raise Unreadable("a number that has to be plain is no single one here")
+        raise Unreadable(COMPUTED)
     return least(value)
 
 

@@ -98,7 +98,9 @@ def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
     try:
         return [letters[Fraction(ticks), result] for ticks, result in refuter.frames]
     except KeyError as error:
-        raise Refused(f"a frame {error} that the checker does not know") from None
+        ticks, result = error.args[0]
+        why = f"frames of {ticks} ticks{f' with {result}' * bool(result)} are none that the checker knows of"
+        raise Refused(f"{why}: ratios, delays and losses of [for_all] have a proof") from None
 
 
 def _ticks(tables, loop, times) -> Iterator[str]:
