@@ -200,16 +200,17 @@ class Loops(NamedTuple):
         out, second: numbers that are taken out, see `drawn`. watched: signals that are read in
         every tick.
         """
-        by_structure = _drift_of_structure(
-            self.drawing, self._structure, (out, second), tuple(watched)
+        return _drift_of_structure(
+            (self.drawing, self._structure, out, second, tuple(watched)),
+            lambda: _drift(*self.twins(out, second), tuple(watched)),
         )
-        return by_structure.of(lambda: _drift(*self.twins(out, second), tuple(watched)))
 
     def drift_of_frames(self) -> MarginalModes:
         """`drift`, and with it what nothing opposes from frame to frame, whatever it does in
         between."""
-        by_structure = _drift_of_structure(self.drawing, self._structure)
-        return by_structure.of(lambda: _drift_of_frames(*self.twins()))
+        return _drift_of_structure(
+            (self.drawing, self._structure), lambda: _drift_of_frames(*self.twins())
+        )
 
     @property
     def _structure(self) -> tuple[tuple[str, Any], ...]:
@@ -270,31 +271,28 @@ class Loops(NamedTuple):
         return _blocks_without_solution(self.drawing, self.items)
 
 
-class _DriftOfStructure:
-    """The drift of loops that differ in the values of numbers alone, none of which it depends on.
+def _drift_of_structure(
+    structure: tuple[Any, ...], find: Callable[[], MarginalModes]
+) -> MarginalModes:
+    """The drift of loops that differ in the values of numbers alone, which is looked for once.
 
     If the shapes of all modes are the same in two loops, they are so for any values of the numbers
     that vary, but for a few that none of the two has. A drift that depends on them is found for each
     batch, and so is none at all, which is also what is known where numbers have no exact value.
     """
-
-    def __init__(self) -> None:
-        self.constant: MarginalModes | None = None
-
-    def of(self, find: Callable[[], MarginalModes]) -> MarginalModes:
-        """The drift that is known, or else is found now."""
-        if self.constant is not None:
-            return self.constant
+    known = _known(structure)
+    if not known:
         with np.errstate(all="ignore"):
             found = find()
-        if found.constant and not found.varying:
-            self.constant = found
-        return found
+        if found.varying or not found.constant:
+            return found
+        known.append(found)
+    return known[0]
 
 
 @lru_cache(maxsize=256)
-def _drift_of_structure(*_: Any) -> _DriftOfStructure:
-    return _DriftOfStructure()
+def _known(_: tuple[Any, ...]) -> list[MarginalModes]:
+    return []
 
 
 # twins of the same numbers are the same objects
