@@ -11,6 +11,7 @@ from functools import partial
 
 from meaning.attacked import judge_attacked
 from meaning.coverage import lines
+from meaning.faults import judge_fault
 from meaning.judge import Found, compiled, judge
 from meaning.pairs import judge_pair
 from meaning.rewritten import judge_rewritten
@@ -31,6 +32,9 @@ def main():
     parser.add_argument("--rewritten-sets", type=int, default=0, help="so many specs with sets against the same in other words")
     parser.add_argument("--attacked", type=int, default=0, help="so many specs with sets, attacked, and no others")
     parser.add_argument("--pairs", type=int, default=0, help="so many specs with two keys that may override each other")
+    parser.add_argument(
+        "--faults", type=int, default=0, help="so many commands with random specs and options, for a moment each"
+    )
     parser.add_argument("--required", type=int, default=10, help="requirements of each so manieth of these alone")
     chosen = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -49,6 +53,9 @@ def main():
     if chosen.rewritten_sets:
         numbers = range(chosen.seed, chosen.seed + chosen.rewritten_sets)
         work = partial(attempt_of, judge_rewritten_set)
+    if chosen.faults:
+        numbers = range(chosen.seed, chosen.seed + chosen.faults)
+        work = partial(attempt_of, judge_fault)
     if chosen.pairs:
         numbers = range(chosen.seed, chosen.seed + chosen.pairs)
         work = partial(attempt_of, judge_pair)

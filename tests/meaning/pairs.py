@@ -50,13 +50,19 @@ class Pair(NamedTuple):
     written: dict
 
 
+def base(draw: Draw) -> dict:
+    """A random spec that the program takes."""
+    kind = draw.of((set_of, set_of, drawing, lambda seed: controller(seed, quick=True)))
+    tables = tomllib.loads(toml(kind(int(draw.random.integers(10_000)))))
+    while taken(tables)[0] is None:  # a constant number that varies
+        tables = tomllib.loads(toml(set_of(int(draw.random.integers(10_000)))))
+    return tables
+
+
 def pair(number: int) -> Pair:
     """A random spec with two more keys."""
     draw = Draw([21, number])
-    base = draw.of((set_of, set_of, drawing, lambda seed: controller(seed, quick=True)))
-    tables = tomllib.loads(toml(base(int(draw.random.integers(10_000)))))
-    while taken(tables)[0] is None:  # a constant number that varies
-        tables = tomllib.loads(toml(set_of(int(draw.random.integers(10_000)))))
+    tables = base(draw)
     likely = [path for path in (*TWINS, *LIMITS) if "controller" in tables]
     if "numbers" in tables and draw.chance(0.5):
         other = draw.of(NAMES)
@@ -173,18 +179,9 @@ def axis(draw: Draw, table: str, key: Key, own):
     span = {"start": one, "stop": two}
     listed = {"values": [one, two]}
     varying = {"varying": True}
-    wrong = (
-        [],
-        {"start": two, "stop": one},
-        {"start": one},
-        listed | {"start": one},
-        "x",
-        one,
-        {},
-        listed | {"shares": [1, 1]},
-    )
     if draw.chance(WRONG):
-        return draw.of(wrong)
+        wrong = ({"start": two, "stop": one}, {"start": one}, listed | {"start": one}, listed | {"shares": [1, 1]})
+        return draw.of(([], {}, "x", one, *wrong))
     if table == "sweep":
         return draw.of(([one], [one, two], span, span | {"num": 2}, span | {"num": 2, "scale": "log"}))
     if not draw.chance(0.8 if key.path in MAY_VARY else WRONG):
@@ -251,20 +248,17 @@ def judge_pair(number: int) -> list[Found]:
     try:
         mine = Read(checker.spec_of(text.encode()), theirs)
     except (Unreadable, Refused, *BEHIND) as error:
-        known = bool(NO_PROOF.search(str(error)))
-        return [
-            *found,
-            Found("refused alike" if theirs is None else "has no proof", theirs is None or known, f"{error}", why or "taken"),
-        ]
+        what = "refused alike" if theirs is None else "has no proof"
+        return [*found, Found(what, theirs is None or bool(NO_PROOF.search(str(error))), f"{error}", why or "taken")]
     if theirs is None:
-        of_sweep = all(each.partition(": ")[0].startswith(OF_STUDIES) for each in why.split("\n"))
-        return [*found, Found("form of an axis" if of_sweep else "refused", of_sweep, "taken", why)]
+        unread = all(line.startswith(OF_STUDIES) for line in why.split("\n"))
+        return [*found, Found("an axis" if unread else "refused", unread, "taken", why)]
     return [*found, *mine.sets(), *radii(written, theirs)]
 
 
 # what the checker says in a sentence before it reads a loop
 BEHIND = (AttributeError, IndexError, KeyError, TypeError, ValueError, ZeroDivisionError)
-OF_STUDIES = ("sweep", "bode", "design")
+OF_STUDIES = ("sweep", "bode", "design")  # tables that the checker does not read
 
 
 def taken(tables: dict, overrides=()):
@@ -314,31 +308,22 @@ class Read:
             checker.schedules_of(tables, claim, members[at] if kind != "modes" else {})
 
     def swept(self, at: int) -> dict[str, Fraction]:
-        """The values of the swept numbers at an end, by their names there."""
-        if self.spec is not None:
-            ends = {each.name: (each.values or (each.start, each.stop))[at] for each in self.spec.sweep}
-            return {name: balls.exact(str(value)) for name, value in ends.items()}
-        names = BUILT_IN if "controller" in self.tables else Names({}, {})
-        return {
-            ".".join(place): balls.exact(given[at])
-            for place, _, given in axes_of(self.tables.get("sweep", {}), names)
-            if isinstance(given, list) and given
-        }
+        """The values of the swept numbers at an end, by their names there; none of a spec that the program refuses."""
+        ends = {} if self.spec is None else {each.name: place_in(each, at) for each in self.spec.sweep}
+        return {name: balls.exact(str(value)) for name, value in ends.items()}
 
     def sets(self) -> Iterator[Found]:
         """Numbers of [for_all] with their ranges and values, which of them vary, and what is lost."""
         asked = self.spec.for_all
         theirs = {}
         for each in asked.axes if asked else ():
-            whole = each.choices if each.start != each.stop or each.values else (each.start,)
-            theirs[each.path] = each.path in asked.varying, [*whole] or (each.start, each.stop)
-        names = self.spec.names
+            values = each.choices if each.start < each.stop else (each.start,)
+            theirs[each.path] = each.path in asked.varying, [float(value) for value in values or (each.start, each.stop)]
         mine = {}
-        kinds = ((True, self.for_all.varying), (False, self.for_all.listed), (False, self.for_all.ranges))
-        for varies, numbers in kinds:
-            for name, values in numbers.items():
-                mine[names.find(name).path] = varies, [float(value) if value != "frame" else value for value in values]
-        theirs = {path: (varies, [float(value) for value in values]) for path, (varies, values) in theirs.items()}
+        for kind in ("varying", "listed", "ranges"):
+            for name, values in getattr(self.for_all, kind).items():
+                path = self.spec.names.find(name).path
+                mine[path] = kind == "varying", [float(value) if value != "frame" else value for value in values]
         yield Found("sets", mine == theirs, mine, theirs)
         lost = getattr(asked, "lost", 0), float(getattr(asked, "loss", 0))
         yield Found("lost", (self.for_all.lost, float(self.for_all.loss or 0)) == lost, self.for_all, lost)

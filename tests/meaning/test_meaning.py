@@ -8,6 +8,7 @@ import pytest
 from meaning import exported
 from meaning.attacked import judge_attacked
 from meaning.coverage import drawn, uncovered
+from meaning.faults import judge_fault
 from meaning.judge import compiled, judge
 from meaning.pairs import judge_pair
 from meaning.reading import machine_of, radius_of, with_numbers
@@ -83,6 +84,13 @@ def test_a_spec_in_other_words_has_the_same_answers(number, tmp_path):
 def test_keys_that_may_override_each_other_mean_the_same(number):
     """By any of their names, in the spec, in [sweep] and [for_all], and by --set."""
     assert [one for one in judge_pair(number) if not one.same] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 40, 10))
+def test_commands_end_in_answers_or_sentences(first):
+    """Of random specs and options; half a second of each."""
+    assert [one for number in range(first, first + 10) for one in judge_fault(number) if not one.same] == []
 
 
 @pytest.mark.parametrize("number", ATTACKED)

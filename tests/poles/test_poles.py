@@ -16,6 +16,7 @@ from wavesweep.program.analyses.asked import axes_asked
 from wavesweep.program.analyses.poles import poles
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.columns import in_order
 
 
 def test_poles_of_springs_are_those_of_their_equations():
@@ -132,6 +133,11 @@ def test_the_command_writes_a_table_a_figure_and_json_over_a_number(wavesweep, t
     assert (tmp_path / "again/poles.png").read_bytes() == (tmp_path / "kp/poles.png").read_bytes()
     code, _, err = wavesweep("poles", "drive.toml", "--over", "kq")
     assert (code, "kq: expected the name of a numeric key" in err) == (2, True)
+
+
+def test_the_number_of_a_root_locus_is_a_column_of_the_table_that_is_read_though_no_axis_has_it():
+    table = dict.fromkeys(("kq", "kp", *kind_named("poles").names), 0.0)
+    assert "kq" in in_order("poles", table, {"over": "kq", "spec": {"sweep": {}}})
 
 
 @pytest.mark.parametrize("values", [60, 3])

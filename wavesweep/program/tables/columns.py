@@ -80,7 +80,7 @@ def in_order(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any]) ->
     if not table_kind.fields:
         return dict(columns)
     field_names = [field.name for field in table_kind.fields]
-    axes: list[str] = []
+    axes = [name for name in [facts.get("over")] if name]  # a number that no table has to have
     for spec in specs_in(facts):
         if isinstance(spec, Mapping):
             axes += [name for name in spec.get(table_kind.study, {}) if name not in field_names]
