@@ -270,12 +270,13 @@ def taken(tables: dict, overrides=()):
 
 
 def computed(tables: dict):
-    """The same of a spec whose axes are computed too, at both ends of each."""
+    """The same of a spec whose axes and ranges are computed too, at both ends of each."""
     spec, why = taken(tables)
     if spec is not None:
         try:
             for at in (0, -1):
-                spec.with_values({each.name: place_in(each, at) for each in spec.sweep})
+                ranges = spec.for_all.unknown if spec.for_all else ()
+                spec.with_values({each.name: place_in(each, at) for each in (*spec.sweep, *ranges)})
         except SpecError as error:
             return None, f"{error}"
     return spec, why

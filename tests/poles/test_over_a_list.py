@@ -18,3 +18,9 @@ def test_a_list_is_a_range_of_the_locus_and_one_value_is_none():
     assert single == axis_over(wavesweep.load(TWENTY), "b").values
     ratios = axis_over(wavesweep.load(WAVES | {"sweep": {"rates.ratio": [2, 5, 9]}}), "rates.ratio").values
     assert list(ratios) in ([2, 5, 9], list(range(2, 10)))
+
+
+def test_a_slow_rate_is_followed_about_its_own_value():
+    """Which the spec has as a ratio."""
+    values = axis_over(wavesweep.load(TWENTY | {"rates": {"slow_hz": 50.0}}), "rates.slow_hz").values
+    assert min(values) < 50.0 < max(values)

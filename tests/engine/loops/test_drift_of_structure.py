@@ -8,6 +8,7 @@ import numpy as np
 import wavesweep
 from wavesweep.engine import loop as of_loops
 from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine.rows import items_of
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -42,3 +43,11 @@ def test_a_batch_of_the_same_structure_looks_for_none(monkeypatch):
     batch([-3.0, 45.0]).drift()
     batch([30.0, 30.0]).drift()
     assert len(looked_for) == 2
+
+
+def test_numbers_of_several_axes_are_remembered():
+    """As those of a loop with a dead time are, which are followed two at a time."""
+    numbers = {"K": np.ones((2, 1)), "B": np.arange(2.0), "tau": 0.5}
+    items = items_of(numbers)
+    assert len({items, items_of(dict(numbers))}) == 1
+    assert np.array(dict(items)["K"]).shape == (2, 1)

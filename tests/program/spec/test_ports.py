@@ -42,3 +42,11 @@ def test_all_pairs_are_asked_for_unless_bode_names_an_end():
 )
 def test_the_unit_of_a_response_is_that_of_the_output_over_that_of_the_input(source, output, unit):
     assert load(tables()).unit_between(source, output) == unit
+
+
+def test_an_output_of_a_body_of_several_axes_has_no_unit():
+    """Its masses are rows, of which no number shows whether it turns."""
+    plate = {"type": "mass_matrix", "mass": [[0.1, 0.2]], "damping": [[1.0, 2.0]]}
+    wires = {"plate.fx": "push", "plate.fy": "push"}
+    loop = {"rates": {"tick_hz": 100}, "block": {"plate": plate}, "wire": wires, "ports": {"inputs": {"push": "push"}}}
+    assert load(loop, ["bode.to=plate.x"]).unit_between("push", "plate.x") == ""

@@ -311,7 +311,7 @@ class PortReader(KeyReader):
 def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) -> str:
     """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which
     the unit of its number shows."""
-    if block is None:
+    if block is None or block.type not in ("mass", "inertia"):
         return ""
     mass = dict(block.keys).get("mass", ONE)
     turns = block.type == "inertia"

@@ -39,7 +39,7 @@ USUAL = {
 def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
     """The range about the value of a number in which its stable intervals are looked for, and
     that of [sweep] with it."""
-    value, wall = spec.values[path], spec.wall
+    value, wall = spec.own(path), spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     if path in wall or not (value or spec.drawing):
         start = 0.0
