@@ -195,7 +195,9 @@ def test_rows_of_frames_in_any_order_and_their_refuters_have_proofs(tmp_path, ca
     code, said = checked_file(spec, proof)
     assert code == 0, said
     kinds = [line["claim"] for line in lines_of(proof) if "claim" in line]
-    assert kinds == ["modes", "modes", "for all", "refuted"]
+    assert kinds == ["modes", "modes", "modes", "for all", "refuted"]  # the first of K_VE = 0 alone is third
+    at_0 = next(line for line in lines_of(proof) if line.get("numbers") == {"K_VE": "0.0"})
+    assert (at_0["claim"], len(at_0["drifts"])) == ("modes", 1)
 
     def without_a_frame(line):
         edges = [edge for edge in line.get("edges", []) if edge[1] != "rates.ratio=7"]

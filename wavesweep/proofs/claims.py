@@ -80,12 +80,15 @@ def claim_of_set(
     numbers: Mapping[str, str],
     along: tuple[str, float, float] | None,
     refuter: tuple[float, str] = (np.inf, ""),
+    *,
+    shorter: bool = False,
 ) -> Lines:
     """Return the lines of a claim about all that [for_all] and channels say.
 
     kind: "for all" or "mean square". along: the number of a row with its ends; None for the spec's own
     numbers. refuter: the number beyond the row that is refuted, and by what. Where no form is found
-    next to the low end, the claim begins beyond. Errors: Refused, Unreadable.
+    next to the low end, the claim begins beyond. shorter: whether windows are left out at both ends,
+    where a member may have a mode on the circle. Errors: Refused, Unreadable.
     """
     allowed = for_all.read(tables, balls.exact)
     sides = {}
@@ -111,9 +114,13 @@ def claim_of_set(
         else:
             head |= own
         if along and not allowed.ranges and kind == "for all" and "" in family.frames.words:
-            ends = low + WINDOW * (high - low), high - WINDOW * abs(high)
-            lines += _constant(family, name, *ends)
-            written[name] = [repr(end) for end in ends]
+            try:
+                lines += _constant(family, name, low, high)
+            except Refused:
+                if shorter:
+                    raise
+                ends = low + WINDOW * (high - low), high - WINDOW * abs(high)
+                return claim_of_set(tables, kind, numbers, (name, *ends), refuter, shorter=True)
             continue
         cells = Cells.of(family, claim, beyond)
         words = []

@@ -375,7 +375,7 @@ class _Proofs:
         line = _covered(self.tables, ask, claims)
         low, high = ask.sides[self.number]
         begins_at_drift = not line[0].state and len(line) > 1 and float(rows["low"][0]) == low
-        if begins_at_drift and kind != "gain":
+        if begins_at_drift and kind in ("modes", *CLAIMED.values()):
             point = numbers | {self.number: repr(self.span[0])}
             with suppress(Refused, Unreadable):
                 self.claims.append(claim_at(self.tables, kind, point, float(ask.radius)))
