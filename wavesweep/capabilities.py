@@ -53,7 +53,7 @@ CAPABILITIES = (
     Capability(
         "contact",
         tables=("for_all.contact",),
-        offers=("guarantee", "keys", "on_check", "stretches"),
+        offers=("guarantee", "keys", "on_check", "stretches", "sums_of_squares"),
     ),
     Capability(
         "check",

@@ -6,11 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.contact.circle_check import Multiplier
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong, shifted
 
 LAGS = 12  # frames before and after; 40 find no more
 LEAST_SHARE = 1e-7  # share of |1 + L| by which the condition has to hold at every angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Multiplier:
+    """`M(z) = 1 - sum h_k z^-k` with h_k >= 0 for k = -N .. N without 0, whose sum is below 1.
+
+    before `(N,)`: h_1 .. h_N; after `(N,)`: h_-1 .. h_-N.
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+
+    def at(self, angles: np.ndarray) -> np.ndarray:
+        """Return M at `z = exp(j angle)`."""
+        back = np.exp(-1j * np.outer(angles, np.arange(1, self.before.size + 1)))
+        return 1 - back @ self.before - back.conj() @ self.after
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +93,7 @@ class Sampled:
 
     def reach(self, multiplier: Multiplier, walls: WallsAlong) -> tuple[float, float]:
         """Return between which values a multiplier serves at all sampled angles."""
-        M = multiplier.at(self.angles)[0].value
+        M = multiplier.at(self.angles)
         one, other = walls.opened(self.angles)
         offset, slope = (M * one).real, (M * other).real
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -86,3 +101,12 @@ class Sampled:
         low = np.max(np.where(slope > 0, zero, -np.inf))
         high = np.min(np.where(slope < 0, zero, np.inf))
         return float(low), float(high)
+
+    def missed(self, multiplier: Multiplier, loop: WallLoop, walls: np.ndarray) -> np.ndarray:
+        """Return angles between those sampled at which a multiplier does not serve all these walls."""
+        number = np.arange(self.angles.size)
+        angles = np.interp(np.arange(0, number[-1], 1 / 8), number, self.angles)
+        between = Sampled(angles, loop.responses(angles), self.residue)
+        M = multiplier.at(angles)
+        fails = [(M * between.opened(wall)).real <= 0 for wall in walls]
+        return angles[np.any(fails, axis=0)][:20]

@@ -36,8 +36,8 @@ from wavesweep.program.tables.refuters import LEFT_OPEN, TEXT, Refuters
 
 LINEAR = "the linear wall, in contact all the time"
 NOWHERE = f"{LINEAR}, is stable at none"
-ON_CIRCLE = (
-    "multipliers of Zames and Falb, by linear programmes, proved on arcs of the unit circle "
+BY_MULTIPLIERS = (
+    "multipliers of Zames and Falb, by linear programmes, proved by sums of squares "
     "with bounds on all errors; refuted by a wall and a motion that repeats"
 )
 IN_FRAMES = (
@@ -65,7 +65,7 @@ class ContactGuarantee(Guarantee):
     @property
     def method(self) -> str:
         """How the intervals are found, in a line."""
-        return IN_FRAMES if self.rules else ON_CIRCLE
+        return IN_FRAMES if self.rules else BY_MULTIPLIERS
 
     @property
     def what(self) -> Property:

@@ -1,4 +1,4 @@
-"""Stretches of a number of the wall that are proved: found by steps, checked on the circle."""
+"""Stretches of a number of the wall that are proved: found by steps, checked by sums of squares."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.contact.circle_check import Multiplier, open_angles
 from wavesweep.contact.motions import motion_beyond
-from wavesweep.contact.multipliers import LEAST_SHARE, Sampled
+from wavesweep.contact.multipliers import LEAST_SHARE, Multiplier, Sampled
+from wavesweep.contact.sums_of_squares import serves
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.frames import Bounded, balance
 
@@ -70,12 +70,12 @@ class Line:
             if not whole:
                 reached, _ = self.sampled.reach(multiplier, self.walls)
                 start = max(low, reached + TRIED_NEAR_END * (high - reached))
-            open_ = open_angles(self.walls.loop, self.walls.at(start, high), multiplier)
-            if not open_.size:
-                return Piece(start, high, multiplier)
-            if np.isnan(open_).any():
-                return None
-            angles = np.concatenate([self.sampled.angles, open_[:20]])
+            ends = self.walls.at(start, high)
+            missed = self.sampled.missed(multiplier, self.walls.loop, ends)
+            if not missed.size:
+                proved = serves(self.walls.loop, ends, multiplier)
+                return Piece(start, high, multiplier) if proved else None
+            angles = np.concatenate([self.sampled.angles, missed])
             self.sampled = Sampled.of(self.walls.loop, angles)
         return None
 

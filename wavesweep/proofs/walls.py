@@ -9,10 +9,9 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from wavesweep.capabilities import offered
-from wavesweep.checker import balls, contact, file, form
+from wavesweep.checker import balls, contact, file
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import for_all
 from wavesweep.proofs.cells import Cell, exactly, tree
@@ -20,9 +19,6 @@ from wavesweep.proofs.drifts import drifts_and_rest
 from wavesweep.proofs.forms import form_of
 from wavesweep.proofs.sets import decimals
 
-LEFT_OVER = 10.0 ** -np.arange(
-    1, 13
-)  # of the sum of squares, in units of forces: the most that is found
 DIGITS = 9  # of the weights of a multiplier
 Ends = dict[str, tuple[Fraction, Fraction]]
 Lines = list[dict[str, Any]]
@@ -77,17 +73,18 @@ def claim_of_motion(tables: dict, numbers: Mapping[str, str], ends: Ends, text: 
 
 def _pieces(family: file.Family, ends: Ends) -> Lines:
     """The tree of cells of one loop."""
+    squares = offered("sums_of_squares")
     names = [*ends]
     along = next((at for at, (low, high) in enumerate(ends.values()) if low < high), 0)
     name = names[along]
     by_stiffness = _opened(family, dict.fromkeys(names, Fraction(0)) | {names[0]: Fraction(1)})
     by_damping = _opened(family, dict.fromkeys(names, Fraction(0)) | {names[-1]: Fraction(1)})
-    moved = _doubles(by_stiffness.moved, len(by_stiffness.read))
+    moved = squares.doubles_of(by_stiffness.moved, len(by_stiffness.read))
     alone = form_of([moved[:, :-1]]) if len(moved) else None
     if len(moved) and not (alone and (alone.signs > 0).all()):
         raise Refused("no form is found of the loop without its wall")
     L = [[repr(x) for x in row] for row in alone.L.tolist()] if alone else []
-    read = _doubles([by_stiffness.read, by_damping.read], len(by_stiffness.read))
+    read = squares.doubles_of([by_stiffness.read, by_damping.read], len(by_stiffness.read))
     read[:, -1] += 1.0  # y = f + u
     read[1:] *= len(names) - 1
     turns = by_stiffness.turns[1] / balls.ONE
@@ -102,7 +99,10 @@ def _pieces(family: file.Family, ends: Ends) -> Lines:
         line = {"L": L, "e": [decimals(x) for x in e], "h": [decimals(x) for x in h], "P": []}
         for value in dict.fromkeys((piece.low, piece.high)):
             point = {each: pair[0] for each, pair in ends.items()} | {name: exactly(value)}
-            line["P"].append(_sum_of_squares(_opened(family, point), e, h))
+            P = squares.sum_of_squares(_opened(family, point), e, h)
+            if P is None:
+                raise Refused("no sum of squares is found")
+            line["P"].append(P)
         cells.append(Cell(piece.low, piece.high, line, 0))
     return list(tree(name, cells))
 
@@ -111,43 +111,5 @@ def _opened(family: file.Family, point: Mapping[str, Fraction]) -> contact.Opene
     return file.opened_at(family, point)
 
 
-def _doubles(rows, width: int) -> np.ndarray:
-    middles = [middle / balls.ONE for row in rows for _, middle in row]
-    return np.array(middles).reshape(len(rows), width)
-
-
 def _weights(given: np.ndarray) -> list[Fraction]:
     return [Fraction(f"{x:.{DIGITS}f}") for x in given]
-
-
-def _sum_of_squares(loop: contact.Opened, e: list[Fraction], h: list[Fraction]) -> list[list[str]]:
-    """A form P with which the checker accepts (2) of its `contact.py`: with X = -P Riccati's equation
-
-        S' X S - X + Q - (S' X s + q)(r + s' X s)^-1 (S' X s + q)' = 0
-
-    leaves nothing of (2), whose part without P is Q, q, r, but a square. Errors: Refused if none is found.
-    """
-    n = len(loop.moved)
-    size = n + len(e)
-    zero = [[0] * size for _ in range(size)]
-    rest = contact.left_over(loop, e, h, zero).parts[()]
-    whole = np.array([[x / balls.ONE for x in row] for row in rest])
-    whole = (whole + whole.T) / 2
-    S = np.eye(size, size + 1, 1)
-    S[:n] = np.pad(_doubles(loop.moved, n + 1), ((0, 0), (0, len(e))))
-    # In units in which forces of size 1 in any order give states of size 1, if they move them at all.
-    spread = np.diag(solve_discrete_lyapunov(S[:, :-1], S[:, -1:] @ S[:, -1:].T))
-    units = np.append(np.sqrt(np.where(spread > 0, spread, 1.0)), 1.0)
-    S *= units / units[:-1, None]
-    whole *= np.outer(units, units)
-    for least in LEFT_OVER:
-        F = whole - least * np.eye(size + 1)
-        try:
-            X = solve_discrete_are(S[:, :-1], S[:, -1:], F[:-1, :-1], F[-1:, -1:], s=F[:-1, -1:])
-        except np.linalg.LinAlgError:
-            continue
-        P = -(X + X.T) / 2 / np.outer(units[:-1], units[:-1])
-        rows = [[repr(x) for x in row] for row in P.tolist()]
-        if form.positive(contact.left_over(loop, e, h, file.rows_of(rows, size))):
-            return rows
-    raise Refused("no sum of squares is found")
