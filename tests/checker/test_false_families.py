@@ -1,13 +1,14 @@
 """Two sets that were once called proved and are not: what proves a smaller set, or another one, is refused for them."""
 
 from fractions import Fraction
+from functools import partial
 
 import pytest
 from checker.test_messages import BEHIND, proof_of
 from support.proofs import checked
 
 from wavesweep.checker import file
-from wavesweep.proofs.cells import cells_along, tree
+from wavesweep.proofs.cells import cell_of, cells_along, tree
 
 # Masses that are constant are stable from 0.0327 to 0.2168 kg; a, a, b, b in turn grow by 1.2077 a frame.
 MASSES = """
@@ -34,7 +35,7 @@ def test_masses_that_vary_are_not_proved_by_masses_that_are_constant(tmp_path):
     sides = {name: tuple(map(Fraction, ends)) for name, ends in ENDS.items()}
     claim = file.Claim("for all", sides=sides)
     family = file.family_of(file.spec_of(MASSES.encode()), claim)
-    cells = cells_along(family, "device.mass", 0.0327, 0.2168, [])
+    cells = cells_along("device.mass", 0.0327, 0.2168, [], partial(cell_of, family))
     lines = [{"claim": "for all", "sides": ENDS, "states": family.states}, *tree("device.mass", cells)]
     assert checked(tmp_path, MASSES, lines)[0] == 0
     varying = MASSES.replace("0.2168", "0.2168, varying = true")

@@ -80,15 +80,12 @@ def claim_of_set(
     numbers: Mapping[str, str],
     along: tuple[str, float, float] | None,
     refuter: tuple[float, str] = (np.inf, ""),
-    *,
-    shorter: bool = False,
 ) -> Lines:
     """Return the lines of a claim about all that [for_all] and channels say.
 
     kind: "for all" or "mean square". along: the number of a row with its ends; None for the spec's own
     numbers. refuter: the number beyond the row that is refuted, and by what. Where no form is found
-    next to the low end, the claim begins beyond. shorter: whether windows are left out at both ends,
-    where a member may have a mode on the circle. Errors: Refused, Unreadable.
+    next to the low end, the claim begins beyond. Errors: Refused, Unreadable.
     """
     allowed = for_all.read(tables, balls.exact)
     sides = {}
@@ -100,27 +97,24 @@ def claim_of_set(
     head = {"claim": kind, "numbers": dict(numbers), "sides": written}
     lines: Lines = []
     beyond, text = refuter
+    families = []
     for member in allowed.members:
         claim.drifts = drifts_of(tables, claim, member)
-        family = file.family_of(tables, claim, member)
+        families.append((member, claim.drifts, file.family_of(tables, claim, member)))
+    constant = kind == "for all" and not allowed.ranges and "" in families[0][2].frames.words
+    if along and constant:
+        low, high = _closed_ends([family for *_, family in families], name, low, high)
+        written[name] = [repr(low), repr(high)]
+    for member, drifts, family in families:
+        claim.drifts = drifts
         claim.states = family.states
         own = _coordinates(claim)
         if member:
-            values = {
-                name: str(value) if value == "frame" else decimals(value)
-                for name, value in member.items()
-            }
-            lines.append({"member": values} | own)
+            lines.append({"member": _texts(member)} | own)
         else:
             head |= own
-        if along and not allowed.ranges and kind == "for all" and "" in family.frames.words:
-            try:
-                lines += _constant(family, name, low, high)
-            except Refused:
-                if shorter:
-                    raise
-                ends = low + WINDOW * (high - low), high - WINDOW * abs(high)
-                return claim_of_set(tables, kind, numbers, (name, *ends), refuter, shorter=True)
+        if along and constant:
+            lines += _constant(family, name, low, high)
             continue
         cells = Cells.of(family, claim, beyond)
         words = []
@@ -135,6 +129,25 @@ def claim_of_set(
                 raise Refused(f"no forms are found next to {name} = {low:.6g}")
             written[name] = [decimals(cells.number(0, begins)), written[name][1]]
     return [head, *lines]
+
+
+def _texts(member: Mapping[str, Any]) -> dict[str, str]:
+    """The values of a member of [for_all] as a proof file has them."""
+    return {
+        name: str(value) if value == "frame" else decimals(value) for name, value in member.items()
+    }
+
+
+def _closed_ends(families: Sequence[file.Family], name: str, *ends: float) -> list[float]:
+    """The ends of a range, without a window about one at which a mode of a family is on the circle."""
+    low, high = ends
+    windows = WINDOW * (high - low), -WINDOW * abs(high)
+    found = []
+    for end, window in zip(ends, windows, strict=True):
+        cells = [cell_of(family, {name: (end, end)}) for family in families]
+        closed = all(isinstance(cell, Cell) for cell in cells)
+        found.append(end if closed else end + window)
+    return found
 
 
 def _constant(family: file.Family, name: str, low: float, high: float) -> Lines:
@@ -215,7 +228,7 @@ def write(
     place: Path, spec: bytes, ran: str, question: Sequence[dict], claims: Sequence[Lines]
 ) -> None:
     """Write a proof file about a spec."""
-    header = {"format": file.FORMAT, "sha256": sha256(spec).hexdigest(), "of": ran}
+    header: dict[str, Any] = {"format": file.FORMAT, "sha256": sha256(spec).hexdigest(), "of": ran}
     header |= {"question": [*question], "claims": len(claims)}
     # Without a time and a name in it, so that equal runs give equal bytes.
     with place.open("wb") as raw, gzip.GzipFile("", "wb", fileobj=raw, mtime=0) as packed:
