@@ -18,6 +18,7 @@ from fractions import Fraction
 from typing import Any
 
 from . import filters
+from .expressions import equations_of
 from .loops import (
     Instant,
     Keys,
@@ -45,6 +46,70 @@ MOST_LATE = 1000  # ticks of a dead time
 FILTERS_OF = {"pmw": ("lp1",), "pmw-lm": tuple(FILTERS)}
 SHOWN = {"x": "x", "v": "v", "v_hat": "v_hat", "f_m": "f_m now", "F_s": "held F"}
 WAVES = {"u_m": "u_m", "v_m": "v_m"}
+FILTERED = {"lp1": ("u_m", "u_s"), "hp": ("u_m", "u_l"), "lp2": ("v_l", "lp2 out")}
+RESULTS = {  # what a slow event gives to the fast loop
+    "dc": "F",
+    "dc-slow": "F",
+    "dc-lm": "F x_ref v_ref",
+    "dc-vc": "F x_s v_s",
+    "dc-vc-lm": "F x_s v_s",
+    "pmw": "F w x_s",
+    "pmw-mean": "F w x_s",
+    "pmw-lm": "F w x_s",
+}
+# Laws, with the names above: a dot is a space, and memory.NAME is @NAME.
+DEVICE = (
+    "memory.x = memory.v;"
+    "memory.v = (memory.hand - stiffness*memory.x - damping*memory.v - memory.f)/mass"
+)
+SAMPLED = "x = memory.x; v = memory.v; memory.read.x = x; memory.read.v = v_hat"
+VELOCITY = {
+    "exact": "v_hat = memory.v",
+    "difference": "v_hat = (memory.x - memory.x.before)/T; memory.x.before = x",
+}
+MOVED = "; memory.{place}.place = {place}.place"
+AVATAR = {
+    "implicit": "{place}.place = memory.{place}.place + {step}*{place}.speed" + MOVED,
+    "trapezoidal": "{place}.place = memory.{place}.place + {step}/2*({place}.speed + memory.{place}.speed);"
+    "memory.{place}.speed = {place}.speed" + MOVED,
+}
+AVATAR["explicit"] = AVATAR["implicit"]
+SPRING = {  # the place that it reads
+    "explicit": "memory.{place}.place",
+    "implicit": "{place}.place",
+    "trapezoidal": "{place}.place",
+}
+WALL = "slow.F = K*{x} + B*{v}; new.F = slow.F"
+AT_AVATAR = "slow.F = K*{spring} + B*slow.speed; new.F = slow.F; new.x_s = slow.place;"
+# B_VC (v - x_s') + K_VC (x - x~) = F
+COUPLED = (
+    f"{AT_AVATAR} slow.speed = {{v}} + K_VC/B_VC*({{x}} - {{spring}}) - slow.F/B_VC;"
+    "new.v_s = slow.speed"
+)
+REFLECTED = (
+    f"{AT_AVATAR} slow.speed = sqrt(2*b)/b*{{wave}} - slow.F/b;"
+    "new.w = {wave} - sqrt(2*b)/b*slow.F"
+)
+SLOW = {"dc": WALL, "dc-slow": WALL, "dc-lm": f"{WALL}; new.x_ref = {{x}}; new.v_ref = {{v}}"}
+SLOW |= dict.fromkeys(("dc-vc", "dc-vc-lm"), COUPLED)
+SLOW |= dict.fromkeys(("pmw", "pmw-mean", "pmw-lm"), REFLECTED)
+WAVE = (
+    "u_m = sqrt(2*b)*v_hat - v_m; f_m = b*v_hat - sqrt(2*b)*v_m; memory.read.u_s = u_s;"
+    "v_m = held.w + Kp*(held.x_s - x)"
+)
+FAST = {
+    "dc": "f_m = held.F",
+    "dc-slow": "f_m = held.F",
+    "dc-lm": "f_m = held.F + K_LM*(x - held.x_ref) + B_LM*(v_hat - held.v_ref)",
+    "dc-vc": "f_m = K_VC*(x - held.x_s) + B_VC*(v_hat - held.v_s)",
+    "dc-vc-lm": "f_m = local.F;"
+    "local.F = held.F + K_LM*({spring} - held.x_s) + B_LM*(local.speed - held.v_s);"
+    "local.speed = v_hat + K_VC/B_VC*(x - {spring}) - local.F/B_VC",
+    "pmw": WAVE,
+    "pmw-mean": WAVE,
+    "pmw-lm": WAVE + " + {local}; memory.v_2 = lp2.out; v_l = u_l - sqrt(2*b)/b*local.F;"
+    "local.F = K_LM*{spring} + B_LM*local.speed; local.speed = sqrt(2*b)/b*u_l - local.F/b",
+}
 
 
 class Controller:
@@ -184,18 +249,7 @@ class Controller:
 
     def motion(self) -> Instant:
         """The device: m v' = -d v - k x - f + f_h."""
-        return Instant(
-            {},
-            {
-                "@x": {"@v": 1},
-                "@v": {
-                    "@x": -self.stiffness / self.mass,
-                    "@v": -self.damping / self.mass,
-                    "@f": -1 / self.mass,
-                    "@hand": 1 / self.mass,
-                },
-            },
-        )
+        return Instant(*self.laws(DEVICE))
 
     def at_once(self, event, aligned, tick) -> bool:
         """Whether the result is in place in the tick that it is computed from."""
@@ -205,17 +259,9 @@ class Controller:
 
     def tick(self, come, event, lost=False) -> Instant:
         """The fast loop; results `come` are in place before it, slow event `event` is in it; its result may be lost."""
-        equations = {
-            "x": {"@x": 1},
-            "v": {"@v": 1},
-            "v_hat": {"@v": 1},
-        }
-        writes = {"@hand": {"!hand": 1}, "@read x": {"x": 1}, "@read v": {"v_hat": 1}}
-        if self.velocity == "difference":
-            rate = 1 / self.T
-            equations["v_hat"] = {"@x": rate, "@x before": -rate}
-            writes["@x before"] = {"x": 1}
-        for name in self.results():
+        equations, writes = self.laws(f"{SAMPLED}; {VELOCITY[self.velocity]}")
+        writes["@hand"] = {"!hand": 1}
+        for name in RESULTS[self.kind].split():
             if event is not None and self.delay == 0 and not lost:
                 equations[f"held {name}"] = {f"new {name}": 1}
             elif come:
@@ -223,9 +269,9 @@ class Controller:
             else:
                 equations[f"held {name}"] = {f"@held {name}": 1}
             writes[f"@held {name}"] = {f"held {name}": 1}
-        getattr(self, "fast_" + self.kind.replace("-", "_"))(equations, writes)
+        self.fast(equations, writes)
         if event is not None:
-            self.slow(equations, writes, event, "x", "v_hat", self.sampled(equations, "u_s"))
+            self.slow(equations, writes, event, "x", "v_hat", "u_s")
         self.motors(equations, writes)
         return Instant(equations, writes)
 
@@ -233,7 +279,7 @@ class Controller:
         """A slow event between ticks: it reads what the last tick had."""
         equations: dict[str, dict] = {}
         writes: dict[str, dict] = {}
-        self.slow(equations, writes, event, "@read x", "@read v", "@read u_s")
+        self.slow(equations, writes, event, "memory.read.x", "memory.read.v", "memory.read.u_s")
         return Instant(equations, writes)
 
     def motors(self, equations, writes):
@@ -248,148 +294,46 @@ class Controller:
         for number in range(self.late_ticks):
             writes[f"@m{number + 1}"] = {f"@m{number}": 1}
 
-    def results(self) -> list[str]:
-        """What a slow event gives to the fast loop."""
-        if self.kind == "dc":
-            return ["F"]
-        if self.kind == "dc-slow":
-            return ["F"]
-        if self.kind == "dc-lm":
-            return ["F", "x_ref", "v_ref"]
-        if self.kind in {"dc-vc", "dc-vc-lm"}:
-            return ["F", "x_s", "v_s"]
-        return ["F", "w", "x_s"]
+    def laws(self, law: str, **names) -> tuple[dict, dict]:
+        """Equations and what they write, by the names of this file with dots for spaces; names: of what braces stand for."""
+        return equations_of(law.format(**names), called, self.form_of, self.arithmetic)
 
-    def sampled(self, equations, name):
-        return name if name in equations else None
+    def form_of(self, name: str) -> dict:
+        return {"": vars(self)[name]} if name in vars(self) else {called(name): 1}
 
     # What a slow event computes
 
     def slow(self, equations, writes, event, x, v, wave):
-        new = {}
-        if self.kind in {"dc", "dc-slow", "dc-lm"}:
-            equations["slow F"] = {x: self.K, v: self.B}
-            new = {"F": "slow F", "x_ref": x, "v_ref": v}
-        else:
-            spring = self.avatar(equations, writes, "slow", self.integration, self.Ts)
-            equations["slow F"] = form(scaled(self.K, spring), (self.B, "slow speed"))
-            if self.kind in {"dc-vc", "dc-vc-lm"}:
-                # B_VC (v - x_s') + K_VC (x - x~) = F
-                equations["slow speed"] = form(
-                    (1, v),
-                    (self.K_VC / self.B_VC, x),
-                    scaled(-self.K_VC / self.B_VC, spring),
-                    (-1 / self.B_VC, "slow F"),
-                )
-                new = {"F": "slow F", "x_s": "slow place", "v_s": "slow speed"}
-            else:
-                equations["slow speed"] = {
-                    wave: self.arithmetic.sqrt(2 * self.b) / self.b,
-                    "slow F": -1 / self.b,
-                }
-                equations["slow wave"] = {
-                    wave: 1,
-                    "slow F": -self.arithmetic.sqrt(2 * self.b) / self.b,
-                }
-                new = {"F": "slow F", "w": "slow wave", "x_s": "slow place"}
-        for name in self.results():
-            equations[f"new {name}"] = {new[name]: 1}
+        law = SLOW[self.kind]
+        if "slow.speed" in law:
+            law = f"{law}; {AVATAR[self.integration]}"
+        spring = SPRING[self.integration].format(place="slow")
+        own, kept = self.laws(law, x=x, v=v, wave=wave, place="slow", step="Ts", spring=spring)
+        equations |= own
+        writes |= kept
+        for name in RESULTS[self.kind].split():
             writes[f"@{event} {name}"] = {f"new {name}": 1}
-
-    def avatar(self, equations, writes, name, integration, step) -> dict:
-        """The position moves with `name speed`; the place that the spring reads."""
-        before = f"@{name} place"
-        moved = {before: 1, f"{name} speed": step}
-        if integration == "trapezoidal":
-            moved = {before: 1, f"{name} speed": step / 2, f"@{name} speed": step / 2}
-            writes[f"@{name} speed"] = {f"{name} speed": 1}
-        equations[f"{name} place"] = moved
-        writes[before] = {f"{name} place": 1}
-        return {before: 1} if integration == "explicit" else {f"{name} place": 1}
 
     # What the fast loop computes
 
-    def fast_dc(self, equations, writes):
-        del writes
-        equations["f_m"] = {"held F": 1}
-
-    fast_dc_slow = fast_dc
-
-    def fast_dc_lm(self, equations, writes):
-        del writes
-        equations["f_m"] = {
-            "held F": 1,
-            "x": self.K_LM,
-            "held x_ref": -self.K_LM,
-            "v_hat": self.B_LM,
-            "held v_ref": -self.B_LM,
-        }
-
-    def fast_dc_vc(self, equations, writes):
-        del writes
-        equations["f_m"] = {
-            "x": self.K_VC,
-            "held x_s": -self.K_VC,
-            "v_hat": self.B_VC,
-            "held v_s": -self.B_VC,
-        }
-
-    def fast_dc_vc_lm(self, equations, writes):
-        spring = self.avatar(equations, writes, "local", self.local_integration, self.T)
-        equations["local F"] = form(
-            (1, "held F"),
-            scaled(self.K_LM, spring),
-            (-self.K_LM, "held x_s"),
-            (self.B_LM, "local speed"),
-            (-self.B_LM, "held v_s"),
-        )
-        equations["local speed"] = form(
-            (1, "v_hat"),
-            (self.K_VC / self.B_VC, "x"),
-            scaled(-self.K_VC / self.B_VC, spring),
-            (-1 / self.B_VC, "local F"),
-        )
-        equations["f_m"] = {"local F": 1}
-
-    def waves(self, equations, returned):
-        root = self.arithmetic.sqrt(2 * self.b)
-        equations["v_m"] = form(returned, (self.Kp, "held x_s"), (-self.Kp, "x"))
-        equations["u_m"] = {"v_hat": root, "v_m": -1}
-        equations["f_m"] = {"v_hat": self.b, "v_m": -root}
-
-    def fast_pmw(self, equations, writes):
-        self.waves(equations, {"held w": 1})
-        self.filter(equations, writes, "lp1", "u_m", "u_s")
-        writes["@read u_s"] = {"u_s": 1}
-
-    def fast_pmw_mean(self, equations, writes):
-        self.waves(equations, {"held w": 1})
-        count = round(self.ratio)
-        mean = {"u_m": Fraction(1, count)}
-        for number in range(count - 1):
-            mean[f"@u{number}"] = Fraction(1, count)
-            writes[f"@u{number}"] = {f"@u{number - 1}": 1} if number else {"u_m": 1}
-        equations["u_s"] = mean
-        writes["@read u_s"] = {"u_s": 1}
-
-    def fast_pmw_lm(self, equations, writes):
-        local = {"@v_2": 1} if self.local_delay else {"lp2 out": 1}
-        self.waves(equations, form((1, "held w"), local))
-        self.filter(equations, writes, "lp1", "u_m", "u_s")
-        writes["@read u_s"] = {"u_s": 1}
-        self.filter(equations, writes, "hp", "u_m", "u_l")
-        spring = self.avatar(equations, writes, "local", self.local_integration, self.T)
-        equations["local F"] = form(scaled(self.K_LM, spring), (self.B_LM, "local speed"))
-        equations["local speed"] = {
-            "u_l": self.arithmetic.sqrt(2 * self.b) / self.b,
-            "local F": -1 / self.b,
-        }
-        equations["v_l"] = {"u_l": 1, "local F": -self.arithmetic.sqrt(2 * self.b) / self.b}
-        self.filter(equations, writes, "lp2", "v_l", "lp2 out")
-        writes["@v_2"] = {"lp2 out": 1}
-
-    def filter(self, equations, writes, name, source, out):
-        add_sections(equations, writes, name, self.filters[name], source, out)
+    def fast(self, equations, writes):
+        law = FAST[self.kind]
+        if "local.speed" in law:
+            law = f"{law}; {AVATAR[self.local_integration]}"
+        local = "memory.v_2" if self.local_delay else "lp2.out"
+        spring = SPRING[self.local_integration].format(place="local")
+        own, kept = self.laws(law, local=local, place="local", step="T", spring=spring)
+        equations |= own
+        writes |= kept
+        for name in FILTERS_OF.get(self.kind, ()):
+            add_sections(equations, writes, name, self.filters[name], *FILTERED[name])
+        if self.kind == "pmw-mean":
+            count = round(self.ratio)
+            share = Fraction(1, count)
+            equations["u_s"] = {"u_m": share}
+            for number in range(count - 1):
+                equations["u_s"][f"@u{number}"] = share
+                writes[f"@u{number}"] = {f"@u{number - 1}": 1} if number else {"u_m": 1}
 
     def read_filter(self, name: str) -> list[tuple]:
         """Sections in series; order 0 is none, and a filter that the controller has not sets no limit to its cutoff."""
@@ -425,6 +369,11 @@ class Controller:
         if self.arithmetic.ends(share)[1] >= Fraction(1, 2):
             raise Unreadable("a frequency of a filter that is not below half of rates.fast_hz")
         return self.arithmetic.tan(self.arithmetic.pi * share)
+
+
+def called(name: str) -> str:
+    """What a name of a law stands for."""
+    return name.replace("memory.", "@").replace(".", " ")
 
 
 def add_sections(equations, writes, name, sections, source, out):

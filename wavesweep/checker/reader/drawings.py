@@ -25,6 +25,7 @@ from .controllers import add_model, add_sections
 from .expressions import (
     FUNCTIONS,
     bounded_parts,
+    equations_of,
     linear,
     multiplied_out,
     number,
@@ -58,6 +59,71 @@ NEEDED = {  # of ports that there are
 }
 LONGEST = 1000  # ticks of a dead time
 PLANTS = {"mass", "inertia", "mass_matrix", *DEVICES, "spring", "ss", "tf"}
+
+# Laws of blocks: into.PORT and out.PORT are its ports, memory.NAME is @B NAME, inner.NAME another variable; the rest are keys.
+MEANT = {"out": "{}.{}", "memory": "@{} {}", "inner": "{} {}"}
+PLAIN = "out.y = into.u"
+PI = "inner.now = into.u; memory.u = inner.now; memory.integral = inner.i; memory.moved = dt*inner.now;"
+SMOOTHED = "out.y = (1 - a)*memory.y + a*into.u; memory.y = out.y"
+MOVED = "out.v = (sqrt(2*b)*into.in - inner.f)/b; out.out = into.in - sqrt(2*b)/b*inner.f; memory.x = out.x;"
+LAWS = {
+    **dict.fromkeys(("hold", "channel", "saturation"), PLAIN),
+    "gain": "out.y = k*into.u",
+    "impulse": f"{PLAIN}; out.sum = memory.sum + out.y; memory.sum = out.sum",
+    "difference": "inner.now = into.u; out.y = (inner.now - memory.u)/dt; memory.u = inner.now",
+    "integrator": PI,
+    "pi": f"{PI} out.y = kp*inner.now + ki*inner.i;",
+    "pid": f"{PI} out.y = kp*inner.now + ki*inner.i + kd*inner.d;"
+    "inner.d = (tau*memory.d + inner.now - memory.u)/(tau + dt); memory.d = inner.d;",
+    "lowpass": "memory.y = out.y;"
+    "out.y = (memory.y + 2*pi*cutoff_hz*dt*into.u)/(1 + 2*pi*cutoff_hz*dt)",
+    "avatar": f"{MOVED} inner.f = into.f;",
+    "local_model": f"{MOVED} inner.f = K*out.x_spring + B*out.v;",
+    "wave": "",
+}
+CHOICES = {  # a key that says a part of the law, and what it is without
+    "integrator": ("method", "explicit"),
+    **dict.fromkeys(("pi", "pid"), ("method", "implicit")),
+    **dict.fromkeys(("avatar", "local_model"), ("integration", "implicit")),
+    "wave": ("gives", "force"),
+}
+PARTS = {
+    ("method", "explicit"): "inner.i = memory.integral + memory.moved",
+    ("method", "implicit"): "inner.i = memory.integral + dt*inner.now",
+    ("method", "trapezoidal"): "inner.i = memory.integral + dt/2*(inner.now + memory.u)",
+    ("integration", "explicit"): "out.x = memory.x + dt*out.v; out.x_spring = memory.x",
+    ("integration", "implicit"): "out.x = memory.x + dt*out.v; out.x_spring = out.x",
+    ("integration", "trapezoidal"): "out.x = memory.x + dt/2*(out.v + memory.v);"
+    "memory.v = out.v; out.x_spring = out.x",
+    ("gives", "force"): "out.force = b*into.v - sqrt(2*b)*into.in;"
+    "out.out = sqrt(2*b)*into.v - into.in",
+    ("gives", "velocity"): "out.v = (sqrt(2*b)*into.in - into.f)/b;"
+    "out.out = into.in - sqrt(2*b)/b*into.f",
+}
+DEFAULTS = {  # of keys in laws
+    **dict.fromkeys(("k", "b0"), 1),
+    **dict.fromkeys(("ki", "kd", "tau", "B", "depth", "b1", "b2", "a1", "a2"), 0),
+}
+# Transfer functions num, den: s = c (z - 1)/(z + 1), with c = 1/tan(pi f dt) of a frequency f that it keeps.
+WARPED = {"zero": "zero_hz", "pole": "pole_hz", "c": "frequency_hz"}
+MODELS = {
+    "lead": ("1 + zero, 1 - zero", "1 + pole, 1 - pole"),
+    "notch": (
+        "c*c + depth*c/q + 1, 2 - 2*c*c, c*c - depth*c/q + 1",
+        "c*c + c/q + 1, 2 - 2*c*c, c*c - c/q + 1",
+    ),
+    "biquad": ("b0, b1, b2", "1, a1, a2"),
+}
+
+
+def called_of(block: str):
+    """What a name on the left of a law stands for, in a block."""
+
+    def called(name: str) -> str:
+        table, _, part = name.partition(".")
+        return MEANT[table].format(block, part)
+
+    return called
 
 
 def is_name(name) -> bool:
@@ -283,7 +349,7 @@ class Drawing:
                 then[""] = coefficient
         return then
 
-    def into(self, block: str, port: str) -> dict:
+    def into(self, block: str, port: str = "u") -> dict:
         """What a wire gives to a port, in a tick."""
         self.key.asked.add(f"wire.{block}.{port}")
         wire = self.wires.get(f"{block}.{port}")
@@ -589,24 +655,54 @@ class Drawing:
     def run(self, name, equations, writes):
         """The law of a block in a tick in which it runs."""
         kind = self.blocks[name]["type"]
-        law = getattr(self, "run_" + kind.replace("-", "_"), None)
-        if law is None:
+        law = LAWS.get(kind)
+        if kind in CHOICES:
+            key, default = CHOICES[kind]
+            law += PARTS[key, self.word(name, key, default)]
+        if kind == "integrator":
+            law = law.replace("inner.i", "out.y")
+        if kind == "lowpass" and self.word(name, "a") is not None:
+            law = SMOOTHED
+        if law:
+            for rows, part in zip((equations, writes), self.laws(name, law), strict=True):
+                rows.update(part)
+        elif kind in MODELS:
+            coefficients = [
+                [number(part, self.value_in(name), self.arithmetic) for part in side.split(",")]
+                for side in MODELS[kind]
+            ]
+            self.model(name, equations, writes, *coefficients)
+        elif hasattr(self, run := "run_" + kind.replace("-", "_")):
+            getattr(self, run)(name, equations, writes)
+        else:
             raise Unreadable(f"the type {kind!r} of the block {name} is not known")
-        law(name, equations, writes)
 
-    def one(self, name, port="u"):
-        return self.into(name, port)
+    def laws(self, block: str, law: str) -> tuple[dict, dict]:
+        return equations_of(law, called_of(block), self.value_in(block), self.arithmetic)
 
-    def run_gain(self, name, equations, writes):
-        del writes
-        equations[f"{name}.y"] = scaled(self.value(name, "k", 1), self.one(name))
+    def value_in(self, block: str):
+        """What a name in a law of a block stands for: a port, an output, a variable, memory, or a number."""
 
-    def run_hold(self, name, equations, writes):
-        del writes
-        equations[f"{name}.y"] = self.one(name)
+        def value_of(name: str) -> dict:
+            table, _, port = name.partition(".")
+            if table == "into":
+                return self.into(block, port)
+            if port:
+                return {called_of(block)(name): 1}
+            if name == "dt":
+                return {"": self.period(block)}
+            if name == "pi":
+                return {"": self.arithmetic.pi}
+            if name in WARPED:
+                return {"": 1 / self.warped(block, WARPED[name])}
+            return {"": self.value(block, name, DEFAULTS.get(name))}
 
-    def run_channel(self, name, equations, writes):
-        self.run_hold(name, equations, writes)
+        return value_of
+
+    def model(self, name, equations, writes, top, bottom):
+        """A transfer function from port u to port y."""
+        given = filters.transfer(top, bottom)
+        add_model(equations, writes, name, given, self.into(name), f"{name}.y")
 
     def messages(self, name, new, runs, equations, writes):
         """The receiver gets the message that was sent so many messages before the newest one, or None, and holds what it has."""
@@ -616,7 +712,7 @@ class Drawing:
         )  # of those that may still come
         sent = [*now, *(f"@{name} sent {at}" for at in range(kept))]
         if runs:
-            equations[f"{name} now"] = self.one(name)
+            equations[f"{name} now"] = self.into(name)
             for at, message in enumerate(sent):
                 writes[f"@{name} sent {at}"] = {message: 1}
         lost = runs and self.word(name, "missing", "held") == "zero"
@@ -624,11 +720,8 @@ class Drawing:
             {sent[new]: 1} if new is not None else {} if lost else {f"@held {name}.y": 1}
         )
 
-    def run_saturation(self, name, equations, writes):
-        self.run_hold(name, equations, writes)
-
     def run_delay(self, name, equations, writes):
-        equations[f"{name} now"] = self.one(name)
+        equations[f"{name} now"] = self.into(name)
         taps = self.word(name, "taps")
         if taps is None:
             outputs = [(f"{name}.y", self.whole(name, "steps", 1))]
@@ -641,59 +734,6 @@ class Drawing:
             outputs = [(f"{name}.y{at}", ago) for at, ago in enumerate(runs, 1)]
         fifo(equations, writes, name, f"{name} now", outputs)
 
-    def run_impulse(self, name, equations, writes):
-        equations[f"{name}.y"] = self.one(name)
-        equations[f"{name}.sum"] = {f"@{name} sum": 1, f"{name}.y": 1}
-        writes[f"@{name} sum"] = {f"{name}.sum": 1}
-
-    def run_difference(self, name, equations, writes):
-        rate = 1 / self.period(name)
-        equations[f"{name} now"] = self.one(name)
-        equations[f"{name}.y"] = {f"{name} now": rate, f"@{name} u": -rate}
-        writes[f"@{name} u"] = {f"{name} now": 1}
-
-    def run_integrator(self, name, equations, writes):
-        equations[f"{name} now"] = self.one(name)
-        self.integral(name, equations, writes, self.method(name, "method", "explicit"), f"{name}.y")
-
-    def method(self, name, key, default):
-        return self.word(name, key, default)
-
-    def integral(self, name, equations, writes, method, out):
-        """The integral of variable `NAME now`; an explicit one moves by the step that it knew when it was last run."""
-        step = self.period(name)
-        before = f"@{name} integral"
-        now = f"{name} now"
-        equations[out] = {
-            "explicit": {before: 1, f"@{name} moved": 1},
-            "implicit": {before: 1, now: step},
-            "trapezoidal": {before: 1, now: step / 2, f"@{name} u": step / 2},
-        }[method]
-        writes[before] = {out: 1}
-        writes[f"@{name} moved"] = {now: step}
-        writes[f"@{name} u"] = {now: 1}
-
-    def run_pi(self, name, equations, writes):
-        equations[f"{name} now"] = self.one(name)
-        self.integral(name, equations, writes, self.method(name, "method", "implicit"), f"{name} i")
-        kp = self.value(name, "kp")
-        ki = self.value(name, "ki", 0)
-        equations[f"{name}.y"] = {f"{name} now": kp, f"{name} i": ki}
-
-    def run_pid(self, name, equations, writes):
-        self.run_pi(name, equations, writes)
-        tau = self.value(name, "tau", 0)
-        whole = tau + self.period(name)
-        equations[f"{name} d"] = {
-            f"@{name} d": tau / whole,
-            f"{name} now": 1 / whole,
-            f"@{name} u": -1 / whole,
-        }
-        writes[f"@{name} d"] = {f"{name} d": 1}
-        equations[f"{name}.y"] = form(
-            equations[f"{name}.y"], (self.value(name, "kd", 0), f"{name} d")
-        )
-
     def run_butterworth(self, name, equations, writes):
         order = self.whole(name, "order")
         side = self.word(name, "pass", "low")
@@ -703,7 +743,7 @@ class Drawing:
             sections = filters.butterworth(
                 order, self.warped(name, "cutoff_hz"), side, self.arithmetic
             )
-        equations[f"{name} now"] = self.one(name)
+        equations[f"{name} now"] = self.into(name)
         add_sections(equations, writes, name, sections, f"{name} now", f"{name}.y")
 
     def warped(self, name, key):
@@ -712,40 +752,6 @@ class Drawing:
         if self.arithmetic.ends(share)[1] >= Fraction(1, 2):
             raise Unreadable(f"block.{name}.{key} is not below half the block's own rate")
         return self.arithmetic.tan(self.arithmetic.pi * share)
-
-    def run_lowpass(self, name, equations, writes):
-        if self.word(name, "a") is not None:
-            share = self.value(name, "a")
-        else:
-            w = 2 * self.arithmetic.pi * self.value(name, "cutoff_hz") * self.period(name)
-            share = w / (1 + w)
-        equations[f"{name}.y"] = form((1 - share, f"@{name} y"), scaled(share, self.one(name)))
-        writes[f"@{name} y"] = {f"{name}.y": 1}
-
-    def run_lead(self, name, equations, writes):
-        zero = 1 / self.warped(name, "zero_hz")
-        pole = 1 / self.warped(name, "pole_hz")
-        # (1 + zero r)/(1 + pole r) with r = (z - 1)/(z + 1)
-        model = filters.transfer([1 + zero, 1 - zero], [1 + pole, 1 - pole])
-        add_model(equations, writes, name, model, self.one(name), f"{name}.y")
-
-    def run_notch(self, name, equations, writes):
-        c = 1 / self.warped(name, "frequency_hz")
-        q = self.value(name, "q")
-        depth = self.value(name, "depth", 0)
-        # s = c r in units of w, r = (z - 1)/(z + 1): c^2 r^2 + c r/q + 1
-        top = [c * c + depth * c / q + 1, 2 - 2 * c * c, c * c - depth * c / q + 1]
-        bottom = [c * c + c / q + 1, 2 - 2 * c * c, c * c - c / q + 1]
-        add_model(
-            equations, writes, name, filters.transfer(top, bottom), self.one(name), f"{name}.y"
-        )
-
-    def run_biquad(self, name, equations, writes):
-        top = [self.value(name, "b0", 1), self.value(name, "b1", 0), self.value(name, "b2", 0)]
-        bottom = [1, self.value(name, "a1", 0), self.value(name, "a2", 0)]
-        add_model(
-            equations, writes, name, filters.transfer(top, bottom), self.one(name), f"{name}.y"
-        )
 
     def run_fir(self, name, equations, writes):
         self.weighted(name, equations, writes, self.numbers_of(name, "coefficients"))
@@ -756,7 +762,7 @@ class Drawing:
 
     def weighted(self, name, equations, writes, weights):
         """The sum of weights times the last inputs, the first one of the newest."""
-        equations[f"{name} now"] = self.one(name)
+        equations[f"{name} now"] = self.into(name)
         outputs = [(f"{name} ago {at}", at) for at in range(len(weights))]
         fifo(equations, writes, name, f"{name} now", outputs)
         equations[f"{name}.y"] = form(
@@ -764,8 +770,8 @@ class Drawing:
         )
 
     def run_tf(self, name, equations, writes):
-        model = filters.transfer(self.numbers_of(name, "num"), self.numbers_of(name, "den"))
-        add_model(equations, writes, name, model, self.one(name), f"{name}.y")
+        coefficients = self.numbers_of(name, "num"), self.numbers_of(name, "den")
+        self.model(name, equations, writes, *coefficients)
 
     def run_ss(self, name, equations, writes):
         inputs, outputs, A, B, C, D = self.state_space(name)
@@ -806,47 +812,6 @@ class Drawing:
         )
         for axis, share in self.normal(name).items():
             equations[f"{name}.f{axis}"] = {f"{name}.force": share}
-
-    def run_wave(self, name, equations, writes):
-        del writes
-        b = self.value(name, "b")
-        root = self.arithmetic.sqrt(2 * b)
-        come = self.into(name, "in")
-        if self.word(name, "gives", "force") == "force":
-            speed = self.into(name, "v")
-            equations[f"{name}.force"] = form(scaled(b, speed), scaled(-root, come))
-            equations[f"{name}.out"] = form(scaled(root, speed), scaled(-1, come))
-        else:
-            force = self.into(name, "f")
-            equations[f"{name}.v"] = form(scaled(root / b, come), scaled(-1 / b, force))
-            equations[f"{name}.out"] = form(come, scaled(-self.arithmetic.sqrt(2 * b) / b, force))
-
-    def run_avatar(self, name, equations, writes):
-        self.moved(name, equations, writes, self.into(name, "f"))
-
-    def run_local_model(self, name, equations, writes):
-        force = {f"{name}.x_spring": self.value(name, "K"), f"{name}.v": self.value(name, "B", 0)}
-        self.moved(name, equations, writes, force)
-
-    def moved(self, name, equations, writes, force):
-        """v = (sqrt(2b) in - f)/b, out = in - sqrt(2b)/b f, and x from v."""
-        b = self.value(name, "b")
-        method = self.method(name, "integration", "implicit")
-        step = self.period(name)
-        come = self.into(name, "in")
-        equations[f"{name} f"] = force
-        equations[f"{name}.v"] = form(
-            scaled(self.arithmetic.sqrt(2 * b) / b, come), (-1 / b, f"{name} f")
-        )
-        equations[f"{name}.out"] = form(come, (-self.arithmetic.sqrt(2 * b) / b, f"{name} f"))
-        before = f"@{name} x"
-        half = method == "trapezoidal"
-        equations[f"{name}.x"] = form((1, before), (step / 2 if half else step, f"{name}.v"))
-        if half:
-            equations[f"{name}.x"] = form(equations[f"{name}.x"], (step / 2, f"@{name} v"))
-            writes[f"@{name} v"] = {f"{name}.v": 1}
-        writes[before] = {f"{name}.x": 1}
-        equations[f"{name}.x_spring"] = {before: 1} if method == "explicit" else {f"{name}.x": 1}
 
     # Time
 

@@ -175,6 +175,21 @@ def linear(node, value_of: Callable[[str], dict], arithmetic) -> dict:
     return {"": left.get("", 0) ** factor}
 
 
+def equations_of(
+    law: str, called: Callable[[str], str], value_of: Callable[[str], dict], arithmetic
+) -> tuple[dict, dict]:
+    """The equations of a law, `NAME = sum` behind semicolons, and what it writes to memory, whose names begin with "@".
+
+    called: the variable or the memory that a name on the left stands for.
+    """
+    rows: dict[str, dict] = {}
+    for line in law.split(";"):
+        name, right = line.split(" = ")
+        rows[called(name.strip())] = linear(right, value_of, arithmetic)
+    writes = {name: rows.pop(name) for name in [*rows] if name.startswith("@")}
+    return rows, writes
+
+
 def number(node, value_of, arithmetic):
     """The value of what has no signals."""
     terms = linear(node, value_of, arithmetic)
