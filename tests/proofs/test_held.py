@@ -2,7 +2,7 @@
 
 import pytest
 from proofs.test_proofs import SERVO
-from support.proofs import written
+from support.proofs import checked_file, written
 
 from wavesweep.program.cli import main
 from wavesweep.program.results.package import packaged_facts
@@ -43,6 +43,31 @@ def test_radii_are_held_where_ends_are_alike(tmp_path, capsys, monkeypatch):
     spec.write_text(SERVO, encoding="utf-8")
     assert main(["stability-region", str(spec), "--proof", "--out", str(tmp_path / "out"), "--no-plot"]) == 1
     assert "by the checker; this is a fault of wavesweep" in capsys.readouterr().err
+
+
+HELD = """[rates]
+tick_hz = 10
+[numbers]
+r = 0.5
+n = 2
+[block.a]
+type = "hold"
+[wire]
+"a.u" = "{gain}*prev(a.y)"
+[{table}
+r = {{ start = 0.1, stop = 1.9 }}
+"""
+
+
+def test_a_mode_that_is_at_1_where_a_row_ends_is_one_of_both(tmp_path):
+    text = HELD.format(gain="r**n", table='sweep]\nalong = "r"')
+    _, proof = written(tmp_path, text, "stability-region", "--no-plot")
+    assert proof.exists()
+
+
+def test_a_whole_exponent_that_is_a_number_is_one_in_a_box_and_its_proof(tmp_path):
+    files = written(tmp_path, HELD.format(gain="(1 - r)**n", table="for_all]"), "check")
+    assert checked_file(*files)[0] == 0
 
 
 def test_members_of_for_all_are_held(tmp_path, monkeypatch):

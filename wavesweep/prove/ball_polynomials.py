@@ -62,7 +62,7 @@ class BallFamily:
                 self.parts.append(indices.tolist())
         self.size = len(places)
         self.degree = _degree(loop)
-        self.bent = any(_branches(tree, loop.number) for _, tree in loop.drawing.trees())
+        self.bent = any(_branches(tree, loop) for _, tree in loop.drawing.trees())
         self.ones = [0] * (len(self.parts) + self.exact)
 
     @property
@@ -228,16 +228,13 @@ def _degree_of_block(block, number, largest) -> float:
     return 0
 
 
-def _branches(tree: Tree, number: str) -> bool:
-    """Whether a tree that reads a number has a power with another than a whole exponent, which
-    is not analytic everywhere."""
-    if (
-        tree.operation == "**"
-        and reads(tree, number)
-        and not (tree.operands[1].is_constant and tree.operands[1].evaluate({}).is_integer())
-    ):
+def _branches(tree: Tree, loop: BallLoop) -> bool:
+    """Whether a tree that reads the number of a loop has a power with another than a whole
+    exponent, which is not analytic everywhere."""
+    exponent = tree.whole_exponent(loop.values, loop.number)
+    if tree.operation == "**" and reads(tree, loop.number) and np.isnan(exponent):
         return True
-    return any(_branches(branch, number) for branch in tree.operands)
+    return any(_branches(branch, loop) for branch in tree.operands)
 
 
 def _ones(p):

@@ -181,6 +181,16 @@ class Tree:
         exponent = self.operands[1]
         return bool(exponent.operation == "number" and exponent.leaf.is_integer())
 
+    def whole_exponent(self, numbers: Mapping[str, Any], varied: str) -> Any:
+        """Return the exponent of a power where it is a whole number, else NaN: of what is no power,
+        and of one whose exponent reads the number that varies."""
+        import numpy as np
+
+        if self.operation != "**" or self.operands[1].reads(varied):
+            return np.nan
+        exponent = np.asarray(self.operands[1].values(numbers))
+        return np.where(exponent == np.round(exponent), exponent, np.nan)
+
     @property
     def text(self) -> str:
         """A text whose tree has the same value."""

@@ -106,16 +106,20 @@ def _limits(
 
     value = values_at(guard, within)
     from_root: np.ndarray | bool = False
-    nothing: np.ndarray | bool = False
+    nothing = np.zeros(1, bool)
     if root:
         at_low = values_at(root, within[:1])[:, 0]
         shape = max(len(value), at_low.size), within.size
         value = np.array(np.broadcast_to(value, shape))
         nothing = (value == 0).all(-1)  # a root of 0 everywhere is 0
+        exponent = np.broadcast_to(root.whole_exponent(known, name), (shape[0], 1))[:, 0]
+        nothing |= exponent >= 0  # a polynomial in its base
         value[nothing] = 1.0
         from_root = (value[:, 0] == 0) & np.isfinite(at_low) & (low == 0)
         value[from_root, 0] = value[from_root, 1]
-    if not _keep_sign(value).all() or _touches_zero(guard, known, name, within):
+    bent = _rows_of(known, ~nothing) if nothing.any() else known
+    touched = not nothing.all() and _touches_zero(guard, bent, name, within)
+    if touched or not _keep_sign(value).all():
         raise UsageError(
             f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
             f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
@@ -161,7 +165,8 @@ def guards_at(
     for _, guard, _, root in _guards_of(drawing, name_of(path)):
         value = np.broadcast_to(guard.values(numbers, shared), shape)
         if root:  # of 0 everywhere is 0
-            value = np.where(value == 0, 1.0, value)
+            exponent = root.whole_exponent(numbers, name_of(path))
+            value = np.where((value == 0) | (exponent >= 0), 1.0, value)
         guard_values.append(value)
     return np.stack(guard_values, axis=-1) if guard_values else np.ones((*shape, 0))
 
@@ -222,7 +227,7 @@ def _different(known: dict[str, Any], most: int | None = None) -> tuple[dict[str
     return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(-1)
 
 
-def _rows_of(known: dict[str, Any], some: slice) -> dict[str, Any]:
+def _rows_of(known: dict[str, Any], some: slice | np.ndarray) -> dict[str, Any]:
     return {name: value[some] if np.ndim(value) else value for name, value in known.items()}
 
 

@@ -498,9 +498,9 @@ def _library() -> SimpleNamespace:
 
 def _watch(tree: Tree, base: Any, exponent: Any, value: Any) -> None:
     """Refuse a power that is not whole and whose base meets the cut of its logarithm."""
+    from flint import acb
+
     del value
-    is_whole = tree.operation != "**" or (
-        tree.operands[1].is_constant and float(exponent).is_integer()
-    )
+    is_whole = tree.operation != "**" or acb(exponent).real.is_integer()
     if not (is_whole or base.is_zero() or base.real > 0 or not base.imag.contains(0)):
         raise _NotAnalyticError

@@ -322,11 +322,12 @@ class TaylorModel:
     def __rtruediv__(self, other: arb | int) -> TaylorModel:
         return self.inverse() * other
 
-    def __pow__(self, exponent: int) -> TaylorModel:
-        if isinstance(exponent, int | float) and exponent == int(exponent):
+    def __pow__(self, exponent: arb | float) -> TaylorModel:
+        exponent = arb(exponent)
+        if exponent.is_integer():
             power = self._constant(1.0)
             base = self
-            left = abs(int(exponent))
+            left = abs(int(float(exponent)))
             while left:
                 power = power * base if left % 2 else power
                 base = base * base if left > 1 else base
