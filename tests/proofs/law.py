@@ -7,6 +7,7 @@ proved, and how many ran out of their time. It ends with 1 if the checker refuse
 """
 
 import contextlib
+import csv
 import io
 import json
 import os
@@ -25,11 +26,15 @@ from support.proofs import checked_file, lines_of
 
 from wavesweep.checker import coverage
 from wavesweep.checker.file import ask_of, claim_of, spec_of
+from wavesweep.checker.reader import path_of
+from wavesweep.checker.reader.loops import Unreadable
 from wavesweep.program.cli import main as command
 
 WORDS = {"varying", "lost", "loss", "burst", "late", "tick", "contact"}  # of [for_all] and of channels
 LEAST = 0.98  # share of what is certified of each kind that is proved
 WHY = re.compile(r"  (no proof .*)")
+AT_ENDS = 1e-7  # of an interval or its end, that may be left out
+CLAIMS = {"for_all": "for all", "mean_square": "mean square", "contact": "contact"}  # of rows
 KINDS = {"modes": "slices", "refuted": "refuted ends"}
 
 
@@ -46,15 +51,18 @@ def fate(text: str, folder: Path) -> tuple[Counter, Counter, list[str]]:
     proof = folder / f"{name}.proof"
     if not proof.exists():
         return Counter(), Counter(), why or [words.strip().splitlines()[-1] if words.strip() else f"exit code {code}"]
-    proved, certified = counted(text, proof)
+    with (folder / f"{name}.csv").open(encoding="utf-8") as table:
+        rows = list(csv.DictReader(table))
+    proved, certified = counted(text, proof, rows)
     certified["refuted ends"] += sum("refuted end" in line for line in why)
     code, words = checked_file(spec, proof)
     refused = [line for line in words.splitlines() if not line.startswith("proved")][:-2] if code == 1 else []
     return +proved, +certified, why + refused
 
 
-def counted(text: str, proof: Path) -> tuple[Counter, Counter]:
-    """The parts of the question of each kind that have claims without a gap, and all of them; refuted ends that are."""
+def counted(text: str, proof: Path, rows: list[dict]) -> tuple[Counter, Counter]:
+    """The parts of the question of each kind whose stable rows have claims to their ends, or which have a claim where there is
+    no such row, and all of them; refuted ends that are."""
     tables = spec_of(text.encode())
     header, *lines = lines_of(proof)
     claims = [claim_of(line) for line in lines if "claim" in line]
@@ -65,11 +73,32 @@ def counted(text: str, proof: Path) -> tuple[Counter, Counter]:
         kind = KINDS.get(ask.claim, "rows")
         nothing = ask.open[:1] == [*ask.sides.values()]  # has no interval
         certified[kind] += ask.claim in coverage.SCOPES and not nothing
-        states = ["stated" if coverage.is_stated(ask, piece) else piece.state for piece in line]
-        torn = any(states[at - 1 : at + 2] == ["stable", "", "stable"] for at in range(1, len(states)))
-        proved[kind] += not torn and ("stable" in states or "unstable" in states)
+        intervals = [(float(row["low"]), float(row["high"])) for row in rows if row["low"] and is_of(row, ask, tables)]
+        states = {piece.state for piece in line}
+        proved[kind] += all(is_covered(ask, line, *ends) for ends in intervals) and bool(
+            states & {"stable", "within", "unstable"}
+        )
     refuted = Counter({"refuted ends": sum(claim.claim == "refuted" for claim in claims)})
     return proved + refuted, certified + refuted
+
+
+def is_of(row: dict, ask: coverage.Ask, tables: dict) -> bool:
+    """Whether a row of the table is of this part of the question."""
+    asked = {path_of(tables, name): float(value) for name, value in ask.numbers.items()}
+    for column, cell in row.items():
+        with contextlib.suppress(Unreadable):
+            if asked.get(path_of(tables, column), cell) not in (cell, float(cell or "nan")):
+                return False
+    return CLAIMS.get(row.get("guarantee", ""), "modes") == ask.claim
+
+
+def is_covered(ask: coverage.Ask, line: list[coverage.Piece], low: float, high: float) -> bool:
+    """Whether pieces and stated openings leave nothing out of a stable interval."""
+    left_out = 0.0
+    for piece in line:
+        if piece.state not in ("stable", "within") and not coverage.is_stated(ask, piece):
+            left_out += max(0.0, min(high, float(piece.high)) - max(low, float(piece.low)))
+    return left_out <= AT_ENDS * max(abs(low), abs(high), high - low)
 
 
 def fate_within(seconds: int, text: str) -> tuple[Counter, Counter, list[str], float] | None:
