@@ -121,6 +121,18 @@ def refuted(spec, K, word, tmp_path):
     return checked(tmp_path, spec, [line, cell])
 
 
+def test_a_step_that_is_not_said_is_the_time_that_elapses():
+    spec = SPEC.replace("dc-slow", "pmw")
+
+    def matrices(text):
+        family = file.family_of(file.spec_of(text.encode()), file.Claim("for all"))
+        return np.array(spectra(family, LETTERS))
+
+    elapsed = matrices(spec)
+    assert np.array_equal(matrices(spec.replace('step = "elapsed"', "")), elapsed)
+    assert not np.array_equal(matrices(spec.replace("elapsed", "nominal")), elapsed)
+
+
 def test_a_word_is_multiplied_out(tmp_path):
     """Published of a result after 1 ms: 146.9 N/m with frames of 33, 33, 20, 16 and 25 ticks in some order; for ever 152.1."""
     word = ["rates.ratio=33"]

@@ -276,3 +276,31 @@ def test_signals_that_double_are_refused_before_they_are_written_out(tmp_path):
     spec = DRAWN.format("hold").replace('"x.f" = "c.y"', f'"x.f" = "c.y - {sums}"')
     code, words = checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": []}])
     assert (code, "products" in words) == (2, True), words
+
+
+TWO_BODIES = """
+rates.tick_hz = 200
+signals.e = "{}"
+[block]
+a = {{ type = "mass", mass = 0.5, damping = 1.0 }}
+b = {{ type = "mass", mass = 0.3, damping = 0.5 }}
+[wire]
+"a.f" = "{}"
+"b.f" = "-{}"
+"""
+BOTH = "100*(b.x - a.x) - 30*a.x"
+
+
+@pytest.mark.parametrize(
+    ("meant", "of_a", "of_b", "refuses"),
+    [
+        (BOTH, "e", "e", True),
+        (BOTH, "2*e", "e", True),
+        ("100*(b.x - a.x)", "e", "e", False),
+        ("30*a.x", "-e", "e", True),
+        ("30*a.x", "-e", "30*b.x", False),
+    ],
+)
+def test_a_name_is_held_or_acts_continuously_wherever_it_stands(meant, of_a, of_b, refuses):
+    theirs, ours = refused(TWO_BODIES.format(meant, of_a, of_b))
+    assert (bool(theirs), bool(ours)) == (refuses, refuses), (theirs, ours)

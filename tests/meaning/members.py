@@ -83,7 +83,7 @@ class Walk:
         """extra: (time after a tick, kind) of what happens between ticks."""
         self.T = T
         self.extra = sorted(extra, key=lambda pair: pair[0])
-        self.machine = Machine(Schedule(T, kinds, [], {}, motion, {}))
+        self.machine = Machine(Schedule(T, kinds, [], motion))
         self.made: dict[object, np.ndarray] = {}
 
     def after(self, kind, time: float | None = None) -> np.ndarray:

@@ -27,6 +27,8 @@ from .loops import (
     bounded,
     form,
     scaled,
+    ticks_and_rest,
+    warped,
 )
 from .names import EDGES, RULES
 
@@ -42,7 +44,6 @@ PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m),
 }
 FILTERS = {"lp1": (1, "10", "low"), "hp": (1, "10", "high"), "lp2": (2, "20", "low")}
 ROUNDING = Fraction(10) ** -12
-MOST_LATE = 1000  # ticks of a dead time
 FILTERS_OF = {"pmw": ("lp1",), "pmw-lm": tuple(FILTERS)}
 SHOWN = {"x": "x", "v": "v", "v_hat": "v_hat", "f_m": "f_m now", "F_s": "held F"}
 WAVES = {"u_m": "u_m", "v_m": "v_m"}
@@ -187,11 +188,8 @@ class Controller:
         exact = self.arithmetic.exact
         time = self.arithmetic.time(key("device.dead_time", 0))
         dead = time + exact(key("device.delay", 0)) * self.T
-        if self.arithmetic.ends(dead)[1] > MOST_LATE * self.T:
-            raise Unreadable(f"device.delay and device.dead_time of more than {MOST_LATE} ticks")
-        least = self.arithmetic.least(dead)
-        self.late_ticks = bounded(math.floor(least / self.T), "a delay in ticks")
-        self.late_rest = dead - self.late_ticks * self.T
+        path = "device.delay with device.dead_time"
+        self.late_ticks, self.late_rest = ticks_and_rest(dead, self.T, path, self.arithmetic)
 
     # When things happen
 
@@ -220,7 +218,6 @@ class Controller:
             )
             arrives.setdefault(shown % ticks, []).append(event)
         kinds: dict[object, Instant] = {}
-        times: list[tuple[Fraction, object]] = []
         rank: list[tuple[Any, int, object]] = []
         for tick in range(ticks):
             come = tuple(
@@ -236,16 +233,8 @@ class Controller:
         for place, event in between:
             kinds["slow", event] = self.slow_between(event)
             rank.append((place * self.T, 3, ("slow", event)))
-        rank.sort(key=lambda row: (self.arithmetic.least(row[0]), row[1]))
-        ticks_at = {}
-        for at, (time, order, kind) in enumerate(rank):
-            if order == 1:
-                ticks_at[at] = len(ticks_at)
-            times.append((time, kind))
-        shown = dict(SHOWN)
-        if self.kind.startswith("pmw"):
-            shown |= WAVES
-        return Schedule(ticks * self.T, kinds, times, ticks_at, self.motion(), shown)
+        shown = SHOWN | (WAVES if self.kind.startswith("pmw") else {})
+        return Schedule.of(ticks * self.T, kinds, rank, self.motion(), shown, self.arithmetic.least)
 
     def motion(self) -> Instant:
         """The device: m v' = -d v - k x - f + f_h."""
@@ -364,11 +353,8 @@ class Controller:
         return low > -ROUNDING and high < ROUNDING
 
     def warped(self, hertz):
-        """tan(pi f T), with which the bilinear transform keeps a frequency below half the rate."""
-        share = self.arithmetic.number(hertz) * self.T
-        if self.arithmetic.ends(share)[1] >= Fraction(1, 2):
-            raise Unreadable("a frequency of a filter that is not below half of rates.fast_hz")
-        return self.arithmetic.tan(self.arithmetic.pi * share)
+        path = "a frequency of a filter"
+        return warped(self.arithmetic.number(hertz), self.T, path, self.arithmetic)
 
 
 def called(name: str) -> str:

@@ -28,6 +28,7 @@ from .expressions import (
     equations_of,
     linear,
     multiplied_out,
+    names_in,
     number,
     parsed,
     terms_of,
@@ -44,20 +45,25 @@ from .loops import (
     inverse,
     product,
     scaled,
+    ticks_and_rest,
     transposed,
+    warped,
 )
 from .names import OF_BLOCKS, Rule
 
 DEVICES = tuple(devices.DEFAULTS)  # of several axes
 RESERVED = {*FUNCTIONS, "prev", "pi", "dt"}
 NO_NAMES = {"nan", "inf", "infinity", "none", "null", "na", "true", "false"}
+SAME_SHARE, NO_GAIN = (
+    Fraction(10) ** -9,
+    Fraction(10) ** -40,
+)  # rounding of numbers with ranges is below
 ASKEW = Fraction(10) ** -12  # of entries of a symmetric matrix
 NEEDED = {  # of ports that there are
     "hand": {"force", "displacement"},
     "environment": {"force", "displacement"},
     "wall": {"stiffness", "damping"},
 }
-LONGEST = 1000  # ticks of a dead time
 PLANTS = {"mass", "inertia", "mass_matrix", *DEVICES, "spring", "ss", "tf"}
 
 # Laws of blocks: into.PORT and out.PORT are its ports, memory.NAME is @B NAME, inner.NAME another variable; the rest are keys.
@@ -182,6 +188,7 @@ class Drawing:
         for name, block in self.blocks.items():
             if block["type"] == "delay" and "seconds" in block:
                 self.late[name] = self.dead_time(name)
+        self.refuse_two_meanings()
 
     # Numbers and names
 
@@ -485,22 +492,66 @@ class Drawing:
         if text is None:
             self.refuse_loose(block, port)
             return continuous, held, arriving
-        between, sampled = self.parted(block, text)
-        for acts, products in ((True, between), (False, sampled)):
+        for acts, factor, signal in self.products_of(block, text):
+            for name, coefficient in scaled(factor, self.signal(signal, block)).items():
+                owner = self.owner(name)
+                if owner in self.late and self.late[owner][1]:
+                    held = form(held, (coefficient, f"{owner} read"))
+                    arriving = form(arriving, (coefficient, f"@{owner} arrived"))
+                elif acts and owner in self.plants:
+                    continuous = form(continuous, (coefficient, name))
+                else:
+                    held = form(held, (coefficient, name))
+        return continuous, held, arriving
+
+    def products_of(self, block: str, text):
+        """(whether it acts continuously, factor, signal) of each product of a wire to a plant."""
+        for acts, products in zip((True, False), self.parted(block, text), strict=True):
             for sign, factors, signal in products:
                 factor = sign
-                for each in factors:
-                    factor = factor * self.number(each, self.period(block))
-                for name, coefficient in scaled(factor, self.signal(signal, block)).items():
-                    owner = self.owner(name)
-                    if owner in self.late and self.late[owner][1]:
-                        held = form(held, (coefficient, f"{owner} read"))
-                        arriving = form(arriving, (coefficient, f"@{owner} arrived"))
-                    elif acts and owner in self.plants:
-                        continuous = form(continuous, (coefficient, name))
-                    else:
-                        held = form(held, (coefficient, name))
-        return continuous, held, arriving
+                for part in factors:
+                    factor = factor * self.number(part, self.period(block))
+                yield acts, factor, signal
+
+    def refuse_two_meanings(self) -> None:
+        """Unreadable for a name of [signals] of which a plant's output acts continuously in one wire, or in a product, and
+        is held in another."""
+        signals = self.signals
+        ends = self.arithmetic.ends
+        for name, meant in signals.items():
+            first: dict[str, Any] = {}
+            for port, text in self.wires.items():
+                block = self.owner(port)
+                if block not in self.plants or name not in self.names_read(text):
+                    continue
+                for meaning in (meant, f"1*({meant})"):
+                    sizes: dict[
+                        str, list
+                    ] = {}  # of a signal: what is held, and what acts continuously
+                    for sign, instead in ((1, meaning), (-1, "0")):
+                        self.signals = {**signals, name: instead}
+                        for acts, factor, signal in self.products_of(block, text):
+                            sizes.setdefault(signal, [0, 0])[acts] += sign * factor
+                    self.signals = signals
+                    for signal in sizes.keys() & self.names_read(meant):
+                        parts = [max(map(abs, ends(size))) for size in sizes[signal]]
+                        if self.owner(signal) not in self.plants or sum(parts) < NO_GAIN:
+                            continue
+                        share = parts[1] / sum(parts)
+                        if abs(share - first.setdefault(signal, share)) > SAME_SHARE:
+                            raise Unreadable(
+                                f"signals.{name} acts continuously, and is held elsewhere: {port}"
+                            )
+
+    def names_read(self, given) -> set[str]:
+        """All that expressions read, through names of signals and numbers."""
+        if isinstance(given, list):
+            return {name for each in given for name in self.names_read(each)}
+        if not isinstance(given, str):
+            return set()
+        found = names_in(parsed(given))
+        further = [self.signals.get(name, self.numbers.get(name)) for name in found]
+        return found | self.names_read(further)
 
     def refuse_loose(self, block: str, port: str) -> None:
         """Unreadable for a port without a wire, but for those of a spring that need none."""
@@ -602,12 +653,8 @@ class Drawing:
         ):
             given = self.numbers[given]  # a decimal number, and not the double nearest to it
         seconds = self.arithmetic.time(self.number(given) if isinstance(given, str) else given)
-        least = self.arithmetic.least(seconds)
         self.in_each_tick(name)
-        if self.arithmetic.ends(seconds)[1] > LONGEST * self.T:
-            raise Unreadable(f"block.{name}.seconds is more than {LONGEST} ticks")
-        whole = math.floor(least / self.T)
-        return whole, seconds - whole * self.T
+        return ticks_and_rest(seconds, self.T, f"block.{name}.seconds", self.arithmetic)
 
     def late_rows(self, name, equations, writes):
         """A dead time of `whole` ticks and a `rest`.
@@ -748,10 +795,8 @@ class Drawing:
 
     def warped(self, name, key):
         """tan(pi f T) of a frequency, with which the bilinear transform keeps it."""
-        share = self.value(name, key) * self.period(name)
-        if self.arithmetic.ends(share)[1] >= Fraction(1, 2):
-            raise Unreadable(f"block.{name}.{key} is not below half the block's own rate")
-        return self.arithmetic.tan(self.arithmetic.pi * share)
+        path = f"block.{name}.{key}"
+        return warped(self.value(name, key), self.period(name), path, self.arithmetic)
 
     def run_fir(self, name, equations, writes):
         self.weighted(name, equations, writes, self.numbers_of(name, "coefficients"))
@@ -841,15 +886,9 @@ class Drawing:
             for later, kind, instant in extra:
                 kinds[kind] = instant
                 rank.append((tick * self.T + later, 2, kind))
-        rank.sort(key=lambda row: (self.arithmetic.least(row[0]), row[1]))
-        times = []
-        ticks = {}
-        for at, (time, order, kind) in enumerate(rank):
-            if order == 1:
-                ticks[at] = len(ticks)
-            times.append((time, kind))
         shown = {name: name for name in kinds[own].equations}
-        return Schedule(period * self.T, kinds, times, ticks, self.motion(), shown)
+        least = self.arithmetic.least
+        return Schedule.of(period * self.T, kinds, rank, self.motion(), shown, least)
 
     def tick(self, running, active, held):
         """What happens in a tick in which the blocks `active` run."""

@@ -285,9 +285,7 @@ def _from_sample_to_sample(schedule: Schedule) -> Schedule:
     """The same from just after its first tick on, which comes at its end."""
     (_, sample), *others = schedule.times
     times = [(Fraction(0), "begin"), *others, (schedule.period, sample)]
-    return Schedule(
-        schedule.period, {**schedule.kinds, "begin": Instant()}, times, {}, schedule.motion, {}
-    )
+    return Schedule(schedule.period, {**schedule.kinds, "begin": Instant()}, times, schedule.motion)
 
 
 def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
@@ -301,9 +299,7 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
         raise Unreadable(
             f"frames of {loop.kind} that vary, or do not last whole ticks, have no proof here"
         )
-    step = loop.key("environment.step")
-    if not step and loop.kind not in ("dc-slow", "dc-lm") and RATIO in found.varying:
-        raise Unreadable("environment.step is missing, where frames vary")
+    step = loop.key("environment.step", "elapsed")
     if step == "nominal":
         loop.Ts = nominal.Ts
     delays = found.varying.get(DELAY, [])
@@ -368,9 +364,7 @@ def ticks_of(
                 time,
                 {instant: whole.kinds[instant]},
                 [(Fraction(0), instant)],
-                {},
                 whole.motion,
-                {},
             )
             moves[place][letter] = kind, (place + 1) % len(instants), None
     return schedules, moves
@@ -540,7 +534,7 @@ def _stretch(loop: Drawing, channels, first: int, until: int, gets) -> Schedule:
     times = [
         (time - begin, kind) for time, kind in times if begin <= loop.arithmetic.least(time) < end
     ]
-    return Schedule(end - begin, whole.kinds, times, {}, whole.motion, {})
+    return Schedule(end - begin, whole.kinds, times, whole.motion)
 
 
 STEPPED = {
@@ -571,9 +565,11 @@ def _drawing(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
         raise Unreadable("in a drawn loop one number varies, and messages of channels are lost")
     loop = loop_with(values)
     (name,) = found.varying
-    if name in _names(loop, loop.key("rates.tick_hz")):
+    if name in loop.names_read(loop.key("rates.tick_hz")):
         raise Unreadable(f"the tick lasts as long as {name} says, which varies from frame to frame")
-    slow = [block for block, keys in loop.blocks.items() if name in _names(loop, keys.get("every"))]
+    slow = [
+        block for block, keys in loop.blocks.items() if name in loop.names_read(keys.get("every"))
+    ]
     others = [
         block
         for block in loop.blocks
@@ -585,21 +581,10 @@ def _drawing(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
         )
     for block, keys in loop.blocks.items():
         wires = [wire for port, wire in loop.wires.items() if port.startswith(f"{block}.")]
-        read = _names(loop, [*(given for key, given in keys.items() if key != "every"), *wires])
+        read = loop.names_read([*(given for key, given in keys.items() if key != "every"), *wires])
         stepped = block in slow and (
             (keys["type"] in STEPPED and loop.phase(block) > 0) or "dt" in read
         )
         if stepped or name in read or (block in slow and keys["type"] not in STEPPED | STEADY):
             raise Unreadable(f"the block {block} has no rule here for steps that vary")
     return _from_sample_to_sample(loop.schedule())
-
-
-def _names(loop, given) -> set[str]:
-    """All that expressions read, through names of signals and numbers."""
-    if isinstance(given, list):
-        return {name for each in given for name in _names(loop, each)}
-    if not isinstance(given, str):
-        return set()
-    found = names_in(parsed(given))
-    further = [loop.signals.get(name, loop.numbers.get(name)) for name in found]
-    return found | _names(loop, further)

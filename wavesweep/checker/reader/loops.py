@@ -7,11 +7,13 @@ A form is a dict from names to coefficients. Names that begin with "@" are memor
 outside, all others are variables of one instant.
 """
 
+import math
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Protocol
 
 MOST_TICKS = 20_000  # of a period, and of a delay
+MOST_LATE = 1000  # ticks of a dead time
 
 
 class Unreadable(Exception):
@@ -86,9 +88,19 @@ class Schedule:
     period: Fraction
     kinds: dict[object, Instant]
     times: list[tuple[Any, object]]
-    ticks: dict[int, int]  # place in `times` -> number of the tick whose instant it is
     motion: Instant  # its writes are the derivatives of the memory that moves between instants
-    shown: dict[str, str]  # name of a signal -> variable of a tick's instant
+    # place in `times` -> number of the tick whose instant it is
+    ticks: dict[int, int] = field(default_factory=dict)
+    # name of a signal -> variable of a tick's instant
+    shown: dict[str, str] = field(default_factory=dict)
+
+    @staticmethod
+    def of(period, kinds, rank: list, motion: Instant, shown: dict, least) -> "Schedule":
+        """rank: (time, order, kind) of all instants; at one time they come in this order, and that of a tick is 1."""
+        rank = sorted(rank, key=lambda row: (least(row[0]), row[1]))
+        times = [(time, kind) for time, _, kind in rank]
+        ticks = [at for at, (_, order, _) in enumerate(rank) if order == 1]
+        return Schedule(period, kinds, times, motion, {at: n for n, at in enumerate(ticks)}, shown)
 
 
 class Keys:
@@ -106,6 +118,22 @@ class Keys:
                 return default
             table = table[name]
         return table
+
+
+def ticks_and_rest(seconds, T: Fraction, path: str, arithmetic) -> tuple[int, Any]:
+    """A dead time in whole ticks and the rest (s)."""
+    if arithmetic.ends(seconds)[1] > MOST_LATE * T:
+        raise Unreadable(f"{path} is more than {MOST_LATE} ticks")
+    whole = math.floor(arithmetic.least(seconds) / T)
+    return whole, seconds - whole * T
+
+
+def warped(hertz, T: Fraction, path: str, arithmetic):
+    """tan(pi f T) of a frequency, with which the bilinear transform keeps it."""
+    share = hertz * T
+    if arithmetic.ends(share)[1] >= Fraction(1, 2):
+        raise Unreadable(f"{path} is not below half the rate of its filter")
+    return arithmetic.tan(arithmetic.pi * share)
 
 
 # Small matrices as lists of rows, of coefficients of any kind.

@@ -293,7 +293,7 @@ _LOOP = [
     Key.word(
         "environment.step",
         None,
-        "over what time the slow environment integrates where [for_all] lets frames vary",
+        "over what time the slow environment integrates where [for_all] lets frames vary; elapsed if nothing is said",
         STEPS,
     ),
     replace(
