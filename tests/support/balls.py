@@ -40,7 +40,10 @@ class Frame:
 class Arithmetic:
     """That of the interpreter, in balls; times are fractions, and all keys the doubles that they are."""
 
-    number, pi = arb, property(lambda _: arb.pi())
+    pi = property(lambda _: arb.pi())
+
+    def number(self, value):
+        return arb(str(value)) if isinstance(value, str) else arb(value)
 
     def whole(self, value):
         return round(float(value))

@@ -162,7 +162,9 @@ class Controller:
         if ratio is not None and slow is not None:
             raise Unreadable("rates.ratio and rates.slow_hz are one number, and both stand there")
         if slow is None:
-            return Fraction(self.arithmetic.whole(20 if ratio is None else ratio))
+            given = 20 if ratio is None else ratio
+            self.arithmetic.whole(given)
+            return self.arithmetic.exact(given)
         found = fast / self.arithmetic.exact(slow)
         if not 1 <= found <= 1000 or (
             found.denominator > 1 and (found < 2 or found.numerator > 10_000)

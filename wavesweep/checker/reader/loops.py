@@ -122,7 +122,7 @@ class Keys:
 
 def ticks_and_rest(seconds, T: Fraction, path: str, arithmetic) -> tuple[int, Any]:
     """A dead time in whole ticks and the rest (s)."""
-    if arithmetic.ends(seconds)[1] > MOST_LATE * T:
+    if arithmetic.ends(seconds / T)[1] > MOST_LATE:
         raise Unreadable(f"{path} is more than {MOST_LATE} ticks")
     whole = math.floor(arithmetic.least(seconds) / T)
     return whole, seconds - whole * T
