@@ -9,7 +9,7 @@ The module is an arithmetic of the reader: `number`, `whole`, `exact`, `pi`, `sq
 
 import re
 from fractions import Fraction
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from itertools import product as all_of
 from math import isqrt
 
@@ -534,21 +534,12 @@ def sqrt(x) -> Number:
     return Number(None, Ring.root, (number(x),)) if number(x) else Number({})
 
 
-def exp(x) -> Number:
-    return Number(None, Ring.exponential, (number(x),))
+def _of(function, x) -> Number:
+    return Number(None, function, (number(x),))
 
 
-def log(x) -> Number:
-    return Number(None, Ring.logarithm, (number(x),))
-
-
-def cos(x) -> Number:
-    return Number(None, Ring.cosine, (number(x),))
-
-
-def sin(x) -> Number:
-    return Number(None, Ring.sine, (number(x),))
-
-
-def tan(x) -> Number:
-    return Number(None, Ring.tangent, (number(x),))
+exp = partial(_of, Ring.exponential)
+log = partial(_of, Ring.logarithm)
+cos = partial(_of, Ring.cosine)
+sin = partial(_of, Ring.sine)
+tan = partial(_of, Ring.tangent)

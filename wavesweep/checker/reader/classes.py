@@ -45,25 +45,18 @@ def _one(tables: dict, name: str, drawing: dict) -> dict:
     taken += [port for port in drawing.get("wire", {}) if f"{name}.{port}" in wires]
     if taken:
         raise Unreadable(f"{taken[0]} of the class of {name} is there twice")
-    for number, value in drawing.get("numbers", {}).items():
-        numbers[own[number]] = value
     for block, keys in drawing.get("block", {}).items():
         changed = {key: _renamed(value, own) for key, value in keys.items() if key != "type"}
         changed |= given.pop(block, {})
         blocks[f"{name}.{block}"] = {"type": keys["type"], **changed}
-    for number, value in given.items():
-        if number not in own:
-            raise Unreadable(f"block.{name}.{number} is no number and no block of its class")
-        numbers[f"{name}_{number}"] = value
-    for number, value in list(numbers.items()):
-        if number in own.values() and number.removeprefix(f"{name}_") not in given:
-            numbers[number] = _renamed(value, own)
-    for signal, text in drawing.get("signals", {}).items():
-        signals[own[signal]] = _renamed(text, own)
-    for output, text in ports.get("outputs", {}).items():
-        signals[f"{name}.{output}"] = _renamed(text, own)
-    for port, text in drawing.get("wire", {}).items():
-        wires[f"{name}.{port}"] = _renamed(text, own)
+    for number, value in drawing.get("numbers", {}).items():
+        numbers[own[number]] = given.pop(number) if number in given else _renamed(value, own)
+    for key in given:
+        raise Unreadable(f"block.{name}.{key} is no number and no block of its class")
+    texts = drawing["signals"], ports.get("outputs", {}), drawing["wire"]
+    for target, meanings in zip((signals, signals, wires), texts, strict=True):
+        for key, text in meanings.items():
+            target[f"{name}.{key}"] = _renamed(text, own)
     for port in ports.get("inputs", []):
         signals[f"{name}.{port}"] = wires.pop(f"{name}.{port}")
     return {**tables, "block": blocks, "numbers": numbers, "signals": signals, "wire": wires}

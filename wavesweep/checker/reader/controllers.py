@@ -27,10 +27,11 @@ from .loops import (
     bounded,
     form,
     scaled,
+    shifted,
     ticks_and_rest,
     warped,
 )
-from .names import EDGES, RULES
+from .names import EDGES, RULES, SYMBOLS
 
 PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m), where they are known
     "paper": ("0.1", "1.5"),
@@ -41,6 +42,16 @@ PRESETS = {  # of `wavesweep keys device.preset`: mass (kg) and damping (N s/m),
     "omega": (None, None),
     "sigma": (None, None),
     "lambda": (None, None),
+}
+DEFAULTS = {
+    "K_VE": 500,
+    "B_VE": 1,
+    "b": 25,
+    "Kp": 0,
+    "K_VC": 1000,
+    "B_VC": 5,
+    "K_LM": 500,
+    "B_LM": 0,
 }
 FILTERS = {"lp1": (1, "10", "low"), "hp": (1, "10", "high"), "lp2": (2, "20", "low")}
 ROUNDING = Fraction(10) ** -12
@@ -80,8 +91,8 @@ SPRING = {  # the place that it reads
     "implicit": "{place}.place",
     "trapezoidal": "{place}.place",
 }
-WALL = "slow.F = K*{x} + B*{v}; new.F = slow.F"
-AT_AVATAR = "slow.F = K*{spring} + B*slow.speed; new.F = slow.F; new.x_s = slow.place;"
+WALL = "slow.F = K_VE*{x} + B_VE*{v}; new.F = slow.F"
+AT_AVATAR = "slow.F = K_VE*{spring} + B_VE*slow.speed; new.F = slow.F; new.x_s = slow.place;"
 # B_VC (v - x_s') + K_VC (x - x~) = F
 COUPLED = (
     f"{AT_AVATAR} slow.speed = {{v}} + K_VC/B_VC*({{x}} - {{spring}}) - slow.F/B_VC;"
@@ -142,15 +153,9 @@ class Controller:
             self.delay = 0
         self.Ts = self.ratio * self.T
         self.read_device()
-        self.K = self.number("environment.K_VE", 500)
-        self.B = self.number("environment.B_VE", 1)
         self.integration = key("environment.integration", "implicit")
-        self.b = self.number("controller.b", 25)
-        self.Kp = self.number("controller.Kp", 0)
-        self.K_VC = self.number("controller.K_VC", 1000)
-        self.B_VC = self.number("controller.B_VC", 5)
-        self.K_LM = self.number("local_model.K_LM", 500)
-        self.B_LM = self.number("local_model.B_LM", 0)
+        for symbol, path in SYMBOLS.items():
+            setattr(self, symbol, self.number(path, DEFAULTS[symbol]))
         self.local_integration = key("local_model.integration", "implicit")
         self.local_delay = self.arithmetic.whole(key("local_model.delay", 1))
         self.filters = {name: self.read_filter(name) for name in FILTERS}
@@ -281,9 +286,7 @@ class Controller:
             return
         equations["f_m now"] = {"@f": 1} if self.late_rest else {f"@m{self.late_ticks - 1}": 1}
         writes["@f"] = {"f_m now": 1}
-        writes["@m0"] = {"f_m": 1}
-        for number in range(self.late_ticks):
-            writes[f"@m{number + 1}"] = {f"@m{number}": 1}
+        writes |= shifted("@m", self.late_ticks, {"f_m": 1})
 
     def laws(self, law: str, **names) -> tuple[dict, dict]:
         """Equations and what they write, by the names of this file with dots for spaces; names: of what braces stand for."""
@@ -321,10 +324,9 @@ class Controller:
         if self.kind == "pmw-mean":
             count = round(self.ratio)
             share = Fraction(1, count)
-            equations["u_s"] = {"u_m": share}
-            for number in range(count - 1):
-                equations["u_s"][f"@u{number}"] = share
-                writes[f"@u{number}"] = {f"@u{number - 1}": 1} if number else {"u_m": 1}
+            means = ["u_m", *(f"@u{number}" for number in range(count - 1))]
+            equations["u_s"] = dict.fromkeys(means, share)
+            writes |= shifted("@u", count - 2, {"u_m": 1}) if count > 1 else {}
 
     def read_filter(self, name: str) -> list[tuple]:
         """Sections in series; order 0 is none, and a filter that the controller has not sets no limit to its cutoff."""
@@ -379,7 +381,6 @@ def add_model(equations, writes, name, model, source, out):
     """x+ = A x + B u, out = C x + D u with u = `source`."""
     A, B, C, D = model
     states = [f"@{name} state {number}" for number in range(len(A))]
-    equations[out] = form(scaled(D, source), *((C[at], state) for at, state in enumerate(states)))
-    for at, state in enumerate(states):
-        inside = [(A[at][other], states[other]) for other in range(len(states))]
-        writes[state] = form(scaled(B[at], source), *inside)
+    equations[out] = form(scaled(D, source), dict(zip(states, C, strict=True)))
+    for state, row, fed in zip(states, A, B, strict=True):
+        writes[state] = form(scaled(fed, source), dict(zip(states, row, strict=True)))

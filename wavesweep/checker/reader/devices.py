@@ -41,6 +41,12 @@ def parts_of(kind: str, value, arithmetic) -> tuple:
     return axes, mass, damping, stiffness
 
 
+def _inner(of, value, motor: str):
+    """The inertia of a motor with its inner link."""
+    mass, centre, inertia = _link("1", of, value)
+    return of[motor] + inertia + mass * centre * centre
+
+
 def _link(which: str, of, value):
     """(mass, place of its centre, inertia about that) of a link."""
     length = of[f"l{which}"]
@@ -50,24 +56,22 @@ def _link(which: str, of, value):
 
 def _five_bar(of, value, arithmetic):
     """Motors are at (+-base/2, 0), elbows outwards."""
-    mass1, centre1, inertia1 = _link("1", of, value)
     mass2, centre2, inertia2 = _link("2", of, value)
     for side in (-1, 1):
         reach = [of["x"] - side * of["base"] / 2, of["y"]]
         motor, link, middle = _two_links(reach, -side, of["l1"], of["l2"], centre2, arithmetic)
-        inner = of["motor_inertia"] + inertia1 + mass1 * centre1 * centre1
+        inner = _inner(of, value, "motor_inertia")
         stored = plus(times(inner, outer(motor, motor)), times(inertia2, outer(link, link)))
         yield plus(stored, times(mass2, _square(middle))), times(of["damping"], outer(motor, motor))
 
 
 def _pantograph(of, value, arithmetic):
     """Both motors at (0, 0): the first turns the inner link, the second the outer one, whose angle is its own."""
-    mass1, centre1, inertia1 = _link("1", of, value)
     mass2, centre2, inertia2 = _link("2", of, value)
     first, second, middle = _two_links(
         [of["x"], of["y"]], -1, of["l1"], of["l2"], centre2, arithmetic
     )
-    inner = of["motor1"] + inertia1 + mass1 * centre1 * centre1
+    inner = _inner(of, value, "motor1")
     yield times(inner, outer(first, first)), times(of["damping1"], outer(first, first))
     yield times(mass2, _square(middle)), times(of["damping2"], outer(second, second))
     yield times(of["motor2"] + inertia2, outer(second, second)), times(0, outer(second, second))
@@ -79,7 +83,6 @@ def _delta(of, value, arithmetic):
     The rods are thin and alike all along: of ends with velocities a and b they have the energy m (aa + ab + bb)/6.
     """
     l1 = of["l1"]
-    mass1, centre1, inertia1 = _link("1", of, value)
     half_root = arithmetic.sqrt(arithmetic.number(3)) / 2
     for away in ([1, 0, 0], [Fraction(-1, 2), half_root, 0], [Fraction(-1, 2), -half_root, 0]):
         joint = [of["x"], of["y"], of["z"]]  # from the motor
@@ -102,7 +105,7 @@ def _delta(of, value, arithmetic):
         elbow = outer(of_q, motor)
         rods = plus(_square(elbow), times(Fraction(1, 2), plus(transposed(elbow), elbow)))
         stored = times(of["m2"] / 3, plus(rods, identity(3)))
-        inner = of["motor_inertia"] + inertia1 + mass1 * centre1 * centre1
+        inner = _inner(of, value, "motor_inertia")
         yield (
             plus(stored, times(inner, outer(motor, motor))),
             times(of["damping"], outer(motor, motor)),

@@ -44,7 +44,9 @@ from .loops import (
     identity,
     inverse,
     product,
+    rows_of,
     scaled,
+    shifted,
     ticks_and_rest,
     transposed,
     warped,
@@ -64,6 +66,7 @@ NEEDED = {  # of ports that there are
     "environment": {"force", "displacement"},
     "wall": {"stiffness", "damping"},
 }
+ABOVE_0 = Rule(low=Fraction(0), above=True)
 PLANTS = {"mass", "inertia", "mass_matrix", *DEVICES, "spring", "ss", "tf"}
 
 # Laws of blocks: into.PORT and out.PORT are its ports, memory.NAME is @B NAME, inner.NAME another variable; the rest are keys.
@@ -72,6 +75,7 @@ PLAIN = "out.y = into.u"
 PI = "inner.now = into.u; memory.u = inner.now; memory.integral = inner.i; memory.moved = dt*inner.now;"
 SMOOTHED = "out.y = (1 - a)*memory.y + a*into.u; memory.y = out.y"
 MOVED = "out.v = (sqrt(2*b)*into.in - inner.f)/b; out.out = into.in - sqrt(2*b)/b*inner.f; memory.x = out.x;"
+WALL = "out.made = (K + B/dt)*out.depth - B/dt*memory.depth; memory.depth = out.depth"
 LAWS = {
     **dict.fromkeys(("hold", "channel", "saturation"), PLAIN),
     "gain": "out.y = k*into.u",
@@ -86,7 +90,11 @@ LAWS = {
     "avatar": f"{MOVED} inner.f = into.f;",
     "local_model": f"{MOVED} inner.f = K*out.x_spring + B*out.v;",
     "wave": "",
+    "wall": f"out.depth = nx*into.x + ny*into.y; {WALL}",
+    "wall-3d": f"out.depth = nx*into.x + ny*into.y + nz*into.z; {WALL}",
 }
+FORCES = {"wall": "out.fx = nx*out.force; out.fy = ny*out.force"}
+FORCES["wall-3d"] = f"{FORCES['wall']}; out.fz = nz*out.force"
 CHOICES = {  # a key that says a part of the law, and what it is without
     "integrator": ("method", "explicit"),
     **dict.fromkeys(("pi", "pid"), ("method", "implicit")),
@@ -107,8 +115,9 @@ PARTS = {
     "out.out = into.in - sqrt(2*b)/b*into.f",
 }
 DEFAULTS = {  # of keys in laws
-    **dict.fromkeys(("k", "b0"), 1),
-    **dict.fromkeys(("ki", "kd", "tau", "B", "depth", "b1", "b2", "a1", "a2"), 0),
+    **dict.fromkeys(("k", "b0", "nx"), 1),
+    **dict.fromkeys(("ki", "kd", "tau", "B", "depth", "b1", "b2", "a1", "a2", "ny", "nz"), 0),
+    **dict.fromkeys(("wall K", "wall-3d K"), 100),
 }
 # Transfer functions num, den: s = c (z - 1)/(z + 1), with c = 1/tan(pi f dt) of a frequency f that it keeps.
 WARPED = {"zero": "zero_hz", "pole": "pole_hz", "c": "frequency_hz"}
@@ -159,7 +168,7 @@ class Drawing:
         self.known: dict[str, object] = {}
         self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
         hz = arithmetic.exact(self.number(self.key("rates.tick_hz")))
-        Rule(low=Fraction(0), above=True).refuse("rates.tick_hz", hz, arithmetic)
+        ABOVE_0.refuse("rates.tick_hz", hz, arithmetic)
         self.T = 1 / hz
         self.signals = self.key("signals", {})
         self.blocks = self.key("block", {})
@@ -200,13 +209,17 @@ class Drawing:
             return self.arithmetic.number(given)
 
         def value_of(name):
-            if name == "pi":
-                return {"": self.arithmetic.pi}
-            if name == "dt" and dt is not None:
-                return {"": self.arithmetic.number(dt)}
-            return {"": self.number_called(name)}
+            return {"": self.constant(name, dt)}
 
         return number(given, value_of, self.arithmetic)
+
+    def constant(self, name: str, dt: Fraction | None):
+        """A number by its name, pi, or dt where there is a period."""
+        if name == "pi":
+            return self.arithmetic.pi
+        if name == "dt" and dt is not None:
+            return self.arithmetic.number(dt)
+        return self.number_called(name)
 
     def number_called(self, name: str):
         if name not in self.known and name in self.numbers:
@@ -327,12 +340,8 @@ class Drawing:
             return linear(
                 self.signals[name], lambda inner: self.signal(inner, block), self.arithmetic
             )
-        if name == "pi":
-            return {"": self.arithmetic.pi}
-        if name == "dt":
-            return {"": self.arithmetic.number(self.period(block))}
-        if name in self.numbers:
-            return {"": self.number_called(name)}
+        if name in ("pi", "dt") or name in self.numbers:
+            return {"": self.constant(name, self.period(block))}
         return {"cut" if name == self.cut else name: 1}
 
     def before(self, name: str, block: str) -> dict:
@@ -465,9 +474,8 @@ class Drawing:
     def body(self, axes, mass, damping, stiffness):
         """The plant of M a + D v + K x = f."""
         size = len(axes)
-        minor = Rule(low=Fraction(0), above=True)
         light = inverse(
-            mass, lambda pivot: minor.refuse("a pivot of a mass matrix", pivot, self.arithmetic)
+            mass, lambda pivot: ABOVE_0.refuse("a pivot of a mass matrix", pivot, self.arithmetic)
         )
         A = [[0] * size + row for row in identity(size)]
         A += [
@@ -618,12 +626,9 @@ class Drawing:
                 moving.equations[into] = form(
                     own, arriving, {f"@into {name}.{port}": 1} if sampled else {}
                 )
-            for row, port in enumerate(outputs):
-                moving.equations[f"y {name}.{port}"] = form(
-                    _pairs(C[row], states), _pairs(D[row], acting)
-                )
-            for row, state in enumerate(states):
-                moving.writes[state] = form(_pairs(A[row], states), _pairs(B[row], acting))
+            shown = [f"y {name}.{port}" for port in outputs]
+            moving.equations |= rows_of(shown, C, states, D, acting)
+            moving.writes |= rows_of(states, A, states, B, acting)
         return moving
 
     def plant_rows(self, equations, writes):
@@ -637,10 +642,10 @@ class Drawing:
                 )
                 if held:
                     writes[f"@into {name}.{port}"] = {f"held into {name}.{port}": 1}
-            for row, port in enumerate(outputs):
-                states = [(C[row][at], f"@{name} x{at}") for at in range(len(A))]
-                fed = [(D[row][at], f"into {name}.{into}") for at, into in enumerate(inputs)]
-                equations[f"{name}.{port}"] = form(*states, *[pair for pair in fed if pair[0]])
+            shown = [f"{name}.{port}" for port in outputs]
+            states = [f"@{name} x{at}" for at in range(len(A))]
+            fed = [f"into {name}.{port}" for port in inputs]
+            equations |= rows_of(shown, C, states, D, fed)
 
     # Dead times
 
@@ -673,9 +678,7 @@ class Drawing:
         if rest:
             equations[f"{name} read"] = {f"@{name} seen {whole}": 1} if seen else {}
             equations[f"{name}.y"] = {f"{name} read": 1, f"@{name} arrived": 1}
-            writes[f"@{name} given 0"] = given
-            for at in range(whole):
-                writes[f"@{name} given {at + 1}"] = {f"@{name} given {at}": 1}
+            writes |= shifted(f"@{name} given ", whole, given)
             arrival = {f"@{name} arrived": {f"@{name} given {whole}": 1} if given else {}}
             look = Instant({}, {})
             for part in seen:
@@ -685,9 +688,7 @@ class Drawing:
                 look.equations[part] = form(
                     *((C[row][at], f"@{plant} x{at}") for at in range(len(A)))
                 )
-            look.writes[f"@{name} seen 0"] = dict(seen)
-            for at in range(whole):
-                look.writes[f"@{name} seen {at + 1}"] = {f"@{name} seen {at}": 1}
+            look.writes |= shifted(f"@{name} seen ", whole, dict(seen))
             extra = [(self.T - rest, f"{name} looks", look)] if seen else []
             if given:
                 return [(rest, f"{name} arrives", Instant({}, arrival)), *extra]
@@ -736,13 +737,12 @@ class Drawing:
                 return self.into(block, port)
             if port:
                 return {called_of(block)(name): 1}
-            if name == "dt":
-                return {"": self.period(block)}
-            if name == "pi":
-                return {"": self.arithmetic.pi}
+            if name in ("pi", "dt"):
+                return {"": self.constant(name, self.period(block))}
             if name in WARPED:
                 return {"": 1 / self.warped(block, WARPED[name])}
-            return {"": self.value(block, name, DEFAULTS.get(name))}
+            default = DEFAULTS.get(name, DEFAULTS.get(f"{self.blocks[block]['type']} {name}"))
+            return {"": self.value(block, name, default)}
 
         return value_of
 
@@ -824,27 +824,9 @@ class Drawing:
         for port in inputs:
             equations[f"into {name}.{port}"] = self.into(name, port)
         fed = [f"into {name}.{port}" for port in inputs]
-        for row, port in enumerate(outputs):
-            equations[f"{name}.{port}"] = form(_pairs(C[row], states), _pairs(D[row], fed))
-        for row, state in enumerate(states):
-            writes[state] = form(_pairs(A[row], states), _pairs(B[row], fed))
-
-    def run_wall(self, name, equations, writes):
-        """The depth along the normal, and K times it and B times its change."""
-        normal = self.normal(name)
-        equations[f"{name}.depth"] = form(
-            *(scaled(share, self.into(name, axis)) for axis, share in normal.items())
-        )
-        rate = self.value(name, "B", 0) / self.period(name)
-        K = self.value(name, "K", 100.0)
-        equations[f"{name}.made"] = {f"{name}.depth": K + rate, f"@{name} depth": -rate}
-        writes[f"@{name} depth"] = {f"{name}.depth": 1}
-
-    run_wall_3d = run_wall
-
-    def normal(self, name) -> dict:
-        axes = "xyz" if self.blocks[name]["type"] == "wall-3d" else "xy"
-        return {axis: self.value(name, f"n{axis}", int(axis == "x")) for axis in axes}
+        shown = [f"{name}.{port}" for port in outputs]
+        equations |= rows_of(shown, C, states, D, fed)
+        writes |= rows_of(states, A, states, B, fed)
 
     def wall_rows(self, name, equations, writes):
         """Its force comes so many ticks later as `late` says, whether it runs there or not."""
@@ -855,8 +837,7 @@ class Drawing:
             f"{name}.made",
             [(f"{name}.force", self.whole(name, "late", 0))],
         )
-        for axis, share in self.normal(name).items():
-            equations[f"{name}.f{axis}"] = {f"{name}.force": share}
+        equations |= self.laws(name, FORCES[self.blocks[name]["type"]])[0]
 
     # Time
 
@@ -951,7 +932,3 @@ def fifo(equations, writes, name, source, outputs):
         writes[f"@{name} ago {at + 1}"] = {f"@{name} ago {at}": 1} if at else {source: 1}
     for out, runs in outputs:
         equations[out] = {f"@{name} ago {runs}": 1} if runs else {source: 1}
-
-
-def _pairs(row, names):
-    return form(*((coefficient, name) for coefficient, name in zip(row, names, strict=True)))

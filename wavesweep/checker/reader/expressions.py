@@ -106,9 +106,11 @@ def multiplied_out(node, meanings, numbers) -> list[tuple[int, tuple[str, ...], 
     """The products that a term is the sum of, as (sign, factors, signal); "prev NAME" is a signal, "" none."""
     products = []
     for sign, part in terms_of(node, meanings):
-        if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Mult):
+        if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Mult | ast.Div):
             left = multiplied_out(part.left, meanings, numbers)
-            right = multiplied_out(part.right, meanings, numbers)
+            right = [(1, (f"1/({ast.unparse(part.right)})",), "")]
+            if isinstance(part.op, ast.Mult):
+                right = multiplied_out(part.right, meanings, numbers)
             if len(left) * len(right) + len(products) > MOST:
                 raise Unreadable(f"a wire of more than {MOST} products")
             for one, factors, signal in left:
@@ -116,15 +118,6 @@ def multiplied_out(node, meanings, numbers) -> list[tuple[int, tuple[str, ...], 
                     products.append(
                         (sign * one * other, tuple(sorted((*factors, *further))), signal + behind)
                     )
-        elif isinstance(part, ast.BinOp) and isinstance(part.op, ast.Div):
-            for one, factors, signal in multiplied_out(part.left, meanings, numbers):
-                products.append(
-                    (
-                        sign * one,
-                        tuple(sorted((*factors, f"1/({ast.unparse(part.right)})"))),
-                        signal,
-                    )
-                )
         elif isinstance(part, ast.Call) and part.func.id == "prev":
             for one, factors, signal in multiplied_out(part.args[0], meanings, numbers):
                 products.append((sign * one, factors, f"prev {signal}"))

@@ -177,8 +177,6 @@ def _of_number(found: ForAll, name: str, given: Any, exact, whole: bool):
             raise Unreadable(f"for_all.{name}.varying is true or false")
         if "start" in given:
             low, high = values
-            if low > high:
-                raise Unreadable(f"for_all.{name} goes from {float(low):g} down to {float(high):g}")
             if not varying and not whole:
                 found.ranges[name] = low, high
                 return

@@ -136,6 +136,21 @@ def warped(hertz, T: Fraction, path: str, arithmetic):
     return arithmetic.tan(arithmetic.pi * share)
 
 
+def rows_of(names, of_states, states, of_inputs, inputs) -> dict[str, dict]:
+    """x+ = A x + B u, or y = C x + D u: a form for each name, without inputs that it does not have."""
+    found = {}
+    for name, row, fed in zip(names, of_states, of_inputs, strict=True):
+        own = {into: entry for into, entry in zip(inputs, fed, strict=True) if entry}
+        found[name] = form(dict(zip(states, row, strict=True)), own)
+    return found
+
+
+def shifted(memory: str, count: int, newest: dict) -> dict[str, dict]:
+    """What is written to memory 0 .. count: the newest in front of all others."""
+    older = {f"{memory}{at + 1}": {f"{memory}{at}": 1} for at in range(count)}
+    return {f"{memory}0": newest} | older
+
+
 # Small matrices as lists of rows, of coefficients of any kind.
 
 
