@@ -60,7 +60,7 @@ def _held(spec, names, wanted, points=40):
 
 
 def test_what_is_proved_of_a_part_holds_at_its_points():
-    table = _held(wavesweep.load(DRIVE), ["k", "K"], 0.2)
+    table = _held(wavesweep.load(DRIVE), ["k", "K"], 0.1)
     assert {"stable", "unstable", "open"} == {*table.columns["proved"]}
     again = KINDS[0].again(table.facts, str)
     assert (next(iter(again.all_blocks()))["share"] == table.columns["share"]).all()
@@ -81,10 +81,17 @@ def test_what_is_proved_of_a_part_holds_at_its_points():
     assert {*columns["proved"][meets]} == {"stable"}
 
 
-def _apart(span_a, span_b, **own):
-    """Modes at a and at b, one of which moves the other."""
+def _apart(span_a, span_b, coupling=0.1, **own):
+    """Modes at a and at b, one of which moves the other by the coupling."""
     block = {
-        "m": {"type": "ss", "discrete": True, "inputs": ["u"], "A": [["a", 0.1], [0, "b"]], "B": [[1], [1]], "C": [[1, 1]]},
+        "m": {
+            "type": "ss",
+            "discrete": True,
+            "inputs": ["u"],
+            "A": [["a", coupling], [0, "b"]],
+            "B": [[1], [1]],
+            "C": [[1, 1]],
+        },
         "g": {"type": "gain", "k": 0.0},
     }
     numbers = {"a": {"value": 0.6}, "b": {"value": 0.6}} | {name: {"value": value} for name, value in own.items()}
@@ -114,6 +121,16 @@ def test_modes_apart_from_each_other_have_the_counts_and_shares_of_their_squares
     assert table.facts["own"] == [0.6, 0.6]
     assert table.facts["logarithmic"] == [scale == "log", False]
     assert table.facts["wanted"] == 0.005
+
+
+@pytest.mark.parametrize("ends", [(-1.5, 1.5), (0.0, 2.0)])
+def test_modes_that_do_not_act_on_each_other_have_the_map_of_their_squares(ends):
+    """Also where the plane's middle has modes of no size, or on the circle."""
+    span = dict(zip(("start", "stop"), ends, strict=True))
+    columns = stability_map(_apart(span, span, 0.0), ["a", "b"]).columns
+    assert len(columns["share"]) < 1000
+    share = 2 / 3 if ends[0] < 0 else 0.5  # of each number, inside the circle
+    assert columns["share"][columns["outside"] == 0].sum() == pytest.approx(share**2, abs=0.005)
 
 
 def test_an_unstable_design_has_no_rectangle_and_few_parts_leave_most_open(monkeypatch):
@@ -264,3 +281,11 @@ def test_the_largest_rectangle_about_a_point_is_that_of_all_tries():
 def test_what_has_no_map_is_refused(names, more, said):
     with pytest.raises(UsageError, match=said):
         stability_map(wavesweep.load(DRIVE | more), names)
+
+
+@pytest.mark.parametrize("option", [("-j", "1"), ("--backend", "loky"), ("--restart",), ("--for-hands", "box")])
+def test_options_of_rows_are_refused_beside_a_map(option, wavesweep, tmp_path):
+    (tmp_path / "a.toml").write_text('controller.kind = "dc"')
+    code, _, said = wavesweep("stability-region", str(tmp_path / "a.toml"), "--map", "K_VE,b", *option)
+    assert code == 2
+    assert "--map: expected it without --" in said

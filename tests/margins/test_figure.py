@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep.margins.figure import draw_bode
+from wavesweep.margins.figure import _closed_step, draw_bode
 from wavesweep.margins.figure import open_loop as open_loop_of
 from wavesweep.margins.table import margins
 from wavesweep.program import plots
@@ -132,3 +132,20 @@ def test_a_fast_signal_has_a_bode_plot_up_to_half_its_own_rate_with_marks_at_its
     for axes, expected in ((gain, 0.0), (phase, turn - 180)):
         (mark,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
         assert mark == pytest.approx([hertz, expected], abs=1e-6)
+
+
+def test_a_step_at_a_signal_of_plants_that_act_on_each_other_is_that_behind_a_gain():
+    spec = drive()
+    spec["block"]["end"] = {"type": "mass", "mass": 0.2, "damping": 0.3}
+    spec["signals"] = {"pull": "40*(end.x - m.x)", "place": "m.x"}
+    spec["wire"] |= {"m.f": "s.y + ground.f1 + pull", "end.f": "-pull", "s.u": "-kp*place - kd*m.v"}
+    alone, behind = (_closed_step(wavesweep.load(spec), cut) for cut in ("m.x", "place"))
+    np.testing.assert_allclose(alone.value[::5], behind.value[::5], atol=1e-9)  # where both run
+
+
+def test_a_loop_without_margins_of_gain_has_a_figure():
+    block = {"g": {"type": "gain", "k": -0.5}, "h": {"type": "delay", "steps": 0, "every": 2}}
+    spec = wavesweep.load({"rates": {"tick_hz": 10}, "block": block, "wire": {"g.u": "h.y", "h.u": "g.y"}})
+    table = margins(spec, "h.y")
+    (gain,) = (axes for axes in plots.margins(table.columns, table.facts).axes if axes.get_label() == PANELS[1])
+    assert gain.get_ylim()[0] < 20 * np.log10(0.5) < gain.get_ylim()[1]

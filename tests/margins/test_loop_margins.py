@@ -14,7 +14,7 @@ from support.drawn import ARM
 
 from wavesweep import UsageError, load
 from wavesweep.engine.doubts import words
-from wavesweep.margins.broken_loops import broken_at, cuts_of
+from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.program.api import compile as compiled
 
@@ -311,3 +311,17 @@ def test_a_force_that_arrives_between_two_ticks_has_the_margins_of_its_own_delay
     assert found["phase"].omega == pytest.approx(crossing, rel=1e-8)
     with pytest.raises(UsageError, match=r"found 'amplifier\.y'"):
         broken_at(spec, "amplifier.y")
+
+
+def test_a_loop_without_states_has_the_margins_of_its_gain():
+    """Where an end of a margin leaves the direct terms without a solution, the frequency is that of the margin."""
+    block = {"g": {"type": "gain", "k": 0.5}, "h": {"type": "gain"}}
+    for L, every in ((0.5, 1), (-0.5, 1), (0.5, 2)):
+        slow = {"h": {"type": "delay", "steps": 0, "every": every}} if every > 1 else {}
+        spec = load({"rates": {"tick_hz": 10}, "block": block | slow, "wire": {"g.u": "h.y", "h.u": f"{-2 * L}*g.y"}})
+        broken = broken_at(spec, "h.y")
+        found = {each.name: each.value for each in margins_of(broken)[0]}
+        assert found["sensitivity"] == pytest.approx(1 / (1 + L), rel=1e-8)
+        assert found["complementary"] == pytest.approx(abs(L / (1 + L)), rel=1e-8)
+        assert found["disk"] == pytest.approx(2 * min(1, abs((1 + L) / (1 - L))), rel=1e-6)
+        assert (lines_at(broken, margins_of(broken)[0]) >= 0).any()

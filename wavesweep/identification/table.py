@@ -353,7 +353,7 @@ def _refuse_log(path, log, step, model):
     """Raise UsageError for a log that does not move, or not what the model reads, or for no longer
     than a given delay."""
     half = len(log.reading) // 2
-    if model.delay is not None and abs(model.delay) > half:
+    if (model.delay or 0) > half:
         expected = f"expected at most half of the rows, {half} ticks"
         raise UsageError(f"{path}: --delay: {expected}, found {model.delay:g}")
     if np.ptp(log.reading) < 3 * step:

@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from itertools import product
 
 import numpy as np
 
 from wavesweep.engine.blocks import FACTOR, PRODUCT
 from wavesweep.engine.drawing import BLOCK, GAIN, Drawing, path_of
-from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.engine.errors import IllPosedLoopError, UsageError, WavesweepError
 from wavesweep.engine.frames import OpenTicks, open_loops
 from wavesweep.engine.keys import nearest
 from wavesweep.engine.loop import Loops
@@ -56,8 +57,10 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> LiftedLo
     drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
     (gain,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
     places = np.flatnonzero(gain.runs(drawn.ticks)) / drawn.ticks
-    cut = open_loops(loop, GAIN).cut if times[signal] == 1 and not loop.batch else None
-    broken = LiftedLoop(loop, ticks, drift, float(drawn.period) * drawn.ticks, places, cut)
+    once = open_loops(loop, GAIN) if times[signal] == 1 and not loop.batch else None
+    broken = LiftedLoop(
+        loop, ticks, drift, float(drawn.period) * drawn.ticks, places, once and once.cut
+    )
     if not broken.returns:
         raise UsageError(
             f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself"
@@ -76,19 +79,14 @@ def lines_at(broken: LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
     is the frequency itself.
     """
     lines = np.array([margin.omega for margin in margins]) / (2 * np.pi)
-    at = []
-    factors = []
     for number, margin in enumerate(margins):
         factor = factor_at(margin.name, margin.value, margin.omega, broken)
-        if factor is not None:
-            at.append(number)
-            factors.append(factor)
-    if not at:
-        return lines
-    loops = broken.loop.changed({path_of(GAIN): np.array(factors)})
-    omega = np.array([margins[number].omega for number in at])
-    logarithms = 1j * omega * broken.period
-    lines[at] = lines_in_loops(loops, logarithms[:, None])[:, 0]
+        if factor is None:
+            continue
+        loop = broken.loop.changed({path_of(GAIN): np.array([factor])})
+        with suppress(IllPosedLoopError):  # with direct terms that end there
+            s = np.array([[1j * margin.omega * broken.period]])
+            lines[number] = lines_in_loops(loop, s)[0, 0]
     return lines
 
 

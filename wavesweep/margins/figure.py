@@ -494,7 +494,7 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
         seen_values = np.concatenate([values[shown], *family_seen[row], np.array(marked)])
         low = min(limit, *seen_values)
         if axes is gain:
-            low = max(low, min(LEAST_GAIN, *marked))
+            low = max(low, min([LEAST_GAIN, *marked]))
         high = max(limit, *seen_values)
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.grid(**GRID)

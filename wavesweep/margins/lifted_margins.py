@@ -159,7 +159,7 @@ class LiftedLoop:
     def _sensitivity_at(self, theta):
         E, B, C, D = (array[0] for array in self.sensitivity.maps[0])
         A = on_circle(np.asarray(theta, float))[..., None, None] * np.eye(len(E)) - E
-        return D + C @ solve(A, B + 0 * A[..., :1])
+        return D + C @ solve(A, B + 0j)
 
     @cached_property
     def sensitivity(self) -> TickMaps:

@@ -47,9 +47,8 @@ def inertia_of_cells(A: Polynomials, pieces: int = 1) -> Inertia:
         P = _series(seen, pieces)
         forms = Polynomials(P, np.zeros(P.shape[1:]), A.numbers, A.order)
         outside, slack = outside_each(forms, seen, pieces)
-        moves = norm_bound(slack.terms).T @ (
-            1 - 0.5**A.exponents
-        )  # what is gone if a side is halved
+        known = np.isfinite(slack.errors)  # F is positive in the middle
+        moves = _moves(np.where(known, norm_bound(P), 1.0), seen)
         size = norm_bound(np.abs(seen.terms).sum(0)) * norm_bound(np.abs(P).sum(0))[following]
         rest = 2 * size * norm_bound(seen.rest)
     by_cell = (cells, pieces)
@@ -143,3 +142,15 @@ def _series(A: Polynomials, pieces: int) -> np.ndarray:
         P[here] = solved(P[here])
         after[here] += P[here][:, following] @ A.terms[0]
     return P
+
+
+def _moves(sizes: np.ndarray, A: Polynomials) -> np.ndarray:
+    """By how much each number moves the slack, `(cells, numbers)`: what is gone, if its side is
+    halved, of the terms of P A above the order, which are all that F has beside I.
+
+    sizes: of the terms of P, `(monomials, cells)`.
+    """
+    exponents = A.exponents[:, None] + A.exponents
+    above = exponents.sum(-1, keepdims=True) > A.order
+    gone = np.where(above, 1 - 0.5**exponents, 0.0)
+    return np.einsum("kc,ic,kin->cn", sizes, norm_bound(A.terms), gone)

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from wavesweep.capabilities import offered
-from wavesweep.program.cli.options import ABOUT_ITS_VALUE, PATH, Number, Options, run_options
+from wavesweep.program.cli.options import (
+    ABOUT_ITS_VALUE,
+    PATH,
+    Number,
+    Options,
+    is_given,
+    run_options,
+)
 from wavesweep.program.row_kinds import hands_offered
 
 if TYPE_CHECKING:
@@ -162,8 +169,12 @@ def stability_region(
     if not mapped and share_open is not None:
         raise click.UsageError("--open: expected --map, whose share it is, found none")
     if mapped:
-        if for_hands:
-            raise click.UsageError("--map: expected it without --for-hands; leave one of them out")
+        for name in ("for_hands", "jobs", "backend", "scheduler", "restart"):
+            if is_given(name):
+                option = name.replace("_", "-")
+                raise click.UsageError(
+                    f"--map: expected it without --{option}; leave one of them out"
+                )
         maps = offered("stability_map")
         names = [name.strip() for name in mapped.split(",")]
 
