@@ -519,3 +519,11 @@ def test_a_row_is_settled_but_for_the_first_thousandth_from_0(low, high, span, r
     low_by, high_by = (end and {"lost": None} for end in refuted)
     part = Part(refuted[0] or span[0], refuted[1] or high, low_by, high_by)
     assert Row(low, high, part, span, "").settled == settled
+
+
+def test_what_a_proof_has_reached_never_shrinks(caplog):
+    caplog.set_level("INFO", "wavesweep.proof")
+    report = varying._shown(varying.ON_THE_WAY, "K")
+    for end in (8.0, 2.0, 9.0):
+        report(1.0, end, 10 * end)
+    assert [said.split(" so far")[0] for said in caplog.messages] == [f"K proved from 1 to {end}" for end in (8, 8, 9)]

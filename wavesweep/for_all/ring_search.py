@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 from wavesweep.engine.switched import (
     Bracket,
@@ -76,7 +75,10 @@ def bracket_ring(
             centre = search and search.found(start, WORK)
             if centre is not None and search.proved((start, centre)):
                 centre = replace(centre, work=0.0)
-                told = partial(report, below)
+
+                def told(end: float, _: float) -> None:
+                    report(below, end, 100 * (end - low) / (high - low))
+
                 _, end, _ = covered(search, centre, start, goal, LEAST_STEP, WORK, STEPS, told)
                 above = max(above, end)
         return above, Refuted()

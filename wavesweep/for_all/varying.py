@@ -266,13 +266,24 @@ def placed(spec: Spec) -> Iterator[None]:
         raise SpecError(places.get(at[0], spec).mistake(*at) for at in facts) from None
 
 
+def _shown(text: str, number: str) -> Callable[[float, float, float], None]:
+    """Return what tells how far a number is proved: a range that never shrinks, and a share."""
+    ends: list[float] = []
+
+    def report(low: float, high: float, share: float) -> None:
+        ends.extend((low, high))
+        PROOF_LOGGER.info(text, number, min(ends), max(ends), share)
+
+    return report
+
+
 def bracketed(
     family: LoopFrames, along: str, span: tuple[float, float], about: tuple[float, float]
 ) -> Bracket | None:
     """What is proved and refuted about an interval of the nominal loop along a number; None if no
     start of a proof is found."""
     low, high = about
-    report = partial(PROOF_LOGGER.info, ON_THE_WAY, name_of(along))
+    report = _shown(ON_THE_WAY, name_of(along))
     if isinstance(family, RingFrames):
         return bracket_ring(family, about, report=report)
     for share in STARTS:
@@ -308,7 +319,7 @@ def bracketed_over(
     # Numbers in a box, or a drift that depends on the number along which the interval is.
     loops = _over(rules, values, along, ranges, span)
     low, high = about
-    report = partial(PROOF_LOGGER.info, SO_FAR, rules.said + name_of(along))
+    report = _shown(SO_FAR, rules.said + name_of(along))
     for share in STARTS:
         start = low + share * (high - low)
         found = bracket_over(loops, start, span, rules.work, rules.begins, report)
