@@ -304,3 +304,9 @@ BOTH = "100*(b.x - a.x) - 30*a.x"
 def test_a_name_is_held_or_acts_continuously_wherever_it_stands(meant, of_a, of_b, refuses):
     theirs, ours = refused(TWO_BODIES.format(meant, of_a, of_b))
     assert (bool(theirs), bool(ours)) == (refuses, refuses), (theirs, ours)
+
+
+def test_signals_that_no_block_reads_may_have_numbers():
+    spec = DRAWN.format("hold") + "[ports]\noutputs.pull = 'k*x.x'\n[signals]\nturn = 'pi*k*x.x'\n"
+    spec = spec.replace('"-k*x.x"', '"-turn"')
+    assert refused(spec) == ("", "")

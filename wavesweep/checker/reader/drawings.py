@@ -341,7 +341,7 @@ class Drawing:
                 self.signals[name], lambda inner: self.signal(inner, block), self.arithmetic
             )
         if name in ("pi", "dt") or name in self.numbers:
-            return {"": self.constant(name, self.period(block))}
+            return {"": self.constant(name, self.period(block) if name == "dt" else None)}
         return {"cut" if name == self.cut else name: 1}
 
     def before(self, name: str, block: str) -> dict:
