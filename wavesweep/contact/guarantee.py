@@ -21,12 +21,6 @@ ROWS = {
         OPEN_BETWEEN,
     )
 }
-HANDS: dict[str, str] = {}
-
-
-def of_word(kind: str, more: str | None) -> Guarantee | None:  # noqa: ARG001
-    """No word of --for-hands is read here; see `program.tables.hand_rows`."""
-    return None
 
 
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:

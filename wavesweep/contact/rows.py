@@ -16,9 +16,9 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import LinearFractional, open_loops
-from wavesweep.engine.intervals import blank_records, record_type
+from wavesweep.engine.intervals import blank_records
 from wavesweep.engine.loop import Loops
-from wavesweep.haptics.felt import FELT, felt_along
+from wavesweep.haptics.felt import felt_along
 from wavesweep.program.analyses.claims import (
     AT_REST,
     PUSHES,
@@ -28,11 +28,12 @@ from wavesweep.program.analyses.claims import (
     Status,
     own_scope,
 )
-from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
+from wavesweep.program.analyses.interval_jobs import PROVED_RECORD, Guarantee, records_of_loop
 from wavesweep.program.number_words import span_around
+from wavesweep.program.row_kinds import TEXT
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import loops_of
-from wavesweep.program.tables.refuters import LEFT_OPEN, TEXT, Refuters
+from wavesweep.program.tables.refuters import Refuters
 
 LINEAR = "the linear wall, in contact all the time"
 NOWHERE = f"{LINEAR}, is stable at none"
@@ -44,12 +45,6 @@ IN_FRAMES = (
     "quadratic forms on a graph of frames, with what the wall stores, which fall in all frames, proved by Cholesky with "
     "bounds on all errors; refuted by a pattern of frames, or a wall and a motion that repeats in frames of one length"
 )
-CONTACT_RECORD = record_type(
-    *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
-    ("settled", "?"),
-    ("counterexample", f"<U{TEXT}"),
-    ("left_open", f"<U{LEFT_OPEN}"),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +54,6 @@ class ContactGuarantee(Guarantee):
 
     rules: Any = None
     kind = "contact"
-    dtype = CONTACT_RECORD
     status = Status.PROVED
 
     @property
@@ -289,9 +283,9 @@ def _refuted(line, end, linear_end, border):
 
 
 def _recorded(rows: list[Row], why: str, span: tuple[float, float], along="") -> np.ndarray:
-    """The rows as records of CONTACT_RECORD; why: there are none, if that is known."""
+    """The rows as records of PROVED_RECORD; why: there are none, if that is known."""
     ends = (np.array([getattr(row, end) for row in rows]) for end in ("low", "high"))
-    records = blank_records(*ends, CONTACT_RECORD)
+    records = blank_records(*ends, PROVED_RECORD)
     known = bool(rows or why)
     records["certified"], records["residual"] = known, 0.0
     records["doubt"] = Doubt.NONE if known else Doubt.SEARCH

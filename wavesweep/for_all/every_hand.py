@@ -19,7 +19,6 @@ from wavesweep.engine.switched import Verdict, decide
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.members import claims_hold
 from wavesweep.for_all.rows import (
-    FOR_ALL_RECORD,
     Row,
     all_of,
     cases_of,
@@ -48,7 +47,6 @@ class EveryHandGuarantee(Guarantee):
     """Every passive hand with all of [for_all], as `IntervalQuery.guarantee`."""
 
     rules: Rules
-    dtype = FOR_ALL_RECORD
     kind = "passive"
     method = (
         "stored energies at the nodes of an automaton of ticks, by a semidefinite program, proved by elimination in ball "

@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.intervals import blank_records, record_type
+from wavesweep.engine.intervals import blank_records
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import (
     SOON,
@@ -37,7 +37,6 @@ from wavesweep.for_all.varying import (
     placed,
     told,
 )
-from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import (
     MEAN_SQUARE,
     SETTLED_WITHIN,
@@ -47,17 +46,18 @@ from wavesweep.program.analyses.claims import (
     Status,
     required_by,
 )
-from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.analyses.interval_jobs import PROVED_RECORD, Guarantee
 from wavesweep.program.number_words import (
     in_all_digits,
     rounded_down,
     span_around,
     span_in_words,
 )
+from wavesweep.program.row_kinds import LEFT_OPEN, TEXT
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
-from wavesweep.program.tables.refuters import LEFT_OPEN, TEXT, Refuters, in_a_sentence
+from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
@@ -74,20 +74,12 @@ REQUIRED = (
     "have to be within"
 )
 
-FOR_ALL_RECORD = record_type(
-    *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
-    ("settled", "?"),
-    ("counterexample", f"<U{TEXT}"),
-    ("left_open", f"<U{LEFT_OPEN}"),
-)
-
 
 @dataclass(frozen=True, slots=True)
 class ForAllGuarantee(Guarantee):
     """The numbers of [for_all], as `IntervalQuery.guarantee`."""
 
     rules: Rules
-    dtype = FOR_ALL_RECORD
     status = Status.PROVED
 
     @property
@@ -624,13 +616,13 @@ def _decided(spec, rules, number, case):
 def recorded(
     rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool = False, why: str = ""
 ) -> np.ndarray:
-    """Return the rows as records of FOR_ALL_RECORD.
+    """Return the rows as records of PROVED_RECORD.
 
     agreed: whether no member of what they are about contradicts them. none: whether it is known
     that there are none; why: what rules them out.
     """
     records = blank_records(
-        *(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD
+        *(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), PROVED_RECORD
     )
     records["residual"], records["certified"] = 0.0, bool(rows or (none and certified))
     records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)

@@ -2,7 +2,6 @@
 
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.rows import (
-    FOR_ALL_RECORD,
     Row,
     cases_of,
     felt_for_all,
@@ -15,7 +14,6 @@ from wavesweep.for_all.varying import Rules, decided_over, text_of_pattern
 from wavesweep.for_all.wall_frames import UnfitWallError, WallFrames, wall_frames
 
 __all__ = [
-    "FOR_ALL_RECORD",
     "Part",
     "Row",
     "Rules",

@@ -1,4 +1,5 @@
-"""The rows of intervals that hold for fast ticks of all lengths, in whatever order these come."""
+"""The rows of intervals that hold for fast ticks of all lengths, in whatever order
+these come; their words are those of [for_all]."""
 
 from __future__ import annotations
 
@@ -7,16 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.interval_jobs import Guarantee
-    from wavesweep.program.row_kinds import RowKind
     from wavesweep.program.sweep.job import Job
-
-ROWS: dict[str, RowKind] = {}  # they are those of [for_all]
-HANDS: dict[str, str] = {}
-
-
-def of_word(kind: str, more: str | None) -> Guarantee | None:  # noqa: ARG001
-    """No word of --for-hands is read here; see `program.tables.hand_rows`."""
-    return None
 
 
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:

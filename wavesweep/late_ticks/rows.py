@@ -3,7 +3,7 @@ the verdict on its own values."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from textwrap import shorten
 
@@ -27,9 +27,10 @@ from wavesweep.program.analyses.claims import (
 )
 from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.number_words import in_all_digits, span_around
+from wavesweep.program.row_kinds import TEXT
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
-from wavesweep.program.tables.refuters import TEXT, Refuters, in_a_sentence
+from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_FRAME_PLACES = 256  # ticks in a frame
 
@@ -42,9 +43,6 @@ class LateTicksGuarantee(Guarantee):
     kind = "for_all"
     own_ticks = True
     status = Status.PROVED
-    dtype: np.dtype = field(
-        default_factory=lambda: offered("rules").FOR_ALL_RECORD, repr=False, compare=False
-    )
     method = (
         "quadratic norms at each tick of a frame, in which ticks of all lengths shrink, proved by Cholesky with bounds on all "
         "errors; refuted by a pattern of short and long ticks that grows"

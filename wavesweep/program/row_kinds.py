@@ -31,6 +31,8 @@ class RowKind:
     unsettled: str = ""
 
 
+TEXT = 2000  # characters of a refuter in a table, whose pattern is whole so that it can be run
+LEFT_OPEN = 160  # characters about what is left open
 OPEN_BETWEEN = "more than 1 % between what is proved and what is refuted at an end is not known in {rows} of {words}"
 COMPUTED: Mapping[str, RowKind] = {
     "free": RowKind("the device alone, without a hand", "free device"),
@@ -44,8 +46,7 @@ COMPUTED: Mapping[str, RowKind] = {
 def row_kinds() -> Mapping[str, RowKind]:
     """All kinds by their words, from the one that promises least to the one that promises most;
     "" of a table without words."""
-    offered = {word: kind for module in modules("guarantee") for word, kind in module.ROWS.items()}
-    return {"": RowKind(), **COMPUTED, **offered}
+    return {"": RowKind(), **COMPUTED, **_offered("ROWS")}
 
 
 def words_of(column: str) -> dict[str, str]:
@@ -60,4 +61,13 @@ def words_of(column: str) -> dict[str, str]:
 def hands_offered() -> dict[str, str]:
     """The words of --for-hands that the installed capabilities read, and what is stable with
     each."""
-    return {word: text for module in modules("guarantee") for word, text in module.HANDS.items()}
+    return _offered("HANDS")
+
+
+def _offered(name):
+    """The words of all modules `guarantee` that have a mapping of this name."""
+    return {
+        word: offer
+        for module in modules("guarantee")
+        for word, offer in getattr(module, name, {}).items()
+    }

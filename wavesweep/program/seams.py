@@ -36,13 +36,13 @@ class KeysModule(Protocol):
     TABLE: SpecTable
 
 
-class GuaranteeModule(Protocol):
+class GuaranteeModule(AsYouLike, Protocol):
     """Rows of stable intervals that hold for more than one loop."""
 
     ROWS: Mapping[str, RowKind]
     """Words and look of the rows by their word, from those that promise least."""
     HANDS: Mapping[str, str]
-    """The words of --for-hands that it reads, and what is stable with each."""
+    """The words of --for-hands that `of_word` reads, and what is stable with each."""
 
     def of_word(self, kind: str, more: str | None) -> Guarantee | None:
         """The guarantee for a word of --for-hands, None for a word of others; more: what stands

@@ -14,13 +14,14 @@ from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import REMEMBERED_LOOPS, open_loops
-from wavesweep.engine.intervals import FAILURES, Prover, Search, Searches, unanswered
+from wavesweep.engine.intervals import FAILURES, Prover, Search, Searches, record_type, unanswered
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
 from wavesweep.program.analyses.claims import STABLE, Claim, Property, Scope, Status, own_scope
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
+from wavesweep.program.row_kinds import LEFT_OPEN, TEXT
 from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.program.sweep.grid import (
     CHECKED,
@@ -58,6 +59,15 @@ class Way(Enum):
     BOTH = "both"
 
 
+PROVED_RECORD = record_type(
+    *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
+    ("settled", "?"),
+    ("counterexample", f"<U{TEXT}"),
+    ("left_open", f"<U{LEFT_OPEN}"),
+)
+"""Of rows that are proved, with the nearest values beyond that are refuted."""
+
+
 class Guarantee:
     """Intervals that hold for more than the spec's own loop, such as for hands; a frozen dataclass
     of a capability is one.
@@ -71,7 +81,7 @@ class Guarantee:
 
     __slots__ = ()
     kind: str
-    dtype: np.dtype
+    dtype = PROVED_RECORD
     method: str
     word = ""
     order = 0

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from wavesweep.capabilities import HANDS, modules
+from wavesweep.capabilities import HANDS, asked, modules
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.haptics.controllers import HAND
 from wavesweep.program.analyses.interval_jobs import Guarantee
@@ -67,9 +67,7 @@ def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:
 def _guarantee_of(kind: str, options: str | None) -> Guarantee | None:
     """The guarantee that a capability offers for a kind of hands, None if there is none. Errors: UsageError of its options."""
     try:
-        return next(
-            filter(None, (module.of_word(kind, options) for module in modules("guarantee"))), None
-        )
+        return next(filter(None, asked("guarantee", "of_word", kind, options)), None)
     except ValueError as error:
         raise UsageError(str(error)) from error
 

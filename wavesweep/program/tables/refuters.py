@@ -5,8 +5,6 @@ from itertools import groupby
 from textwrap import shorten
 from typing import NamedTuple
 
-TEXT = 2000  # characters of a refuter in a table, whose pattern is whole so that it can be run
-LEFT_OPEN = 160  # characters about what is left open
 LONGEST_REFUTER_TEXT = 60  # letters of a pattern in a sentence; the table has all of it
 _FRAME = r"\d+(?: \([^)]*\))?"  # ticks of a frame, and what else is said of it
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
