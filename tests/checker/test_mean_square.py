@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from support.proofs import checked
 
 from wavesweep.checker import balls, file
@@ -30,6 +31,14 @@ valve = {{ type = "hold", every = "n" }}
 "valve.u" = "-k*tank.y"
 [for_all]
 n = {{ values = [1, 3], varying = true, {chances} }}
+"""
+# a wall whose force is held over frames of 20 ms
+RESULTS = """
+rates.ratio = 20
+device = { mass = 0.1, damping = 1.5 }
+environment = { delay = 0, B_VE = 1.0 }
+controller.kind = "dc-slow"
+for_all.loss = 0.2
 """
 
 
@@ -65,7 +74,14 @@ def of_frames(k: float, chances) -> float:
     return moments({(i, j): [(chances[i][j], A[j])] for i in (0, 1) for j in (0, 1)}, [0, 1])
 
 
+def of_results(k: float) -> float:
+    """Of (x, v, force) at the begins of frames: m v' = force - 1.5 v."""
+    lost = expm(0.02 * np.array([[0, 1, 0], [0, -15, 10], [0, 0, 0]]))
+    return moments({(0, 0): [(0.8, lost @ [[1, 0, 0], [0, 1, 0], [-k, -1, 0]]), (0.2, lost)]}, [0])
+
+
 CASES = {
+    "results": (RESULTS, of_results),
     "losses": (LOSSY.format(chances='loss = "p"'), lambda k: of_losses(k, 0.2)),
     "bursts": (LOSSY.format(chances='loss = "p", burst = 0.1, burst_end = 0.4'), lambda k: of_losses(k, 0.2, 0.1, 0.4)),
     "shares": (FRAMES.format(chances="shares = [3, 1]"), lambda k: of_frames(k, [[0.75, 0.25]] * 2)),
@@ -74,7 +90,7 @@ CASES = {
 
 
 def limit_of(radius) -> float:
-    low, high = 1.0, 60.0
+    low, high = 1.0, 400.0
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (middle, high) if radius(middle) < 1 else (low, middle)
@@ -83,7 +99,8 @@ def limit_of(radius) -> float:
 
 def proof_of(spec: str, k: str) -> list[dict]:
     """Forms of the checker's chain: P_q = 1 + sum of chance A' P_r A."""
-    claim = file.Claim("mean square", {"k": Fraction(k)})
+    name = "k" if "numbers" in spec else "K_VE"
+    claim = file.Claim("mean square", {name: Fraction(k)})
     family = file.family_of(file.spec_of(spec.encode()), claim)
     point = balls.Cell({})
     size = len(family.states)
@@ -99,7 +116,7 @@ def proof_of(spec: str, k: str) -> list[dict]:
     forms = np.linalg.solve(np.eye(len(whole)) - whole, right).reshape(len(states), size, size)
     forms /= abs(forms).max()
     nodes = [{"L": [[f"{x:.15g}" for x in row] for row in np.linalg.cholesky((P + P.T) / 2).T]} for P in forms]
-    return [{"claim": "mean square", "numbers": {"k": k}, "states": family.states}, {"nodes": nodes}]
+    return [{"claim": "mean square", "numbers": {name: k}, "states": family.states}, {"nodes": nodes}]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -110,7 +127,7 @@ def test_the_mean_square_decays_up_to_where_second_moments_grow(case, tmp_path):
     code, words = checked(tmp_path, spec, lines)
     assert code == 0, words
     assert "the mean of all squares decays" in words
-    further = [lines[0] | {"numbers": {"k": f"{1.001 * limit:.12g}"}}, lines[1]]
+    further = [lines[0] | {"numbers": dict.fromkeys(lines[0]["numbers"], f"{1.001 * limit:.12g}")}, lines[1]]
     assert checked(tmp_path, spec, further)[0] == 1
 
 
@@ -119,8 +136,11 @@ def test_a_probability_may_be_swept(tmp_path):
     lines = proof_of(spec, "10")
     claim = lines[0] | {"sides": {"p": ["0.19", "0.2"]}}
     assert checked(tmp_path, spec, [claim, lines[1]])[0] == 0
-    code, words = checked(tmp_path, spec, [lines[0] | {"sides": {"p": ["-0.01", "0.2"]}}, lines[1]])
-    assert (code, "loss = -0.01 is not at least 0" in words) == (2, True), words
+    below = CASES["bursts"][0].replace('"p"', '"(p - 0.15)**2 - 0.0001"')
+    for given, low, code, why in ((spec, "-0.01", 2, "loss = -0.01 is not at least 0"), (below, "0.1", 1, "no probability")):
+        head, forms = proof_of(given, "1")
+        found, words = checked(tmp_path, given, [head | {"sides": {"p": [low, "0.2"]}}, forms])
+        assert (found, why in words) == (code, True), words
 
 
 def test_other_chances_are_another_chain(tmp_path):

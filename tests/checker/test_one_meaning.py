@@ -17,8 +17,8 @@ s = "h.y"
 "h.u" = "k*left.out + 0.1*prev(s)"
 [ports]
 [type.amp]
-numbers.kp = 0.2
-block.g = { type = "gain", k = "kp" }
+numbers = { kp = 0.2, k = "kp" }
+block.g = { type = "gain", k = "k" }
 block.lag = { type = "lowpass", a = 0.5 }
 wire."g.u" = "u"
 wire."lag.u" = "g.y"
