@@ -208,7 +208,6 @@ REPLACING = [
     (["report", "READ", "--out", "MADE"], "mine.html"),
     (["export", "READ", "--to", "c", "--out", "."], "controller.h"),
     (["check", "READ", "--plot", "--out", "MADE"], "mine.png"),
-    (["explore", "READ", "--save", "MADE"], "mine.toml"),
     (["identify", "READ", "--out", "MADE"], "mine.csv"),
     (["identify", "READ"], "results/identify/identify.csv"),
     (["identify", "/dev/stdin", "--out", "MADE"], "mine.csv"),

@@ -102,7 +102,7 @@ def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
     "words",
     [
         ["init", "--overwrite", "--out", "taken"],
-        ["explore", "SPEC", "--overwrite", "--save", "taken"],
+        ["explore", "SPEC", "--overwrite", "--save", "taken.html"],
         ["plot", "made/zwidth.csv", "--out", "figures"],
         ["check", "SPEC", "--plot", "--out", "figures"],
         ["export", "SPEC", "--overwrite", "--out", "figures"],
@@ -113,7 +113,12 @@ def test_nothing_but_a_file_is_replaced(wavesweep, spec, tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     if words[0] == "plot":
         assert wavesweep("zwidth", spec, "--no-plot", "--out", "made")[0] == 0
-    names = {"plot": "figures/zwidth.png", "check": "figures/diagram.png", "export": "figures/Makefile"}
+    names = {
+        "explore": "taken.html",
+        "plot": "figures/zwidth.png",
+        "check": "figures/diagram.png",
+        "export": "figures/Makefile",
+    }
     place = tmp_path / names.get(words[0], "taken")
     place.parent.mkdir(exist_ok=True)
     (tmp_path / "mine.txt").write_text("mine")

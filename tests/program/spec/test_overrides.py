@@ -94,6 +94,7 @@ wire = { "one.seen" = "-100*x.x", "x.f" = "one.told" }
         ),
         (None, {"rates.ratio": [4, 5]}, "rates.slow_hz=[20, 50]", {"rates.slow_hz": (20, 50)}),
         (None, {"rates.ratio": [4, 5], "controller.b": [3]}, "b=", {"rates.ratio": (4, 5)}),
+        (None, {"environment.delay": [0, 1], "B_VE": [1]}, "B_VE=[2, 3]", {"environment.delay": (0, 1), "B_VE": (2, 3)}),
         (NAMES, {"numbers.contact": [3]}, "contact=[5, 6]", {"numbers.contact": (5, 6)}),
         (NAMES, {"contact": {"start": 3, "stop": 4}}, "numbers.contact.start=2", {"contact": (2, 4)}),
         (NAMES, {"one_g": [1]}, "numbers.one_g=[2, 3]", {"one_g": (2, 3)}),

@@ -218,12 +218,13 @@ def _as_written(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, s
     if not section or path == section:
         return path
     full = in_full(path)
+    number = in_full(path[: depth + 1])
     for other in leaves:
         if other[:depth] == section != other:
             name = in_full(other[: depth + 1])
-            if full[: len(name)] == name:
+            if name != other[: depth + 1] and full[: len(name)] == name:
                 return (*other[: depth + 1], *full[len(name) :])
-            if _alike(full, other):
+            if other[: len(number)] == number or _alike(full, other):
                 return full
     return path
 
