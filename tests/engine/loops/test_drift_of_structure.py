@@ -4,6 +4,7 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import wavesweep
 from wavesweep.engine import loop as of_loops
@@ -16,6 +17,7 @@ TEMPLATES = Path(__file__).parents[3] / "sweeps" / "templates"
 PARTS = ((0.5, 0.7), (0.8, 0.85), (1.2, 1.3))  # of a number, in which a batch has it
 
 
+@pytest.mark.whole
 def test_each_batch_has_the_drift_that_it_has_by_itself():
     """A dead time decides how many ticks a delay has, and a mass decides nothing."""
     loop = own_loop(load(TEMPLATES / "two-mass.toml"))

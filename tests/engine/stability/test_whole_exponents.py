@@ -16,6 +16,7 @@ def remembered(gain):
     }
 
 
+@pytest.mark.asks("prove")
 @pytest.mark.parametrize(
     ("gain", "n", "searched", "ends"),
     [

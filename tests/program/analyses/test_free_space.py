@@ -25,6 +25,7 @@ def free(tables):
     return tables | {"environment": tables["environment"] | {"K_VE": 0, "B_VE": 0}}
 
 
+@pytest.mark.asks("simulation")
 def test_a_coupling_that_is_unstable_where_nothing_is_touched_says_so():
     """Its radius is that of the same loop with a wall of 0, marched: what the hand pushes once grows by it."""
     radius = radius_without_wall(load(COUPLING))

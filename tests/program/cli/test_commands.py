@@ -24,6 +24,7 @@ def test_every_command_has_help_whose_first_sentence_is_in_the_list(wavesweep):
         assert command_of(name).help.split("\n\n")[0] == short
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999"])
 def test_every_option_that_is_a_number_refuses_one_that_is_not_finite_by_its_name(text):
     options = [(name, option) for name in COMMANDS for option in command_of(name).params]

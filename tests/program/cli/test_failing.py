@@ -43,6 +43,7 @@ def test_a_failing_run_says_one_line_and_its_code(error, code, line, wavesweep, 
     assert err.strip().endswith(line)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("error", [UsageError("no"), ValueError("a fault"), KeyboardInterrupt(), OSError(28, "full")])
 @pytest.mark.parametrize("command", ["zwidth", "design"])
 def test_a_run_that_fails_before_anything_is_finished_leaves_nothing(command, error, wavesweep, tmp_path, monkeypatch):

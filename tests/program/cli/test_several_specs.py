@@ -87,6 +87,7 @@ def test_it_writes_a_table_and_its_figure_with_what_each_spec_assumes(compare, f
 OF_ALL = '[for_all]\n"device.damping" = [0.5, 2]\n'
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("of_all", [(), ("direct",), ("waves", "direct")], ids=len)
 def test_its_rows_are_those_of_each_specs_own_zwidth(compare, of_all):
     """Behind the spec and the axes of both, to the bit; an axis of the other spec has the own value, or none.
@@ -122,6 +123,7 @@ def test_its_rows_are_those_of_each_specs_own_zwidth(compare, of_all):
         assert (table["rates.slow_hz"][table["spec"] == "waves"] == 50.0).all()
 
 
+@pytest.mark.whole
 def test_a_bar_of_a_figure_is_that_of_one_spec(compare, figures):
     """And of one kind of its rows, up to the largest value of these."""
     Path("waves.toml").write_text(WAVES.replace("[0.5, 1.0, 1.5]", "[1.0]").replace("[10, 25]", "[10]"))

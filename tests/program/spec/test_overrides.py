@@ -101,6 +101,7 @@ wire = { "one.seen" = "-100*x.x", "x.f" = "one.told" }
         (NAMES, {"contact": [1]}, "numbers.one_g=[2, 3]", {"contact": (1,), "numbers.one_g": (2, 3)}),
     ],
 )
+@pytest.mark.whole
 @pytest.mark.parametrize("table", ["sweep", "for_all"])
 def test_a_number_of_a_table_is_replaced_by_any_of_its_names(table, text, written, override, axes):
     """It keeps the name that the table has; the other key of the slow rate is left out."""
