@@ -41,6 +41,7 @@ outputs = { y = "sum.y" }
 along = "K"
 K = { start = 0.1, stop = 1.5 }
 """
+SLOW = LOOP.replace("tick_hz = 100", "tick_hz = 200").replace("type =", "every = 2, type =")  # the same in every second tick
 ROOT = 2**0.5  # an input of every second tick, shown in both
 
 
@@ -64,6 +65,7 @@ def at(cut: str, less: str, level: float) -> Gain:
         (LOOP, of("ref", "y", 1), 1 / 50),
         (LOOP, at("gain.y", "0", 1), 2 / 1.5),
         (LOOP, at("gain.y", "1/2", 1), 2 / 1.5 - 0.5),
+        (SLOW, at("gain.y", "0", 1), 2 / 1.5),
     ],
 )
 def test_a_gain_is_proved_next_to_its_closed_form_and_nothing_below(tmp_path, spec, gain, norm):

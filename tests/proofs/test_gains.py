@@ -1,27 +1,14 @@
 """Rows and verdicts of what [sweep] require asks of gains, in proof files."""
 
 import pytest
+from checker.test_gains import LOOP
 from support.proofs import checked_file, written
 
 pytest.importorskip("wavesweep.require", reason="[sweep] require is its key")
 
-# L = K/(z - 1): Ms = 2/(2 - K) is 1.6 at K = 0.75, and 1 over the disk margin 2/(2 - K) - 1/2
-SPEC = """
-rates.tick_hz = 100
-numbers = { K = 0.5 }
-[block]
-sum = { type = "integrator" }
-gain = { type = "gain", k = "100*K" }
-[wire]
-"sum.u" = "ref - gain.y"
-"gain.u" = "sum.y"
-[ports]
-inputs = { ref = "ref" }
-outputs = { y = "sum.y" }
-[sweep]
-along = "K"
-K = { start = 0.1, stop = 1.5 }
-require.margins = { cut = "gain.y", Ms = 1.6, disk = 0.8 }
+# Ms of the loop is 2/(2 - K), 1.6 at K = 0.75, and 1 over its disk margin 2/(2 - K) - 1/2
+SPEC = f"""{LOOP}
+require.margins = {{ cut = "gain.y", Ms = 1.6, disk = 0.8 }}
 """
 
 
