@@ -72,7 +72,7 @@ def over_band(
     some: np.ndarray,
     sample: Callable[[np.ndarray, np.ndarray], Sampled],
     reduce: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
-    found: tuple[np.ndarray, np.ndarray],
+    filled: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fill in the values of the points `some` over a band (Hz), and their certificates: found, both
     of all points.
@@ -82,18 +82,18 @@ def over_band(
     values and whether these are settled.
     """
     ends = np.log(band)
-    value, certified = found
+    value, certified = filled
 
-    def look(edges, at):
+    def look(edges, points):
         pieces = _BandPieces(edges)
-        sampled = sample(at, np.exp(pieces.nodes).ravel())
-        value[at], settled = reduce(degrees_of(sampled.wanted), np.diff(edges) / np.ptp(ends))
+        sampled = sample(points, np.exp(pieces.nodes).ravel())
+        value[points], settled = reduce(degrees_of(sampled.wanted), np.diff(edges) / np.ptp(ends))
         functions = [_Function(pieces, *response) for response in sampled.responses]
         clear = np.logical_and.reduce([function.clear() for function in functions])
-        certified[at] = sampled.sure & settled & clear
+        certified[points] = sampled.sure & settled & clear
         return [
-            (at[[row]], row, functions)
-            for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))
+            (points[[row]], row, functions)
+            for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[points]))
         ]
 
     # Pieces of a band, tried in turn before it is divided about zeros and poles.
@@ -104,15 +104,15 @@ def over_band(
         for batch in np.array_split(some, len(some) * count // 4096 + 1):
             if batch.size:
                 open_ += look(edges, batch)
-        some = np.array([at[0] for at, *_ in open_], int)
+        some = np.array([points[0] for points, *_ in open_], int)
     for _ in range(3):  # rounds of dividing about zeros: the first may see them only roughly
         before = open_
         open_ = []
-        for at, row, functions in before:
+        for points, row, functions in before:
             singular = [function.singular(row) for function in functions]
             places = np.concatenate(singular)
             if places.size:
-                open_ += look(_divided(edges, places), at)
+                open_ += look(_divided(edges, places), points)
     return value, certified
 
 
@@ -146,16 +146,18 @@ class _Function:
 
     def __init__(self, pieces, values, modes) -> None:
         self.pieces = pieces
-        at = (modes.logarithms(pieces.top)[:, None, :] - pieces.middle[:, None]) / pieces.half[
-            :, None
-        ]
+        in_ellipse = (
+            modes.logarithms(pieces.top)[:, None, :] - pieces.middle[:, None]
+        ) / pieces.half[:, None]
         with np.errstate(invalid="ignore"):
-            size = _size(at)
+            size = _size(in_ellipse)
             order = np.argsort(size, -1)[
                 ..., : int((size < ELLIPSE_OF_POLES).sum(-1).max(initial=0))
             ]
-            at, size = (np.take_along_axis(array, order, -1) for array in (at, size))
-            self.poles = np.where(size < ELLIPSE_OF_POLES, at, np.nan)
+            in_ellipse, size = (
+                np.take_along_axis(array, order, -1) for array in (in_ellipse, size)
+            )
+            self.poles = np.where(size < ELLIPSE_OF_POLES, in_ellipse, np.nan)
             factor = np.where(
                 np.isnan(self.poles)[..., None, :],
                 1.0,
@@ -193,16 +195,16 @@ class _Function:
             self.degrees[row], self.poles[row], *pieces, strict=True
         ):
             if np.isfinite(degrees).all() and degrees.any():
-                at = np.concatenate([legendre.legroots(degrees), poles])
+                roots = np.concatenate([legendre.legroots(degrees), poles])
                 # Sum of the semi-axes, in half widths, of the ellipse about those that are divided
                 # out.
-                singular.append(middle + half * at[_size(at) < 1.7])
+                singular.append(middle + half * roots[_size(roots) < 1.7])
         return np.concatenate([np.zeros(0, complex), *singular])
 
 
-def _size(at):
+def _size(place):
     """The sum of the semi-axes of the ellipse about [-1, 1] that goes through a place."""
-    return np.abs(at + np.sqrt(at - 1) * np.sqrt(at + 1))
+    return np.abs(place + np.sqrt(place - 1) * np.sqrt(place + 1))
 
 
 @cache

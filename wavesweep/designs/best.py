@@ -73,9 +73,11 @@ def miss(
     of the wishes."""
     design = spec.design
     _, violation = judged(design, records)
-    at = int(np.argmin(violation))
-    misses = [_nearest(wish, records[at], scenarios, units[wish.name]) for wish in design.wishes]
-    missing = any(bool(_missing(wish, records)[at]) for wish in design.wishes)
+    nearest = int(np.argmin(violation))
+    misses = [
+        _nearest(wish, records[nearest], scenarios, units[wish.name]) for wish in design.wishes
+    ]
+    missing = any(bool(_missing(wish, records)[nearest]) for wish in design.wishes)
     if any(wish.bound is not None for wish in design.wishes):
         wanted = "meets all bounds"
     elif missing:
@@ -121,12 +123,12 @@ def _against(design, records):
     for wish in design.wishes:
         if wish.bound is not None:
             met[wish.name] = wish.margin(records[wish.name]) >= 0
-    for one, other in combinations(met, 2):
-        if met[one].any() and met[other].any() and not (met[one] & met[other]).any():
+    for first, second in combinations(met, 2):
+        if met[first].any() and met[second].any() and not (met[first] & met[second]).any():
             counts = (
-                f"{met[one].sum()} designs met the one, {met[other].sum()} the other, none both"
+                f"{met[first].sum()} designs met the one, {met[second].sum()} the other, none both"
             )
-            return f"; {one} stands against {other}: {counts}"
+            return f"; {first} stands against {second}: {counts}"
     never = [name for name, flags in met.items() if not flags.any()]
     if never:
         return f"; no design meets even alone the bound on {', '.join(never)}"
@@ -157,12 +159,12 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
         tables.pop(name, None)
     tables["design"] = spec.design.written()
     if spec.simulate:
-        kept = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
-        given = {path.split(".")[1] for path in spec.simulate.given}
+        simulated = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
+        given_keys = {path.split(".")[1] for path in spec.simulate.given}
         for name, value in spec.simulate.written().items():
-            if name in given and not (name == "frames" and spec.simulate.frames_file):
-                kept[name] = value
-        tables["simulate"] = kept
+            if name in given_keys and not (name == "frames" and spec.simulate.frames_file):
+                simulated[name] = value
+        tables["simulate"] = simulated
     for path in spec.given:
         *_, name, last = path.split(".")
         if last in BAND_EDGES:  # the order and the cutoff follow from them

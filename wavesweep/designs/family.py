@@ -19,12 +19,12 @@ Scenario = Mapping[str, float | int]
 """Values of numbers by their paths."""
 
 
-def described(scenarios: Sequence[Scenario], at: int) -> str:
+def described(scenarios: Sequence[Scenario], index: int) -> str:
     """Return the words for what sets a worst value: the scenario of that number, empty if it is the
     spec's own, or what is proved, OF_ALL."""
-    if at == OF_ALL:
+    if index == OF_ALL:
         return "[for_all]"
-    return ", ".join(f"{name_of(path)}={value:.12g}" for path, value in scenarios[at].items())
+    return ", ".join(f"{name_of(path)}={value:.12g}" for path, value in scenarios[index].items())
 
 
 def scenarios_of(spec: Spec, between: int = 0) -> list[Scenario]:
@@ -129,8 +129,8 @@ class Points:
         """
         flat = np.reshape(values, (self.shape[0], -1))
         order = np.where(np.isnan(flat), -np.inf, flat if more else -flat)
-        at = np.argmin(order, axis=1)
-        return flat[np.arange(len(flat)), at], at // self.shape[2]
+        worst_place = np.argmin(order, axis=1)
+        return flat[np.arange(len(flat)), worst_place], worst_place // self.shape[2]
 
     def all_of(self, flags) -> np.ndarray:
         """Return whether a flag is set at all points of each design."""

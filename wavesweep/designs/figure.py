@@ -112,14 +112,18 @@ def _scale_numbers(panel: Any, values: np.ndarray, whole: bool) -> None:
 
 
 def _draw_front(
-    axes: Any, columns: Columns, order: np.ndarray, own: Mapping[str, Any], labels: dict[str, str]
+    axes: Any,
+    columns: Columns,
+    order: np.ndarray,
+    nominal: Mapping[str, Any],
+    labels: dict[str, str],
 ) -> None:
     """The second of two wishes over the first one, and the nominal design if both are known of
     it; labels: of both axes."""
     x, y = labels
     axes.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
-    if own.get(x) is not None and own.get(y) is not None:
-        axes.plot(own[x], own[y], label="nominal design", **_OWN)
+    if nominal.get(x) is not None and nominal.get(y) is not None:
+        axes.plot(nominal[x], nominal[y], label="nominal design", **_OWN)
     for name, axis in ((x, axes.xaxis), (y, axes.yaxis)):
         axis.set_label_text(
             labels[name] if axis is axes.xaxis else ",\n".join(labels[name].rsplit(", ", 1))
@@ -140,9 +144,9 @@ def _draw_few(
     else:
         nominal = {}
     designs: dict[str, Mapping[str, Any]] = {"nominal": {**facts.get("own", {}), **nominal}}
-    for at in range(count):
-        designs[f"found ({at + 1})" if count > 1 else "found"] = {
-            name: columns[name][at].item() for name in (*wishes, *varied)
+    for index in range(count):
+        designs[f"found ({index + 1})" if count > 1 else "found"] = {
+            name: columns[name][index].item() for name in (*wishes, *varied)
         }
     for runner_up in facts.get("runners_up", ())[: count == 1]:
         designs["next best"] = {**runner_up["wishes"], **runner_up["numbers"]}
@@ -184,7 +188,7 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
         {"walls": wall["stiffness"], "B_VE": wall["damping"]},
         tables.get("environment", {}),
     )
-    constants = {key: [environment[at]] for key, at in names.items() if at in environment}
+    constants = {key: [environment[place]] for key, place in names.items() if place in environment}
     wishes = []
     for name, options_given in study["wish"].items():
         options = WISHES[word_of(name)].options
@@ -201,11 +205,11 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
         )
         wishes += [f"{WISHES[word_of(name)].title} with {', '.join(words)}"] if words else []
     scenarios = []
-    for name, held in tables.get("for_all", {}).items():
-        if isinstance(held, Mapping) and "values" in held:
-            scenarios.append(_listed(name, held["values"], facts))
-        elif isinstance(held, Mapping) and "start" in held:
-            span = f"{symbol(name)} from {held['start']:g} to {held['stop']:g} {unit(name, facts)}"
+    for name, range_of_name in tables.get("for_all", {}).items():
+        if isinstance(range_of_name, Mapping) and "values" in range_of_name:
+            scenarios.append(_listed(name, range_of_name["values"], facts))
+        elif isinstance(range_of_name, Mapping) and "start" in range_of_name:
+            span = f"{symbol(name)} from {range_of_name['start']:g} to {range_of_name['stop']:g} {unit(name, facts)}"
             scenarios.append(span.rstrip())
     sentences = "; ".join(wishes), f"worst for {'; '.join(scenarios)}" if scenarios else ""
     return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences if sentence]

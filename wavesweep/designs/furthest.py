@@ -53,8 +53,8 @@ def climbed(
     wish, number = wanted_number(spec)
     axes = len(spec.design.vary)
     whole = np.array([1 / len(axis.values) if axis.values else 0.0 for axis in spec.design.vary])
-    others = np.delete(np.eye(axes), number, axis=0)
-    aside = np.concatenate([others, -others])
+    other_axes = np.delete(np.eye(axes), number, axis=0)
+    aside = np.concatenate([other_axes, -other_axes])
     ahead = np.concatenate([np.zeros((1, axes)), aside, aside])
     ahead[:, number] = 1.0 if wish.kind.more else -1.0
     ahead[axes * 2 - 1 :, number] /= 16  # beside a limit that rises slowly with another number
@@ -97,10 +97,10 @@ def furthest(
     axis = replace(axis, start=here) if wish.kind.more else replace(axis, stop=here)
     if axis.start == axis.stop:
         return []
-    others = {path: np.array([value]) for path, value in design.items() if path != axis.path}
+    fixed_numbers = {path: np.array([value]) for path, value in design.items() if path != axis.path}
     intervals: list[np.ndarray] = []
     for walls, require in _required(spec, axis):
-        points = points_of({axis.path: np.array([here]), **others}, scenarios, walls)
+        points = points_of({axis.path: np.array([here]), **fixed_numbers}, scenarios, walls)
         rows = at_points(spec, axis, points.changes, require, felt=False)
         for point in range(points.size):
             of_point = (rows["slice"] == point) & (rows["intervals"] > 0)

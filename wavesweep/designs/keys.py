@@ -175,7 +175,7 @@ class _Reader:
 
     def refuse(self, path: str, expected: str, found: str) -> None:
         """Add a mistake at the first leaf whose path begins so, or at the first of all."""
-        leaves = [leaf for at, leaf in self.leaves.items() if at.startswith(f"design.{path}")]
+        leaves = [leaf for place, leaf in self.leaves.items() if place.startswith(f"design.{path}")]
         self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found)
 
     def design(self, varied: Iterable[Axis]) -> Design:
@@ -189,8 +189,8 @@ class _Reader:
         self.refuse_absent("wish", f"at least one of {', '.join(WISHES)}")
         free = [wish.name for wish in wishes if wish.bound is None]
         if len(free) > 2:
-            found = f"{len(free)}: {', '.join(free)}"
-            self.refuse("wish", "at most two wishes without a bound", found)
+            text_found = f"{len(free)}: {', '.join(free)}"
+            self.refuse("wish", "at most two wishes without a bound", text_found)
         names = {path.rpartition(".")[2]: value for path, value in settings.items()}
         place = next(iter(self.leaves.values())).place.parent()
         return Design(vary, wishes, names, place)
@@ -225,21 +225,21 @@ class _Reader:
             path = f"design.wish.{name}"
             kind = WISHES.get(word_of(name))
             first = next(iter(leaves.values()))
-            known = self.mistakes.is_known(word_of(name), WISHES, first, path, "an unknown wish")
+            is_known = self.mistakes.is_known(word_of(name), WISHES, first, path, "an unknown wish")
             if name in named:
                 self.mistakes.refuse(first, path, "one wish of this name", f"{name} again")
-            elif known:
+            elif is_known:
                 named.add(name)
-            if not known:
+            if not is_known:
                 continue
             itself = leaves.get("")
-            given = {option: leaf for option, leaf in leaves.items() if option}
+            option_leaves = {option: leaf for option, leaf in leaves.items() if option}
             if itself is not None and isinstance(itself.value, str) and "number" in kind.options:
-                given = {"number": itself}
+                option_leaves = {"number": itself}
             elif itself is not None and itself.value != {}:
                 expected = f"a table such as {{ {kind.bound} = ... }}"
                 self.mistakes.refuse(itself, path, expected, show(itself.value))
-            options = self.mistakes.read(kind.keys, given, path)
+            options = self.mistakes.read(kind.keys, option_leaves, path)
             bound = options.pop(kind.bound, None)
             for option, value in options.items():
                 if isinstance(value, tuple):
@@ -254,15 +254,15 @@ class _Reader:
     def separate_wishes(self) -> Iterator[tuple[str, Mapping[str, Leaf]]]:
         """Yield the name and the leaves of each wish; those of a list are NAME, NAME_2 and so on."""
         for name, leaves in self.parts[WISHED].items():
-            for number, own in enumerate(several(leaves), 1):
-                yield (name if number == 1 else f"{name}_{number}"), own
+            for number, leaves_of_wish in enumerate(several(leaves), 1):
+                yield (name if number == 1 else f"{name}_{number}"), leaves_of_wish
 
     def lacks_signals(
-        self, name: str, needed: Collection[str], given: Mapping[str, object]
+        self, name: str, needed: Collection[str], options: Mapping[str, object]
     ) -> bool:
         """Whether a wish does not name the signals that it is about; adds the mistake."""
         missing = [option for option in ("cut", "from", "to") if option in needed]
-        missing = [option for option in missing if option not in given]
+        missing = [option for option in missing if option not in options]
         if "cut" in missing:
             expected = "cut, the signal at which the loop is cut, such as that which `wavesweep margins` names"
             self.refuse(f"wish.{name}", expected, "none")

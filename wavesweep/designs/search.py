@@ -57,10 +57,10 @@ class _Places:
     @staticmethod
     def of(kinds, block, chosen) -> "_Places":
         """Return places for each of the kinds, `(kinds, chosen genes)`."""
-        along = np.tile((np.arange(block) + 0.5) / block, len(kinds))
+        shares = np.tile((np.arange(block) + 0.5) / block, len(kinds))
         kind = np.repeat(np.arange(len(kinds)), block)
-        weights = np.stack([along, 1 - along], 1)
-        away = np.abs(along[:, None] - along) + (kind[:, None] != kind)
+        weights = np.stack([shares, 1 - shares], 1)
+        away = np.abs(shares[:, None] - shares) + (kind[:, None] != kind)
         neighbours = min(20, max(block // 2, 2), block)  # with itself, and at most half of its kind
         near = np.argsort(away, axis=1, kind="stable")[:, :neighbours]
         return _Places(weights, near, block, chosen, kinds[kind])
@@ -213,8 +213,8 @@ def _worth(best):
     For designs that violate constraints it gives a number that grows with the violation and is
     larger than all others.
     """
-    known = (best.violation == 0) & np.isfinite(best.objectives).all(1)
-    front = best.objectives[known]
+    complete = (best.violation == 0) & np.isfinite(best.objectives).all(1)
+    front = best.objectives[complete]
     if not len(front):
         front = np.zeros((1, best.objectives.shape[1]))
     least = front.min(0)
@@ -278,8 +278,8 @@ def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]
     for axis, gene in zip(vary, genes.T, strict=True):
         if axis.values:
             count = len(axis.values)
-            at = np.minimum((gene * count).astype(int), count - 1)
-            columns[axis.path] = np.asarray(axis.values)[at]
+            index = np.minimum((gene * count).astype(int), count - 1)
+            columns[axis.path] = np.asarray(axis.values)[index]
         elif axis.scale == "log":
             low = np.log(axis.start)
             value = np.exp(low + gene * (np.log(axis.stop) - low))
@@ -298,8 +298,8 @@ def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
     for axis in vary:
         value = values[axis.path]
         if axis.values:
-            at = int(np.argmin(np.abs(np.asarray(axis.values, float) - value)))
-            genes.append((at + 0.5) / len(axis.values))
+            index = int(np.argmin(np.abs(np.asarray(axis.values, float) - value)))
+            genes.append((index + 0.5) / len(axis.values))
         elif axis.scale == "log":
             low = np.log(axis.start)
             high = np.log(axis.stop)
@@ -310,7 +310,11 @@ def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
 
 
 def differing(
-    vary: Sequence[Axis], genes: np.ndarray, found: np.ndarray, apart: float, most: int
+    vary: Sequence[Axis],
+    genes: np.ndarray,
+    known_genes: np.ndarray,
+    apart: float,
+    most_designs: int,
 ) -> np.ndarray:
     """Return the indices of the first designs that differ from those found, and from each other.
 
@@ -323,13 +327,13 @@ def differing(
         """Numbers of choices, and genes of numbers with a range."""
         return np.where(few > 0, np.minimum(np.floor(genes * few), few - 1), genes)
 
-    before = [*places(found)]
+    before = [*places(known_genes)]
     chosen = []
-    for at, candidate in enumerate(places(genes)):
-        if len(chosen) == most:
+    for index, candidate in enumerate(places(genes)):
+        if len(chosen) == most_designs:
             break
         away = np.abs(candidate - np.reshape(before, (-1, len(vary))))
         if (away >= apart).any(-1).all():
-            chosen.append(at)
+            chosen.append(index)
             before.append(candidate)
     return np.array(chosen, dtype=int)

@@ -161,7 +161,7 @@ class Evaluation:
 DESIGNS = JobKind(_task, noun="designs", certifies=False, has_rows=False)
 
 
-def design(spec: Spec, **given: Any) -> Table:
+def design(spec: Spec, **options: Any) -> Table:
     """Search for the designs that meet the wishes of a spec's [design].
 
     Returns the front if some wishes have no bound, otherwise the best design, as a table.
@@ -171,7 +171,7 @@ def design(spec: Spec, **given: Any) -> Table:
     a run.
     """
     started = time.perf_counter()
-    work = Work.of(given)
+    work = Work.of(options)
     job = job_of(spec)
     warnings: list[str] = []
     store = checkpoint_of(job, work.checkpoint, work.force, warnings)
@@ -192,14 +192,14 @@ def _best_of(spec: Spec, run: _Run, started: float, warnings: list[str]) -> Tabl
     job = run.job
     wanted = spec.design
     evolution = Evolution(**wanted.settings)
-    own = genes_of(wanted.vary, spec.values)[None]
-    genes = _front(spec, run, evolution, own)
+    nominal = genes_of(wanted.vary, spec.values)[None]
+    genes = _front(spec, run, evolution, nominal)
     job.asked.genes[evolution.generations] = genes
     proved = {}
     if spec.for_all:
         proved = {"proved": len(genes), "ranked": spec.for_all.ranking(spec) is not None}
     checked = run.records(evolution.generations)
-    of_own = own_design(spec, job, checked[(genes == own).all(1)])
+    of_own = own_design(spec, job, checked[(genes == nominal).all(1)])
     genes, records = run.kept(genes, checked)
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
         _refuse_missed(spec, run, records, job.asked.finest)
@@ -236,18 +236,18 @@ def _best_of(spec: Spec, run: _Run, started: float, warnings: list[str]) -> Tabl
     return Table("design", lambda: (columns,), facts, fields=fields, forget=run.forget)
 
 
-def _front(spec, run, evolution, own):
+def _front(spec, run, evolution, nominal):
     """The genes of the front of a search, which begins with the spec's own; of a single one with
     similar ones. Errors: WavesweepError if no design meets all bounds."""
     choices = [len(axis.values or ()) for axis in spec.design.vary]
-    for tried in generations(run.judge, evolution, choices, own, run.look):
+    for tried in generations(run.judge, evolution, choices, nominal, run.look):
         best = tried
     if not (best.violation == 0).any():
         _refuse_missed(spec, run, run.everything(), run.job.asked.scenarios)
     genes = spread(best, FRONT).genes
     if len(genes) > 1:
         return genes
-    similar = _with_similar(run, genes, own)
+    similar = _with_similar(run, genes, nominal)
     if wanted_number(spec):
         return np.unique(np.concatenate([similar, run.furthest(genes[0])]), axis=0)
     return similar
@@ -260,7 +260,7 @@ def _refuse_missed(spec, run, records, scenarios):
     raise WavesweepError(said)
 
 
-def _with_similar(run, best, own):
+def _with_similar(run, best, nominal):
     """The best design with similar ones, since what is worth less in the search may be worth more
     over all that it is checked for."""
     candidates = run.feasible()
@@ -269,7 +269,7 @@ def _with_similar(run, best, own):
     if spec.for_all:  # of which the search proves nothing
         if spec.design.only_walls and spec.for_all.ranking(spec) is not None:
             candidates = run.ranked_alone(candidates, best)
-        candidates = np.concatenate([own, candidates])
+        candidates = np.concatenate([nominal, candidates])
         genes.append(run.next_to(candidates, best, NEARLY_THE_SAME, PROVED))
     genes.append(run.next_to(candidates, best, FRONT_DISTANCE, RUNNERS_UP))
     return np.unique(np.concatenate(genes), axis=0)
@@ -380,25 +380,27 @@ def job_of(spec: Spec) -> Job:
     )
 
 
-def _between(spec, most: int) -> int:
+def _between(spec, most_combinations: int) -> int:
     """The largest number of values between two of each range with which there are at most so
     many combinations, or 0."""
     # Values between two of a range: the most of these with which the combinations are few.
-    return next((number for number in (63, 15, 7, 3) if count_of(spec, number) <= most), 0)
+    return next(
+        (number for number in (63, 15, 7, 3) if count_of(spec, number) <= most_combinations), 0
+    )
 
 
 def _refuse_unreachable(spec, wishes):
     """Raise SpecError for a bound that no design meets: no damping ratio is above 1, and a delay
     ends within its frame."""
-    most = {"damping_ratio": 1.0}
+    highest = {"damping_ratio": 1.0}
     if not spec.drawing:
-        most["delay_margin"] = float(longest_delay(spec.values))
+        highest["delay_margin"] = float(longest_delay(spec.values))
     mistakes = []
     for wish in wishes:
-        if wish.word in most and (wish.bound or 0) > most[wish.word]:
+        if wish.word in highest and (wish.bound or 0) > highest[wish.word]:
             key = f"design.wish.{wish.name}.at_least"
             place = wish.places["at_least"]
-            mistakes.append(place.mistake(key, f"<= {most[wish.word]:g}", f"{wish.bound:g}"))
+            mistakes.append(place.mistake(key, f"<= {highest[wish.word]:g}", f"{wish.bound:g}"))
     if mistakes:
         raise SpecError(mistakes)
 
@@ -446,7 +448,7 @@ class _Run:
         decide = np.concatenate([measure.scenario for measure in measured.values()])
         often = np.bincount(decide, minlength=len(study.finer))
         order = np.argsort(-often, kind="stable")[: np.count_nonzero(often)]
-        worst = [study.finer[at] for at in order.tolist()]
+        worst = [study.finer[index] for index in order.tolist()]
         # Combinations at a time that the search holds for besides.
         new = [scenario for scenario in worst if scenario not in study.scenarios][:4]
         if not new:
@@ -479,9 +481,9 @@ class _Run:
         for batch in np.array_split(candidates, max(1, len(candidates) // FRONT)):
             if not len(batch):
                 break
-            held, of_held = self.checked(batch)
-            if len(held):
-                return held, of_held
+            meeting, of_held = self.checked(batch)
+            if len(meeting):
+                return meeting, of_held
         return genes[:0], records
 
     def feasible(self) -> np.ndarray:
@@ -529,28 +531,34 @@ class _Run:
         ends = [genes_of(spec.design.vary, numbers | end) for end in self.ends]
         return np.stack([best, *ends])
 
-    def next_to(self, others: np.ndarray, genes: np.ndarray, apart: float, most: int) -> np.ndarray:
+    def next_to(
+        self, genes_tried: np.ndarray, genes: np.ndarray, apart: float, most: int
+    ) -> np.ndarray:
         """The first of some designs, the best first, that differ from those of a result and from
         each other; see `differing`."""
-        return others[differing(self.job.grid.spec.design.vary, others, genes, apart, most)]
+        return genes_tried[
+            differing(self.job.grid.spec.design.vary, genes_tried, genes, apart, most)
+        ]
 
-    def ranked_alone(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
+    def ranked_alone(self, genes_tried: np.ndarray, genes: np.ndarray) -> np.ndarray:
         """The first of some designs that differ from those of a result, the best first as they rank
         one by one: together, those that are worse than the best have bounds alone."""
-        near = self.next_to(others, genes, NEARLY_THE_SAME, RANKED_ALONE)
-        far = self.next_to(others, genes, FRONT_DISTANCE, RANKED_ALONE)
+        near = self.next_to(genes_tried, genes, NEARLY_THE_SAME, RANKED_ALONE)
+        far = self.next_to(genes_tried, genes, FRONT_DISTANCE, RANKED_ALONE)
         some = np.unique(np.concatenate([near, far]), axis=0)
         evaluation = Evaluation.of(self.job, self.job.asked.scenarios, last=False)
         wanted = self.job.grid.spec.design
         records = np.zeros(len(some), self.job.dtype)
-        for at, one in enumerate(some):
-            records[at] = evaluation.records(designs_of(wanted.vary, one[None]), 1)[0]
+        for index, genes_of_design in enumerate(some):
+            records[index] = evaluation.records(designs_of(wanted.vary, genes_of_design[None]), 1)[
+                0
+            ]
         objectives, violation = judged(wanted, records)
         order = np.lexsort(objectives.T[::-1])
         return some[order[violation[order] == 0]]
 
     def runners_up(
-        self, genes: np.ndarray, others: np.ndarray, records: np.ndarray
+        self, genes: np.ndarray, other_genes: np.ndarray, records: np.ndarray
     ) -> list[dict[str, Any]]:
         """The next best designs after the only one of a result: their numbers, and their wishes at
         their worst.
@@ -560,14 +568,14 @@ class _Run:
         if len(genes) > 1:
             return []
         spec = self.job.grid.spec
-        at = differing(spec.design.vary, others, genes, FRONT_DISTANCE, RUNNERS_UP)
-        columns, _ = _columns(spec, self.job, others[at], records[at])
-        found = []
-        for row in range(len(others[at])):
+        rows_differing = differing(spec.design.vary, other_genes, genes, FRONT_DISTANCE, RUNNERS_UP)
+        columns, _ = _columns(spec, self.job, other_genes[rows_differing], records[rows_differing])
+        runners = []
+        for row in range(len(other_genes[rows_differing])):
             numbers = {axis.name: columns[axis.name][row].item() for axis in spec.design.vary}
             wishes = {wish.name: columns[wish.name][row].item() for wish in spec.design.wishes}
-            found.append({"numbers": numbers, "wishes": wishes})
-        return found
+            runners.append({"numbers": numbers, "wishes": wishes})
+        return runners
 
     def everything(self) -> np.ndarray:
         """Return the records of the search, of all generations that were judged over the same
@@ -581,8 +589,10 @@ class _Run:
 def seconds_of(job: Job) -> float:
     """Estimate the seconds of the whole study in one process, from some designs about the own one."""
     spec = job.grid.spec
-    own = genes_of(spec.design.vary, spec.values)
-    genes = own + 0.1 * np.random.default_rng(0).standard_normal((TIMED[-1], len(spec.design.vary)))
+    nominal = genes_of(spec.design.vary, spec.values)
+    genes = nominal + 0.1 * np.random.default_rng(0).standard_normal(
+        (TIMED[-1], len(spec.design.vary))
+    )
     designs = designs_of(spec.design.vary, np.clip(genes, 0.0, 1.0))
     evaluation = Evaluation.of(job, job.asked.scenarios, last=False)
     for number in TIMED:  # the first of which also load what is needed
@@ -609,8 +619,8 @@ def own_design(spec: Spec, job: Job, records: np.ndarray) -> dict[str, float | N
     values: dict[str, float | None] = {}
     for wish in spec.design.wishes:
         value = records[wish.name][0]
-        known = np.isfinite(value) and (records[f"{wish.name}_certified"][0] or not spec.for_all)
-        values[wish.name] = float(value) if known else None
+        certain = np.isfinite(value) and (records[f"{wish.name}_certified"][0] or not spec.for_all)
+        values[wish.name] = float(value) if certain else None
     return values
 
 
@@ -659,7 +669,10 @@ def claims_of(job: Job) -> dict[str, Claim]:
     for scenario in job.asked.finest:
         for path, value in scenario.items():
             values.setdefault(path, set()).add(value)
-    numbers = [Range(path, min(each), max(each), (*sorted(each),)) for path, each in values.items()]
+    numbers = [
+        Range(path, min(values_of_number), max(values_of_number), (*sorted(values_of_number),))
+        for path, values_of_number in values.items()
+    ]
     tried = replace(own_scope(spec), numbers=tuple(numbers))
     claims: dict[str, Claim] = {}
     for wish in spec.design.wishes:
@@ -674,10 +687,10 @@ def claims_of(job: Job) -> dict[str, Claim]:
 
 def _how_far(spec, ends, columns):
     """Yield how the wanted number of the best design was looked for; ends: see `furthest`."""
-    found = wanted_number(spec)
-    if not found:
+    wish_and_number = wanted_number(spec)
+    if not wish_and_number:
         return
-    wish, number = found
+    wish, number = wish_and_number
     axis = spec.design.vary[number]
     best = columns[axis.name][0]
     if any(np.isclose(best, end[axis.path], rtol=1e-12, atol=0) for end in ends):

@@ -47,11 +47,11 @@ def wish_units(spec: Spec) -> dict[str, str]:
     if spec.wall:
         units["z_width"] = spec.names.keys[spec.wall[0]].unit or units["z_width"]
     named = {axis.name: spec.names.keys[axis.path].unit for axis in spec.design.vary}
-    found = {}
+    units_of = {}
     for wish in spec.design.wishes:
-        own = named.get(wish.options.get("number"), wish.kind.unit)
-        found[wish.name] = units.get(wish.word, own)
-    return found
+        unit_of_wish = named.get(wish.options.get("number"), wish.kind.unit)
+        units_of[wish.name] = units.get(wish.word, unit_of_wish)
+    return units_of
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -143,76 +143,76 @@ def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> 
     return margins
 
 
-def _lines(found: Numbers) -> Iterator[Line]:
+def _lines(facts: Numbers) -> Iterator[Line]:
     """Yield a line for the front, one for each design that is the best in a wish, and one for
     the spec's own design."""
-    searched = count(found["searched"], "design")
+    searched = count(facts["searched"], "design")
     evaluated = (
-        f"{searched} evaluated, each at its worst over {count(found['scenarios'], 'combination')}"
+        f"{searched} evaluated, each at its worst over {count(facts['scenarios'], 'combination')}"
     )
     tried = f"{searched} tried"
-    if "proved" in found:
-        over = " and some short patterns of frames" if found.get("ranked") else ""
-        evaluated += f"{over}; {found['proved']} of them were then tried for all of [for_all]"
-        tried = f"these {found['proved']}"
+    if "proved" in facts:
+        over = " and some short patterns of frames" if facts.get("ranked") else ""
+        evaluated += f"{over}; {facts['proved']} of them were then tried for all of [for_all]"
+        tried = f"these {facts['proved']}"
     yield evaluated, False
-    if found["designs"] > 1:
-        yield f"{count(found['designs'], 'design')} on the front", False
-    for names in _alike(found["numbers"]):
+    if facts["designs"] > 1:
+        yield f"{count(facts['designs'], 'design')} on the front", False
+    for names in _alike(facts["numbers"]):
         name = names[0]
-        best = "best" if found["designs"] == 1 else f"best {' and '.join(names)}"
+        best = "best" if facts["designs"] == 1 else f"best {' and '.join(names)}"
         yield (
-            f"{best} of {tried}: {_design(found['best'][name], found['numbers'][name], found['units'])}",
+            f"{best} of {tried}: {_design(facts['best'][name], facts['numbers'][name], facts['units'])}",
             False,
         )
-        ends = found["ends"][name]
+        ends = facts["ends"][name]
         if ends:
             where = (
                 "near an end of the range in [design.vary]; a longer one may have better designs"
             )
             yield f"  {_several(ends, 'lie')} {where}", False
-    yield from _bound_lines(found)
-    for runner_up in found["runners_up"]:
+    yield from _bound_lines(facts)
+    for runner_up in facts["runners_up"]:
         if runner_up["margins"]:
             margins = f"; margins: {_shares(runner_up['margins'])}"
         else:
             margins = ""
         yield (
-            f"next best: {_design(runner_up['wishes'], runner_up['numbers'], found['units'])}{margins}",
+            f"next best: {_design(runner_up['wishes'], runner_up['numbers'], facts['units'])}{margins}",
             False,
         )
-    if found["designs"] == 1 and not found["runners_up"]:
+    if facts["designs"] == 1 and not facts["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
-    own = _wishes(found["own"], found["units"])
-    if found["own_unstable"] and not any(value is not None for value in found["own"].values()):
-        own = "unstable"
-    elif found["own_unstable"]:  # wishes may be about other walls than its own
-        own += "; unstable with its own numbers"
-    yield f"the spec's own design: {own}", False
-    yield from _notes(found)
+    nominal = _wishes(facts["own"], facts["units"])
+    if facts["own_unstable"] and not any(value is not None for value in facts["own"].values()):
+        nominal = "unstable"
+    elif facts["own_unstable"]:  # wishes may be about other walls than its own
+        nominal += "; unstable with its own numbers"
+    yield f"the spec's own design: {nominal}", False
+    yield from _notes(facts)
 
 
-def _notes(found: Numbers) -> Iterator[Line]:
+def _notes(facts: Numbers) -> Iterator[Line]:
     """Yield where walls end with their range, the files, and what is proved, not certified or
     does not hold."""
-    if found["at_end"]:
-        where = f"where the range of {found['wall']} ends, at {found['walls_to']:g}"
+    if facts["at_end"]:
+        where = f"where the range of {facts['wall']} ends, at {facts['walls_to']:g}"
         yield (
-            f"{_several(found['at_end'], 'end')} {where}; a longer one in [sweep] may show more",
+            f"{_several(facts['at_end'], 'end')} {where}; a longer one in [sweep] may show more",
             False,
         )
-    files = found["files"]
+    files = facts["files"]
     if files:
-        number = f"{len(files)} of them " if 1 < len(files) < found["designs"] else ""
+        number = f"{len(files)} of them " if 1 < len(files) < facts["designs"] else ""
         named = files[0] if len(files) == 1 else f"{files[0]} ... {files[-1]}"
         yield f"{number}as specs: {named}", False
-    if found["certified"] < found["designs"]:
+    if facts["certified"] < facts["designs"]:
         yield (
-            f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified",
+            f"{facts['designs'] - facts['certified']} of {count(facts['designs'], 'row')} not certified",
             True,
         )
-    if found["bounds_hold_between"] < found["designs"]:
-        missed = found["designs"] - found["bounds_hold_between"]
+    if facts["bounds_hold_between"] < facts["designs"]:
+        missed = facts["designs"] - facts["bounds_hold_between"]
         yield (
             f"{count(missed, 'design')} with a bound that is missed between the ends of the ranges (column holds)",
             True,
@@ -237,19 +237,19 @@ def _alike(numbers: Mapping[str, Any]) -> list[list[str]]:
     return groups
 
 
-def _bound_lines(found: Numbers) -> Iterator[Line]:
+def _bound_lines(facts: Numbers) -> Iterator[Line]:
     """Yield how near designs are to their bounds, and which wish decides."""
-    if found["designs"] > 1:
-        for name, number in found["near"].items():
+    if facts["designs"] > 1:
+        for name, number in facts["near"].items():
             if number:
                 yield (
-                    f"{name} is within {100 * THIN:g} % of its bound in {number} of {found['designs']} designs",
+                    f"{name} is within {100 * THIN:g} % of its bound in {number} of {facts['designs']} designs",
                     False,
                 )
-    elif found["designs"] == 1 and found["best"]:
-        margins = next(iter(found["margins"].values()))
-        if found["free"]:
-            decides = _several(found["free"], "decide")
+    elif facts["designs"] == 1 and facts["best"]:
+        margins = next(iter(facts["margins"].values()))
+        if facts["free"]:
+            decides = _several(facts["free"], "decide")
             tight = [name for name, share in margins.items() if share < THIN]
             if tight:
                 decides += f", held back by the bound of {' and '.join(tight)}"

@@ -74,10 +74,10 @@ def _offered() -> Iterator[tuple[str, WishKind]]:
     """Yield what capabilities offer by name; what reads the whole loop is looked at with walls."""
     for module in modules("wish"):
         for name, wish in module.WISHES.items():
-            own = {"options": {}, **wish}
+            kind = {"options": {}, **wish}
             if not wish.get("reads"):
-                own["options"] = {**own["options"], **_WALLS}
-            yield name, WishKind(**own)
+                kind["options"] = {**kind["options"], **_WALLS}
+            yield name, WishKind(**kind)
 
 
 WISHES = MappingProxyType(

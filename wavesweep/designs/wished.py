@@ -25,15 +25,15 @@ def wished(spec: Spec) -> tuple[list[Sequence[str]], list[Claim]]:
         reached = "not known"
         if not np.isnan(value):
             reached = wish_in_words(wish.name, value, units[wish.name])
-        asked = "as good as possible"
+        bound_text = "as good as possible"
         met = ""
         if wish.bound is not None:
             bound = f"{wish.bound:g} {units[wish.name]}".removesuffix(" 1")
-            asked = f"{wish.kind.bound.replace('_', ' ')} {bound}"
+            bound_text = f"{wish.kind.bound.replace('_', ' ')} {bound}"
             met = "not known"
             if record[f"{wish.name}_certified"] and not np.isnan(value):
                 met = "met" if wish.margin(value) >= 0 else "missed"
         cut = wish.options.get("cut")
         title = f"{wish.kind.title} at {cut}" if cut else wish.kind.title
-        rows.append((title, asked, reached, met))
+        rows.append((title, bound_text, reached, met))
     return rows, [*claims_of(job).values()]

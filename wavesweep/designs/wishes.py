@@ -79,13 +79,13 @@ def evaluate(
     felt = any(wish.word == "felt" for wish in wishes)
     verdicts: dict[tuple[Any, ...], str] = {}  # of all that was proved for a wish before
 
-    def verdict(own):
-        key = tuple(own.items())
+    def verdict(nominal):
+        key = tuple(nominal.items())
         if key not in verdicts:
-            verdicts[key] = proof.verdict(spec.with_values(own))
+            verdicts[key] = proof.verdict(spec.with_values(nominal))
         return verdicts[key]
 
-    own = scenarios_of(spec)
+    nominal = scenarios_of(spec)
     for wish in wishes:
         if wish.word in ("z_width", "felt"):
             damping = wish.options.get("B_VE", (spec.values[spec.wall[1]],))
@@ -103,13 +103,13 @@ def evaluate(
         value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
         if wish.kind.seen and not ranked:
             decide = np.zeros(points.shape, bool)
-            decide[:, [scenario in own for scenario in scenarios]] = True
+            decide[:, [scenario in nominal for scenario in scenarios]] = True
             _, worst = points.worst(value, wish.kind.more)
             decide[np.arange(worst.size), worst] = True
-            at = np.flatnonzero(decide)
+            index = np.flatnonzero(decide)
             measure = partial(_offered, wish.kind.measure, spec, wish)
-            proved = _where_solvable(spec, points.some(at), measure, *_unknown(at.size))
-            value[at], certified[at] = proved
+            proved = _where_solvable(spec, points.some(index), measure, *_unknown(index.size))
+            value[index], certified[index] = proved
         if proof and not wish.kind.reads:  # all of the loop
             said = _of_each(points, verdict, (*designs, *walls))
             value = np.where(said == "refuted", np.nan, value)

@@ -647,9 +647,9 @@ class ClosedLoop:
         answers: list[list[Any]] = [[] for _ in range(count)]
         for members_of_batch, loops in self._batches(arrays):
             members.append(members_of_batch)
-            found = of_batch(loops, members_of_batch.size)
+            values = of_batch(loops, members_of_batch.size)
             for number in range(count):
-                answers[number].append(found[number])
+                answers[number].append(values[number])
         order = np.argsort(np.concatenate(members))
         in_order = []
         for parts in answers:

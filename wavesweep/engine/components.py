@@ -15,7 +15,7 @@ def strong_components(acts: np.ndarray) -> list[list[int]]:
     n = len(acts)
     acted_on, acting = np.nonzero(acts)
     ends = np.searchsorted(acted_on, np.arange(1, n))
-    left = [iter(states.tolist()) for states in np.split(acting, ends)]
+    successors = [iter(states.tolist()) for states in np.split(acting, ends)]
     number: dict[int, int] = {}
     walked: list[int] = []
     starts: list[int] = []
@@ -30,7 +30,7 @@ def strong_components(acts: np.ndarray) -> list[list[int]]:
                 walked.append(state)
                 starts.append(state)
             new = None
-            for before in left[state]:
+            for before in successors[state]:
                 if before not in number:
                     new = before
                     break

@@ -12,9 +12,9 @@ MOST_LINES = 50  # of the mistakes of a spec
 
 def shortened(text: str) -> str:
     """The text with the middle of each word and line left out that is too long to be read."""
-    for pattern, most in ((r"\S", LETTERS_OF_WORD), (".", LETTERS_OF_MESSAGE)):
+    for pattern, limit in ((r"\S", LETTERS_OF_WORD), (".", LETTERS_OF_MESSAGE)):
         text = re.sub(
-            f"({pattern}{{{most // 4}}}){pattern}{{{most // 2},}}({pattern}{{{most // 4}}})",
+            f"({pattern}{{{limit // 4}}}){pattern}{{{limit // 2},}}({pattern}{{{limit // 4}}})",
             r"\1...\2",
             text,
         )

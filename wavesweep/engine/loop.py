@@ -89,7 +89,10 @@ class Loops(NamedTuple):
     @classmethod
     def remembered(cls, drawing: Drawing, items: tuple[tuple[str, Any], ...]) -> Self:
         """The loops that are remembered by such pairs."""
-        values = {path: np.array(each) if isinstance(each, tuple) else each for path, each in items}
+        values = {
+            path: np.array(numbers) if isinstance(numbers, tuple) else numbers
+            for path, numbers in items
+        }
         return cls(drawing, values)
 
     @property
@@ -110,9 +113,9 @@ class Loops(NamedTuple):
         """Some of the loops; part: an index, a slice or an array of indices."""
         return type(self)(self.drawing, selected(self.values, part))
 
-    def one(self, at: int) -> Self:
+    def one(self, index: int) -> Self:
         """One of the loops, with plain numbers."""
-        values = selected(self.values, at)
+        values = selected(self.values, index)
         plain = {
             path: value.item() if isinstance(value, np.generic) else value
             for path, value in values.items()
@@ -144,9 +147,9 @@ class Loops(NamedTuple):
         """The loops drawn with the longest tick that they have in common, for analyses that look at whole frames alone."""
         return Loops(*with_common_tick(self.drawing, self.values))
 
-    def in_whole_ticks(self, along: str) -> "Loops | None":
+    def in_whole_ticks(self, path: str) -> "Loops | None":
         """One loop with a tick of which its dead times are whole numbers, for exact arithmetic; None if there is none."""
-        drawing = dead_time.in_whole_ticks(self.drawing, self.values, along)
+        drawing = dead_time.in_whole_ticks(self.drawing, self.values, path)
         return None if drawing is None else Loops(drawing, self.values)
 
     def dead_times(self) -> dict[str, dead_time.DeadTime]:
@@ -259,9 +262,9 @@ class Loops(NamedTuple):
             )
         )
         if size > 1:
-            for at in np.flatnonzero(np.isnan(radii)).tolist():
-                alone = self.one(at)
-                radii[at] = radius_of(
+            for index in np.flatnonzero(np.isnan(radii)).tolist():
+                alone = self.one(index)
+                radii[index] = radius_of(
                     *alone.frames_with_reliability(alone.drift_of_frames())
                 ).item()
         return radii
@@ -280,14 +283,14 @@ def _drift_of_structure(
     that vary, but for a few that none of the two has. A drift that depends on them is found for each
     batch, and so is none at all, which is also what is known where numbers have no exact value.
     """
-    known = _known(structure)
-    if not known:
+    remembered = _known(structure)
+    if not remembered:
         with np.errstate(all="ignore"):
-            found = find()
-        if found.varying or not found.constant:
-            return found
-        known.append(found)
-    return known[0]
+            drift = find()
+        if drift.varying or not drift.constant:
+            return drift
+        remembered.append(drift)
+    return remembered[0]
 
 
 @lru_cache(maxsize=256)

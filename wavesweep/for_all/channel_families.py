@@ -328,7 +328,7 @@ def ticks_of(places: Sequence[TickPlace], number: str = "") -> Ticks:
     maps = []
     for place in places:
         out = ((FACTOR,), True, PRODUCT) if number else ((), True)
-        ticks = Ticks.of(place.loop, *out, held=place.held, terms=True)
+        ticks = Ticks.of(place.loop, *out, held_ports=place.held, terms=True)
         maps.append(ticks.maps[ticks.kind[0]])
     return Ticks(tuple(maps), np.arange(len(maps)))
 

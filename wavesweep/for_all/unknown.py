@@ -316,7 +316,7 @@ class Case:
         if self.along:
             paths = [self.along, *paths]
             box = np.column_stack([[low, high], box])
-        sides = Sides.of(self.loop, paths, box, along=bool(self.along))
+        sides = Sides.of(self.loop, paths, box, swept=bool(self.along))
         whole = sides.places(box)
         frames = constant_frames(self.loop, sides, whole, radius=self.radius)
         if not self.along:

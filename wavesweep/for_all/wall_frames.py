@@ -77,7 +77,7 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
         drawn = plan.schedule.scheduled(loops_at(step).drawn(*names))
         held = drawn.held(READ[: len(names)])
         return Ticks.of(
-            drawn, READ[: len(names)], alone=True, through=PRODUCT, held=held, terms=True
+            drawn, READ[: len(names)], alone=True, through=PRODUCT, held_ports=held, terms=True
         )
 
     twins = map(plan.schedule.scheduled, loops_at(plan.schedule.nominal).twins(*names))

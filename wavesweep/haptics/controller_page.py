@@ -104,10 +104,10 @@ class Slow:
         # was given one run before, at waits[k - 1]. By then it is computed, or put aside before the
         # next one is, but not before its place is free.
         for by, runs in (("hold", 0), ("delay", 1)):
-            found = {k: waits[k - runs] for k in range(p)}
-            if all(computed[k] <= found[k] < computed[k + 1] for k in range(p)):
+            ready = {k: waits[k - runs] for k in range(p)}
+            if all(computed[k] <= ready[k] < computed[k + 1] for k in range(p)):
                 return Slow(every, reads, (), shown, by)
-            latest = {k: min(found[k], computed[k + 1] - 1) for k in range(p)}
+            latest = {k: min(ready[k], computed[k + 1] - 1) for k in range(p)}
             free = {k: max(computed[k], waits[k - runs - 1] + 1) for k in range(p)}
             if all(free[k] <= latest[k] for k in range(p)):
                 stored = tuple(sorted(latest[k] % q for k in range(p)))
@@ -226,9 +226,9 @@ def _page_of(values: Mapping[str, Any], varied: Iterable[str] = ()) -> tuple[str
     """The kind of a controller, and the values that decide how its page draws it."""
     kind = values["controller.kind"]
     if kind not in CONTROLLERS:
-        known = ", ".join(CONTROLLERS)
+        names = ", ".join(CONTROLLERS)
         raise UsageError(
-            f"controller.kind: expected one of {known}, found {kind}, which has no page"
+            f"controller.kind: expected one of {names}, found {kind}, which has no page"
         )
     items = [(path, values[path]) for path in _DECIDING]
     items.append((_AMPLIFIER, int(values.get(_AMPLIFIER, 0))))

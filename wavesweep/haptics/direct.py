@@ -34,8 +34,8 @@ def dc_lm(values: Mapping[str, Any]) -> BlockDiagram:
         ("v_ref", velocity, "local_model.B_LM"),
     ):
         sampled = {name: slow.block(type="hold")}
-        held, through, shown = slow.in_place(name, f"{name}.y")
-        blocks, wires = blocks | sampled | held, wires | {f"{name}.u": signal} | through
+        held_blocks, through, shown = slow.in_place(name, f"{name}.y")
+        blocks, wires = blocks | sampled | held_blocks, wires | {f"{name}.u": signal} | through
         force = f"{force} + {gain}*({signal} - {shown})"
     return BlockDiagram(blocks, wires | {"device.f": f"f_h - ({force})"}, force, HELD)
 
@@ -52,8 +52,8 @@ class SlowWall(NamedTuple):
 
 def _slow_wall(values: Mapping[str, Any]) -> SlowWall:
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
-    held, through, force = slow.in_place("wall", "wall.y")
-    blocks = blocks | {"wall": slow.block(type="hold")} | held
+    held_blocks, through, force = slow.in_place("wall", "wall.y")
+    blocks = blocks | {"wall": slow.block(type="hold")} | held_blocks
     return SlowWall(
         blocks, wires | {"wall.u": F_S.format(x="device.x", v=velocity)} | through, velocity, force
     )

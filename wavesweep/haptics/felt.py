@@ -45,7 +45,7 @@ def felt_of(loops: Loops, size: int) -> np.ndarray:
             path: np.broadcast_to(v, (size,)) for path, v in loops.values.items() if np.ndim(v)
         }
         loops = loops.changed(arrays)
-        return np.concatenate([felt_of(loops.some([at]), 1) for at in range(size)])
+        return np.concatenate([felt_of(loops.some([index]), 1) for index in range(size)])
     return felt
 
 
@@ -75,11 +75,11 @@ def _fill_felt(felt, loops):
     for members, port in ports_by_rate(loops.some(unknown), unknown.size):
         response = static_response(Lifted.of(port))
         # The relative error up to which a stiffness counts as known.
-        found = np.where(response.impedance_error <= 1e-6, response.impedance.real, np.nan)
-        felt[unknown[members]] = found
+        stiffness = np.where(response.impedance_error <= 1e-6, response.impedance.real, np.nan)
+        felt[unknown[members]] = stiffness
         if size > 1 and port.rest().going:  # one may stand still where those about it go on
-            for at in unknown[members][np.isnan(found)].tolist():
-                felt[at] = felt_of(loops.some([at]), 1)[0]
+            for index in unknown[members][np.isnan(stiffness)].tolist():
+                felt[index] = felt_of(loops.some([index]), 1)[0]
 
 
 def hand_in_frame(
@@ -131,9 +131,9 @@ def stiffness_at_ends(
 FELT_AT_ENDS = AtPort(FELT, hand_in_frame, stiffness_at_ends)
 
 
-def felt_along(loops: Loops, along: str, p: np.ndarray) -> np.ndarray:
+def felt_along(loops: Loops, path: str, p: np.ndarray) -> np.ndarray:
     """The stiffness (N/m) felt at rest in loops at values p of a number, `(n,)`."""
-    return felt_of(loops.changed({along: p}), p.size)
+    return felt_of(loops.changed({path: p}), p.size)
 
 
 def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.ndarray:
@@ -204,9 +204,9 @@ def _tick_at_rest(question, loops) -> DcGain | None:
     return None
 
 
-def _of_slices(opened: Opened, at_rest: DcGain, at, p) -> np.ndarray:
-    """The stiffness that is felt of the slices `at` if their number is p, `(n,)` all; NaN if the
+def _of_slices(opened: Opened, at_rest: DcGain, slices, p) -> np.ndarray:
+    """The stiffness that is felt of the slices `slices` if their number is p, `(n,)` all; NaN if the
     frame hides it."""
-    second = opened.second[at]
-    first, other = (second, p) if opened.swapped else (p, second)
-    return at_rest.stiffness(opened.loop_of[at], first, other)
+    second = opened.second[slices]
+    first, second_value = (second, p) if opened.swapped else (p, second)
+    return at_rest.stiffness(opened.loop_of[slices], first, second_value)

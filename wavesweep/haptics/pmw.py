@@ -65,12 +65,12 @@ def _waves(
     blocks["avatar"] = slow.block(
         type="avatar", b="controller.b", integration=values["environment.integration"]
     )
-    held, through, v_1 = slow.in_place("v_1", "avatar.out")
+    held_blocks, through, v_1 = slow.in_place("v_1", "avatar.out")
     v_m = f"{v_1} + {v_2}" if v_2 else v_1
     if values["controller.Kp"]:  # equation (3) of the paper
         shown_blocks, further, x_s = slow.in_place("x_s", "avatar.x")
-        held, through, v_m = (
-            held | shown_blocks,
+        held_blocks, through, v_m = (
+            held_blocks | shown_blocks,
             through | further,
             f"{v_m} + controller.Kp*({x_s} - device.x)",
         )
@@ -84,7 +84,10 @@ def _waves(
     }
     assumes = f"{values['environment.integration']} integration of the wall"
     return BlockDiagram(
-        {**blocks, **branch, **held}, {**wires, **of_branch, **through}, "encoder.force", assumes
+        {**blocks, **branch, **held_blocks},
+        {**wires, **of_branch, **through},
+        "encoder.force",
+        assumes,
     )
 
 

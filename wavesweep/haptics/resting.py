@@ -38,8 +38,8 @@ class DcGain:
     shown: Bounded
     free: bool
 
-    def stiffness(self, at, p, second=0.0) -> np.ndarray:
-        """Return the stiffness (N/m) that the hand feels of the loops `at` if the number is p,
+    def stiffness(self, loops, p, second=0.0) -> np.ndarray:
+        """Return the stiffness (N/m) that the hand feels of the loops `loops` if the number is p,
         `(n,)` all.
 
         second: the number of the fourth row. NaN: not known to KNOWN_AT_REST. If nothing is swept,
@@ -49,9 +49,9 @@ class DcGain:
         `F_0/(p - F_1)` (Sherman and Morrison 1950); of F the product of the other number is a part.
         """
         if len(self.shown.value) == 1:
-            at = 0 * at
+            loops = 0 * loops
         # Of each row F_0, for a signal of 0, and F_1, the change for a 1 of the signal.
-        still, change = (self.shown.part(at, ..., case).mT for case in (0, 1))
+        still, change = (self.shown.part(loops, ..., case).mT for case in (0, 1))
         with np.errstate(all="ignore"):
             limits = still.part(slice(2))
             rigid = 0.0
@@ -59,8 +59,8 @@ class DcGain:
                 if len(still.value) > 3:
                     still, change = (_less(rows, second) for rows in (still, change))
                 # Position and reaction times `p - F_1`, which their ratio does not have.
-                left = Bounded.exact(p) - change.part(2)
-                limits = limits * left + change.part(slice(2)) * still.part(2)
+                determinant = Bounded.exact(p) - change.part(2)
+                limits = limits * determinant + change.part(slice(2)) * still.part(2)
                 rigid = np.abs(still.value[1] / still.value[0])
             limits, error = limits
             position, reaction = limits
@@ -69,10 +69,10 @@ class DcGain:
             nothing = KNOWN_AT_REST * rigid * np.abs(position)
             is_nothing = (off_reaction >= 1) & (error[1] <= nothing)
             stiffness = np.where(is_nothing, 0.0, stiffness)
-            known = (off_position <= KNOWN_AT_REST) & (
+            resolved = (off_position <= KNOWN_AT_REST) & (
                 (off_reaction <= KNOWN_AT_REST) | (stiffness == 0)
             )
-            return np.where(known, stiffness, np.nan)
+            return np.where(resolved, stiffness, np.nan)
 
 
 def _less(rows, second):
@@ -106,7 +106,7 @@ def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: s
     at_rest = _at_rest((block.E, block.B, block.C, block.D), *structure)
     sizes = _at_rest(block.terms, *structure)
     with np.errstate(all="ignore"):
-        of_terms = (ENTRY_ROUNDING * np.abs(each) for each in sizes)
+        of_terms = (ENTRY_ROUNDING * np.abs(size) for size in sizes)
         A, right, rows, direct = map(Bounded, at_rest, of_terms)
         shown = rows @ A.solved(right) + direct
     return DcGain(_listed(shown), bool(factor))
@@ -166,7 +166,7 @@ def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> 
     read: see `open_frame`."""
     if not ports.reaction:
         return False
-    held = drawn.held(read)
+    held_ports = drawn.held(read)
     placed = {scheduled.block.name: scheduled for scheduled in drawn.placed}
     for source in drawn.sources(ports.reaction):
         name, _, port = source.rpartition(".")
@@ -174,7 +174,7 @@ def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> 
             continue
         if name not in placed:
             return False
-        if placed[name].every > 1 and port not in held[name]:
+        if placed[name].every > 1 and port not in held_ports[name]:
             return False
     return True
 
@@ -272,33 +272,35 @@ class _Equations:
         forces = slice(constant, None)
         determined, adding = self._unknowns(n)
         # Rows and columns of the unknowns: states, the signal and the product.
-        at = [*determined, n]
-        unit = np.eye(len(at))
+        unknowns = [*determined, n]
+        unit = np.eye(len(unknowns))
         product = Bounded.exact(unit[-1:])
-        right = Bounded.block([[-self._rows(at, [constant]), product.mT, Bounded.exact(unit)]])
-        found = self._rows(at, at).solved(right)
-        X = found.part(..., slice(2))
-        inverse = found.part(..., slice(2, None))
+        right = Bounded.block(
+            [[-self._rows(unknowns, [constant]), product.mT, Bounded.exact(unit)]]
+        )
+        solution = self._rows(unknowns, unknowns).solved(right)
+        X = solution.part(..., slice(2))
+        inverse = solution.part(..., slice(2, None))
         # Of the share of the position that is read by no state: G and H, its change in a frame, and
         # l, which it is relative to.
         share = Bounded.exact(self._rows([place], adding).value)
         change = share @ self.P.part(..., adding, slice(None))
-        law = change.part(..., at) @ inverse
-        moment = change.part(..., forces) - law @ self._rows(at, forces)
+        law = change.part(..., unknowns) @ inverse
+        moment = change.part(..., forces) - law @ self._rows(unknowns, forces)
         still = np.abs(moment.value[..., 0]) <= ZERO_BOUNDS * moment.error[..., 0]
         alone = np.abs(law.value[..., -1]) <= ZERO_BOUNDS * law.error[..., -1]
-        others = slice(n + 3, None)
+        remaining = slice(n + 3, None)
         rows = [
-            self._rows([place], at) + law * (1 - unit[-1]),
-            self._rows([reaction], at),
+            self._rows([place], unknowns) + law * (1 - unit[-1]),
+            self._rows([reaction], unknowns),
             product,
-            self._rows(others, at),
+            self._rows(remaining, unknowns),
         ]
         direct = [
             moment.part(..., [1]).over(Bounded.exact(float(ticks))),
             self._rows([reaction], [constant]),
             Bounded.exact(np.zeros((1, 1))),
-            self._rows(others, [constant]),
+            self._rows(remaining, [constant]),
         ]
         shown = Bounded.joined(rows, -2) @ X + Bounded.joined(direct, -2) @ np.array([[1.0, 0.0]])
         shown.error[..., 0, :] = np.where(still & alone, shown.error[..., 0, :], np.inf)

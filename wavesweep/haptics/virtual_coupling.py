@@ -64,8 +64,8 @@ def _slow_avatar(values: Mapping[str, Any], *signals: str) -> SlowAvatar:
     wires |= {**of_own, "wall.u": F_S.format(x=x, v="avatar_speed.y")}
     sources, shown = {"x_s": "avatar.y", "v_s": "avatar_speed.y", "F_s": "wall.y"}, {}
     for name in signals:
-        held, through, shown[name] = slow.in_place(name, sources[name])
-        blocks, wires = blocks | held, wires | through
+        held_blocks, through, shown[name] = slow.in_place(name, sources[name])
+        blocks, wires = blocks | held_blocks, wires | through
     return SlowAvatar(blocks, wires, velocity, shown)
 
 

@@ -40,7 +40,7 @@ def identified_axes(
     forces = np.stack([log.force for log in logs])
     if np.linalg.cond(np.corrcoef(forces)) > MOST_ALIKE:
         raise UsageError(ALIKE)
-    asked = [
+    of_logs = [
         (log.reading - log.reading[0], log.period, step)
         for log, step in zip(logs, steps, strict=True)
     ]
@@ -48,20 +48,22 @@ def identified_axes(
     rounds = []
     # All axes: alone, beside the motion of the others as it was found, and twice again.
     for _ in range(4):
-        found = [
+        predictions = [
             predicted(model, force, *of_log, resisting)
-            for force, of_log, resisting in zip(forces, asked, coupled, strict=True)
+            for force, of_log, resisting in zip(forces, of_logs, coupled, strict=True)
         ]
-        rounds.append(_numbers(axes, found))
-        held = coupled
-        coupled = _coupled(axes, rounds[-1], forces, found)
+        rounds.append(_numbers(axes, predictions))
+        coupled_before = coupled
+        coupled = _coupled(axes, rounds[-1], forces, predictions)
     alone = []
     wider = 1.0
-    for each, force, of_log, resisting in zip(found, forces, asked, held, strict=True):
-        resistance = np.tensordot(each.theta[-len(resisting) :], np.array(resisting)[:, 0], 1)
+    for mean_force, force, of_log, resisting in zip(
+        predictions, forces, of_logs, coupled_before, strict=True
+    ):
+        resistance = np.tensordot(mean_force.theta[-len(resisting) :], np.array(resisting)[:, 0], 1)
         ticks = np.arange(len(force))
         # As if it was as late as the force.
-        resistance = np.interp(ticks + each.searched["delay"], ticks, resistance)
+        resistance = np.interp(ticks + mean_force.searched["delay"], ticks, resistance)
         fit, verdict = identified(model, force - resistance, *of_log)
         alone.append((fit, verdict))
         wider = max(wider, 1 + np.max((fit.extra / fit.half)[:2]))
@@ -71,43 +73,46 @@ def identified_axes(
     return numbers, alone
 
 
-def _numbers(axes: Sequence[str], found: Sequence[Prediction]) -> dict[str, tuple[float, float]]:
+def _numbers(
+    axes: Sequence[str], predictions: Sequence[Prediction]
+) -> dict[str, tuple[float, float]]:
     """The numbers and half the widths of their intervals; one that several axes tell is their mean
     and has the mean of the widths, as if all errors were the same."""
     pairs = [*map("".join, combinations_with_replacement(axes, 2))]
     told = {f"{matrix}_{pair}": [] for matrix in ("mass", "damping") for pair in pairs}
-    for axis, each in zip(axes, found, strict=True):
-        pairs = ["".join(sorted(axis + other)) for other in axes if other != axis]
+    for axis, prediction in zip(axes, predictions, strict=True):
+        pairs = ["".join(sorted(axis + second)) for second in axes if second != axis]
         names = [
             f"{matrix}_{pair}" for pair in (axis + axis, *pairs) for matrix in ("mass", "damping")
         ]
-        names[2:2] = [f"friction_{axis}"] * each.model.friction + ["delay"] * (
-            each.model.delay is None
+        names[2:2] = [f"friction_{axis}"] * prediction.model.friction + ["delay"] * (
+            prediction.model.delay is None
         )
-        mass = np.exp(each.theta[0])
+        mass = np.exp(prediction.theta[0])
         told |= {name: told.get(name, []) for name in names}
-        half = each.half * [mass, *np.ones(len(each.half) - 1)]
-        if each.place.log.one_way:
+        half = prediction.half * [mass, *np.ones(len(prediction.half) - 1)]
+        if prediction.place.log.one_way:
             half[2] = np.inf
-        for name, *number in zip(names, [mass, *each.theta[1:]], half, strict=False):
+        for name, *number in zip(names, [mass, *prediction.theta[1:]], half, strict=False):
             told[name].append(number)
-    told["delay"] = told.pop("delay", [(found[0].searched["delay"], 0.0)])
+    told["delay"] = told.pop("delay", [(predictions[0].searched["delay"], 0.0)])
     return {
-        name: tuple(np.mean(each or [(0.0, 0.0)], axis=0).tolist()) for name, each in told.items()
+        name: tuple(np.mean(prediction or [(0.0, 0.0)], axis=0).tolist())
+        for name, prediction in told.items()
     }
 
 
-def _coupled(axes, numbers, forces, found) -> list[list[np.ndarray]]:
+def _coupled(axes, numbers, forces, predictions) -> list[list[np.ndarray]]:
     """What resists each axis beside itself: of each other axis, the means over each tick, see
     `ScaledLog.side`, of its acceleration and of its velocity."""
-    M = [[numbers["mass_" + "".join(sorted((one, two)))][0] for two in axes] for one in axes]
+    M = [[numbers["mass_" + "".join(sorted((first, two)))][0] for two in axes] for first in axes]
     delay = numbers["delay"][0]
     whole_ticks = int(np.floor(delay))
     part = delay - whole_ticks
     jumps = [late(force, whole_ticks) - late(force, whole_ticks + 1) for force in forces]
     motions = []
-    for each, jump in zip(found, np.linalg.solve(M, jumps), strict=True):
-        log, search, point, skip = each.place
+    for prediction, jump in zip(predictions, np.linalg.solve(M, jumps), strict=True):
+        log, search, point, skip = prediction.place
         predictor, errors, effects = errors_of(log, search.found(point), skip)
         gains, _ = projected(errors, effects)
         states = smoothed_states(log, predictor, search.found(point), gains, skip)
@@ -120,6 +125,6 @@ def _coupled(axes, numbers, forces, found) -> list[list[np.ndarray]]:
             (np.stack([change / log.period, moment]), np.stack([speed + change / 2, -change / 12]))
         )
     return [
-        [*chain(*(motion for other, motion in enumerate(motions) if other != at))]
-        for at in range(len(motions))
+        [*chain(*(motion for other_axis, motion in enumerate(motions) if other_axis != axis))]
+        for axis in range(len(motions))
     ]

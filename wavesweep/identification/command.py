@@ -116,7 +116,7 @@ def identify(
     scales: tuple[str, ...],
     motor_constant: str | None,
     frames: str | None,
-    **given: Any,
+    **options: Any,
 ) -> None:
     """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
 
@@ -164,27 +164,27 @@ def identify(
     named = {"columns": pairs(columns, "--column"), "scales": factors(pairs(scales, "--scale"))}
     if frames is not None:
         source, product = frames, "frames"
-        find, text = _of_frames(frames, log, given, named)
+        find, text = _of_frames(frames, log, options, named)
     else:
-        source, product, text = _log_alone(log, given), "device", spec_text
-        find = partial(identify, source, **named, **_fit_options(given, motor_constant))
+        source, product, text = _log_alone(log, options), "device", spec_text
+        find = partial(identify, source, **named, **_fit_options(options, motor_constant))
     directory = Path("results", Path(source).stem)
     target = Path(out) if out else directory / f"{product}.toml"
     _refuse_places(source, directory, target, named=bool(out))
-    _refuse_foreign(target, given["overwrite"])
+    _refuse_foreign(target, options["overwrite"])
     progress("fitting")
     table = find()
     place = results.place_of([source], directory)
     table = replace(table, facts={**table.facts, "spec_place": place})
     progress(WRITING)
-    if given["plot"]:
+    if options["plot"]:
         from wavesweep.program import plots
 
         plots.refuse_settings()
         table = plots.drawn(table)
     kind = kind_named(table.kind)
     tally = kind.tally(table)
-    paths = results.publish(table.watched(tally.add), directory, given["overwrite"])
+    paths = results.publish(table.watched(tally.add), directory, options["overwrite"])
     write_whole((target, text(table.facts)))
     seconds = time.perf_counter() - started
     numbers = tally.numbers(table.facts)
@@ -221,21 +221,21 @@ def _refuse_places(source: str, directory: Path, target: Path, *, named: bool) -
     refuse_inputs([source], target, *tables)
 
 
-def _log_alone(log: str | None, given: dict[str, Any]) -> str:
+def _log_alone(log: str | None, options: dict[str, Any]) -> str:
     """The log, beside which there are no options of --frames. Errors: UsageError."""
     if log is None:
         raise click.UsageError("identify: expected LOG, or --frames TIMES, found none")
-    if any(given[name] is not None for name in ("fast_hz", "spec", "every")):
+    if any(options[name] is not None for name in ("fast_hz", "spec", "every")):
         expected = "--frames with --fast-hz, --spec or --every"
         raise click.UsageError(f"identify: expected {expected}, found none")
     return log
 
 
-def _fit_options(given: dict[str, Any], motor_constant: str | None) -> dict[str, Any]:
+def _fit_options(flags: dict[str, Any], motor_constant: str | None) -> dict[str, Any]:
     """What a fit of a log is asked for."""
     names = ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")
-    options = {name: given[name] for name in names}
-    options["axes"] = given["axes"] and given["axes"].split(",")
+    options = {name: flags[name] for name in names}
+    options["axes"] = flags["axes"] and flags["axes"].split(",")
     if motor_constant:
         # the two numbers of LOW..HIGH, or one twice
         text = motor_constant
@@ -253,18 +253,18 @@ def _fit_options(given: dict[str, Any], motor_constant: str | None) -> dict[str,
 
 
 def _of_frames(
-    path: str, log: str | None, given: dict[str, Any], named: dict[str, Any]
+    path: str, log: str | None, options: dict[str, Any], named: dict[str, Any]
 ) -> tuple[Callable[[], Any], Any]:
     """What finds the frames of a file, and what makes the text of their spec. Errors: UsageError."""
     if log is not None:
         raise click.UsageError(f"--frames: expected no LOG beside it, found {log}")
-    if unfitting := [name for name in given if name not in OF_FRAMES and is_given(name)]:
+    if unfitting := [name for name in options if name not in OF_FRAMES and is_given(name)]:
         option = f"--{unfitting[0].removesuffix('_hz').replace('_', '-')}"
         raise click.UsageError(
             f"{option}: expected none beside --frames, which takes --fast-hz or --spec, --every, --column and --scale"
         )
-    if (given["fast_hz"] is None) == (given["spec"] is None):
-        number_found = "neither" if given["spec"] is None else "both"
+    if (options["fast_hz"] is None) == (options["spec"] is None):
+        number_found = "neither" if options["spec"] is None else "both"
         raise click.UsageError(
             f"--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found {number_found}"
         )
@@ -273,16 +273,16 @@ def _of_frames(
         raise click.UsageError(
             "--frames: expected the capability frame_times, found that it is not there"
         )
-    fast_hz = given["fast_hz"]
+    fast_hz = options["fast_hz"]
     number = "rates.ratio"
-    if given["spec"] is not None:
+    if options["spec"] is not None:
         from wavesweep.program.spec import load
 
-        spec = load(given["spec"])
+        spec = load(options["spec"])
         fast_hz = spec.tick_hz
         number = module.number_of(spec)
     return partial(
-        module.identified, path, fast_hz, number, every=given["every"], **named
+        module.identified, path, fast_hz, number, every=options["every"], **named
     ), module.spec_text
 
 

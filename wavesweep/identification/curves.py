@@ -76,37 +76,37 @@ def alone(place: Place, first: int, end: int) -> Beside:
     return _fitted(few._replace(point=least_of(*few, STEPS_WITH_CURVE)))
 
 
-def with_curve(name: str, place: Place, others: Sequence[np.ndarray] = ()) -> Beside:
+def with_curve(name: str, place: Place, other_forces: Sequence[np.ndarray] = ()) -> Beside:
     """The fit of a log with a curve, from that without; with forces of other axes in its place, if
     there are some."""
     fit = place
     numbers = []
     # Passes of the smoother: the second with the curve, the third with what it does within a tick.
     for _ in range(3):
-        if others:
+        if other_forces:
             ticks = round(fit.search.found(fit.point)["delay"])
-            beside = [np.stack([late(each, ticks), 0.0 * each]) for each in others]
+            beside = [np.stack([late(force, ticks), 0.0 * force]) for force in other_forces]
         else:
             beside = _held(CURVES[name], fit)
         log = replace(fit.log, beside=tuple(beside))
         fit = fit._replace(log=log)
         fit = fit._replace(point=least_of(*fit, STEPS_WITH_CURVE))
-        found = fit.search.found(fit.point)
-        _, errors, effects = errors_of(fit.log, found, fit.skip)
+        numbers_of_fit = fit.search.found(fit.point)
+        _, errors, effects = errors_of(fit.log, numbers_of_fit, fit.skip)
         gains, _ = projected(errors, effects)
         if not gains[0] > 0:
             return Beside(np.inf, np.inf, place)
-        numbers.append(theta_of(fit.log, found, gains))
+        numbers.append(theta_of(fit.log, numbers_of_fit, gains))
     return _fitted(fit)._replace(moved=np.abs(numbers[-1] - numbers[-2]))
 
 
 def _fitted(fit: Place) -> Beside:
     _, errors, effects = errors_of(fit.log, fit.search.found(fit.point), fit.skip)
-    gains, left = projected(errors, effects)
+    gains, residual = projected(errors, effects)
     if not gains[0] > 0:
-        return Beside(float(left.std()), np.inf, fit)
+        return Beside(float(residual.std()), np.inf, fit)
     theta = theta_of(fit.log, fit.search.found(fit.point), gains)
-    return Beside(float(left.std()), force_beside(*fit), fit, theta)
+    return Beside(float(residual.std()), force_beside(*fit), fit, theta)
 
 
 def forceless(fit: Place) -> float:
@@ -121,21 +121,21 @@ def forceless(fit: Place) -> float:
 def _held(curve: Curve, fit: Place) -> list[np.ndarray]:
     """The means of each force of a curve over the ticks, of the motion of a fit, as smoothed."""
     log, search, point, skip = fit
-    found = search.found(point)
-    predictor, errors, effects = errors_of(log, found, skip)
+    numbers = search.found(point)
+    predictor, errors, effects = errors_of(log, numbers, skip)
     gains, _ = projected(errors, effects)
-    states = smoothed_states(log, predictor, found, gains, skip)
+    states = smoothed_states(log, predictor, numbers, gains, skip)
     speed = states[predictor.tick.speed]
     # Without a position among the states, by trapezoids: half a tick late a spring would be a
     # damper.
     place = states[0] if predictor.tick.speed else np.cumsum(speed) - speed / 2
-    return means_over_ticks(curve, log, found, gains, speed, place - place.mean())
+    return means_over_ticks(curve, log, numbers, gains, speed, place - place.mean())
 
 
 def means_over_ticks(
     curve: Curve,
     log: ScaledLog,
-    found: Mapping[str, float],
+    numbers: Mapping[str, float],
     gains: np.ndarray,
     speed: np.ndarray,
     place: np.ndarray,
@@ -145,12 +145,12 @@ def means_over_ticks(
 
     gains: the last of them are those of the curve, if the log has it beside its force.
     """
-    sizes = [np.sqrt(np.mean(each**2)) + NEXT_TO_ZERO for each in (speed, place, log.force)]
+    sizes = [np.sqrt(np.mean(column**2)) + NEXT_TO_ZERO for column in (speed, place, log.force)]
 
     def motion(speed, place, force):
         return Motion(speed / sizes[0], place / sizes[1], force / sizes[2])
 
-    whole_ticks = int(np.floor(found["delay"]))
+    whole_ticks = int(np.floor(numbers["delay"]))
     now = late(log.force, whole_ticks)
     before = late(log.force, whole_ticks + 1)
     turned = slope = 0.0
@@ -163,7 +163,7 @@ def means_over_ticks(
         one_sign = (speed * then > 0) & (speed != then)
         slope = np.where(one_sign, -turned / np.where(one_sign, then - speed, 1.0), 0.0)
         slope = np.clip(slope, -STEEPEST, STEEPEST)
-    path = path_within_ticks(log, found, gains, speed, turned, slope)
+    path = path_within_ticks(log, numbers, gains, speed, turned, slope)
     means = []
     changes = []
     for length, force, first, middle, last in zip(

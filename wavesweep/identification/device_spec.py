@@ -56,9 +56,9 @@ def withheld(parameters: Mapping[str, Any]) -> bool:
     return next(iter(parameters.values()))["low"] is None
 
 
-def spoken(each: Mapping[str, Any]) -> str:
+def spoken(estimate: Mapping[str, Any]) -> str:
     """A number with its interval, to the digits that it has."""
-    value, low, high, unit = (each[name] for name in ("value", "low", "high", "unit"))
+    value, low, high, unit = (estimate[name] for name in ("value", "low", "high", "unit"))
     if low is None:
         return f"{value:.2g} {unit} (no interval)"
     if low == high:

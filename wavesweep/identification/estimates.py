@@ -140,11 +140,11 @@ def _lowest(cost, A, b, active, bound):
 def _likeliest(basis, residual, resolution):
     """The likeliest change, and the deviation of the white noise (m)."""
     change = basis.T @ residual
-    left = residual - basis @ change
-    square = left @ left / (len(left) - len(change))
+    remaining = residual - basis @ change
+    square = remaining @ remaining / (len(remaining) - len(change))
     if square >= (SMOOTH**2 + 1 / 12) * resolution**2:
         return change, float(np.sqrt(square - resolution**2 / 12))
-    every = -(-len(left) // SEARCHED)
+    every = -(-len(remaining) // SEARCHED)
     few = basis[::every]
     residual_part = residual[::every]
     best = change
@@ -186,20 +186,22 @@ def _climbed(basis, residual, resolution, noise, change):
     return change, float(value.sum())
 
 
-def _readings(left, resolution, noise):
+def _readings(residual, resolution, noise):
     """Logarithm of the likelihood of residuals, and minus its first and second derivatives,
     `(rows,)` each."""
     if noise > SMOOTH * resolution:
         square = noise**2 + resolution**2 / 12
-        return -(left**2) / (2 * square), left / square, np.full(len(left), 1 / square)
-    near = (np.abs(left) - resolution / 2) / noise
-    far = (np.abs(left) + resolution / 2) / noise
+        return -(residual**2) / (2 * square), residual / square, np.full(len(residual), 1 / square)
+    near = (np.abs(residual) - resolution / 2) / noise
+    far = (np.abs(residual) + resolution / 2) / noise
     above = log_ndtr(-near)
     beyond = log_ndtr(-far)
     value = above + np.log1p(-np.exp(beyond - above))
-    near_share, two = (np.exp(-(at**2) / 2 - value) / np.sqrt(2 * np.pi) for at in (near, far))
+    near_share, two = (
+        np.exp(-(place**2) / 2 - value) / np.sqrt(2 * np.pi) for place in (near, far)
+    )
     score = (near_share - two) / noise
-    return value, np.sign(left) * score, score**2 + (far * two - near * near_share) / noise**2
+    return value, np.sign(residual) * score, score**2 + (far * two - near * near_share) / noise**2
 
 
 def _autoregression(series):
@@ -210,15 +212,15 @@ def _autoregression(series):
     BIC is taken.
     """
     count, rows = series.shape
-    most = min(30, rows // 15)  # order, at most, and 15 rows for each order, at least
-    past = np.eye(1, most + 1).repeat(count, axis=0)
+    highest_order = min(30, rows // 15)  # order, at most, and 15 rows for each order, at least
+    past = np.eye(1, highest_order + 1).repeat(count, axis=0)
     power = np.mean(series**2, axis=1)
     ahead = series[:, 1:]
     behind = series[:, :-1]
     best = rows * np.log(power)
     past_kept = past.copy()
     powers = power.copy()
-    for order in range(1, most + 1):
+    for order in range(1, highest_order + 1):
         mirror = -2 * np.sum(ahead * behind, axis=1) / np.sum(ahead**2 + behind**2, axis=1)
         past[:, : order + 1] += mirror[:, None] * past[:, order::-1]
         power = power * (1 - mirror**2)
@@ -258,9 +260,9 @@ def _coloured(inverse, curved, basis, weight, score):
     drawn = lfilter(
         np.sqrt(power), past[0], np.random.default_rng(0).standard_normal((DRAWS, WARM + rows))
     )[:, WARM:]
-    along = drawn @ basis
-    other_deviations = deviations(*_autoregression(drawn - weight * (along @ curved @ basis.T)))[0]
-    odds = np.sort(np.abs(along @ lean.T) / np.maximum(other_deviations, NEXT_TO_ZERO), axis=0)
+    scores = drawn @ basis
+    other_deviations = deviations(*_autoregression(drawn - weight * (scores @ curved @ basis.T)))[0]
+    odds = np.sort(np.abs(scores @ lean.T) / np.maximum(other_deviations, NEXT_TO_ZERO), axis=0)
     return deviation[0] * np.maximum(
         odds[int(np.ceil(0.95 * (DRAWS + 1))) - 1], stdtrit(np.inf, 0.975)
     )

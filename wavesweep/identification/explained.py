@@ -72,7 +72,7 @@ def identified(
     reading: np.ndarray,
     period: float,
     resolution: float,
-    others: Sequence[np.ndarray] = (),
+    other_forces: Sequence[np.ndarray] = (),
 ) -> tuple[Fit, Verdict]:
     """Fit a model to a log and judge the fit.
 
@@ -84,16 +84,16 @@ def identified(
     in a log that the model does not explain.
     """
     log = (force, reading, period, resolution)
-    found = predicted(model, *log)
-    fit = fitted(model, *log, found)
+    prediction = predicted(model, *log)
+    fit = fitted(model, *log, prediction)
     verdict = judged(fit) if fit else None
     if verdict is None or verdict.missing not in ("", "one-way", "unseen"):
-        refuse_friction_below_zero(found)
-        fit, verdict = lacking(by_prediction(found, *log), found, others)
+        refuse_friction_below_zero(prediction)
+        fit, verdict = lacking(by_prediction(prediction, *log), prediction, other_forces)
     if fit.estimate:
         one_way = "offset" in fit.model.without
     else:
-        one_way = found.place.log.one_way
+        one_way = prediction.place.log.one_way
     if model.friction and one_way:  # a constant force, however large, would do the same
         unknown = np.where(np.array(fit.model.names) == "friction", np.inf, 0.0)
         fit = replace(fit, extra=fit.extra + unknown)
@@ -114,27 +114,27 @@ class Effect(NamedTuple):
     moved: np.ndarray | float = 0.0
 
 
-def _least_explained_part(found, rows):
+def _least_explained_part(prediction, rows):
     """The first and the last row of at most SAMPLES_TRIED, those of which a fit explains least."""
-    if rows - found.skip <= SAMPLES_TRIED:
+    if rows - prediction.skip <= SAMPLES_TRIED:
         return 0, rows
-    left = np.where(found.used, found.left, 0.0)
-    parts = len(left) // SAMPLES_TRIED
-    sizes = left[: parts * SAMPLES_TRIED].reshape(-1, SAMPLES_TRIED).std(axis=1)
-    first = found.skip + SAMPLES_TRIED * int(np.argmax(sizes))
+    residual = np.where(prediction.used, prediction.left, 0.0)
+    parts = len(residual) // SAMPLES_TRIED
+    sizes = residual[: parts * SAMPLES_TRIED].reshape(-1, SAMPLES_TRIED).std(axis=1)
+    first = prediction.skip + SAMPLES_TRIED * int(np.argmax(sizes))
     return first, first + SAMPLES_TRIED
 
 
-def _with_curves(model, bare, count, others):
+def _with_curves(model, bare, count, other_forces):
     """Yield the effects that are curves of the motion, or other forces by their names, of so many
     rows, beside a fit without."""
-    curves = [*CURVES, *others]
+    curves = [*CURVES, *other_forces]
     # Beside friction that which depends on direction is a constant force, which the walk has.
     if model.friction:
         curves.remove("sided friction")
     for number, name in enumerate(curves, 1):
         FIT_LOGGER.info(LACKING, name, number, len(curves))
-        beside = with_curve(name, bare.place, others.get(name, ()))
+        beside = with_curve(name, bare.place, other_forces.get(name, ()))
         if beside.force < np.inf:
             likelier = count * np.log(bare.rms / beside.rms)
             yield Effect(name, likelier, beside.force, moved=beside.theta - bare.theta)
@@ -147,12 +147,14 @@ def _lagging(force):
     lagging = []
     # Time constants in ticks.
     for time_constant in (1.0, 4.0, 16.0):
-        kept = np.exp(-1 / time_constant)
-        lagging.append(lfilter([1 - kept], [1, -kept], force))
+        decay = np.exp(-1 / time_constant)
+        lagging.append(lfilter([1 - decay], [1, -decay], force))
     return lagging
 
 
-def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray]) -> tuple[Fit, Verdict]:
+def lacking(
+    fit: Fit, prediction: Prediction, other_forces: Sequence[np.ndarray]
+) -> tuple[Fit, Verdict]:
     """What a fit by predictions lacks: the effect without which most is left of the innovations, or
     else a force.
 
@@ -160,21 +162,22 @@ def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray]) -> tuple[
     of the fit with it.
     """
     rows = fit.rows
-    first, end = _least_explained_part(found, len(rows.force))
+    first, end = _least_explained_part(prediction, len(rows.force))
     part = (rows.force[first:end], rows.reading[first:end], rows.period, rows.resolution)
-    force, effects = _with_models(replace(fit.model, without=()), found, part)
+    force, effects = _with_models(replace(fit.model, without=()), prediction, part)
     seen = True  # whether a force beside that of the log is seen at all
     if fit.model.measured != "acceleration":
-        bare = alone(found.place, first, end)
+        bare = alone(prediction.place, first, end)
         force = bare.force
         count = end - first
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
         if seen and not fit.model.load:
             acting = {"lag": _lagging(rows.force)}
-            if others:
-                acting["axes"] = others
+            if other_forces:
+                acting["axes"] = other_forces
             of_part = {
-                name: [each[first:end] for each in forces] for name, forces in acting.items()
+                name: [force_of_axes[first:end] for force_of_axes in forces]
+                for name, forces in acting.items()
             }
             effects += _with_curves(fit.model, bare, count, of_part)
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
@@ -204,34 +207,44 @@ def lacking(fit: Fit, found: Prediction, others: Sequence[np.ndarray]) -> tuple[
         fit = replace(fit, extra=np.maximum(fit.extra, np.abs(effect.moved)))
     # A curve is fitted beside the numbers if it explains 95 % of the force.
     if name in CURVES and share > 0.95:
-        curved = with_curve(name, found.place)
+        curved = with_curve(name, prediction.place)
         if curved.rms < np.inf:
-            fit = _beside(fit, found, curved)
+            fit = _beside(fit, prediction, curved)
             withheld = False
     withheld = withheld or bool(much and name == "force")
-    left = fit.residual[rows.skip :][rows.used]
+    remaining = fit.residual[rows.skip :][rows.used]
     expected, usual = _of_encoder(fit)
-    rms = float(np.sqrt(np.mean(left**2)))
+    rms = float(np.sqrt(np.mean(remaining**2)))
     judged_so = Verdict(
-        False, name, tone_hz, share, rms, expected, found.correlation, usual, None, withheld, force
+        False,
+        name,
+        tone_hz,
+        share,
+        rms,
+        expected,
+        prediction.correlation,
+        usual,
+        None,
+        withheld,
+        force,
     )
     return fit, judged_so
 
 
-def _with_models(model, found, log):
+def _with_models(model, prediction, log):
     """The force that a model lacks in some rows (N), and the effects of the models with one more
     number."""
     effects = []
     larger_models = list(_larger(model))
     if not larger_models:
-        return found.walked, effects
-    bare = innovations_of(model, found.searched, *log)
+        return prediction.walked, effects
+    bare = innovations_of(model, prediction.searched, *log)
     for number, (name, larger) in enumerate(larger_models, 1):
         FIT_LOGGER.info(LACKING, name, number, len(larger_models))
-        left = innovations_of(larger, found.searched, *log)
-        if np.isfinite(left.rms):
-            likelier = len(log[0]) * np.log(bare.rms / left.rms)
-            effects.append(Effect(name, likelier, left.walked, left.tone_hz))
+        innovations = innovations_of(larger, prediction.searched, *log)
+        if np.isfinite(innovations.rms):
+            likelier = len(log[0]) * np.log(bare.rms / innovations.rms)
+            effects.append(Effect(name, likelier, innovations.walked, innovations.tone_hz))
     return bare.walked, effects
 
 
@@ -256,16 +269,16 @@ def _best(effects):
     return best
 
 
-def _beside(fit, found, curved):
+def _beside(fit, prediction, curved):
     """The fit with a curve.
 
     Its intervals are wider by what the last pass of the smoother changed and, as the curve leaves a
     share of the force, by this share of what it changed.
     """
     estimate = estimated_at(*curved.place, None, curved.moved)
-    open_share = min(curved.force / found.walked, 1.0)
-    half = estimate.half + open_share * np.abs(estimate.theta - found.theta)
-    estimate = replace(estimate, used=found.used, half=half)
+    open_share = min(curved.force / prediction.walked, 1.0)
+    half = estimate.half + open_share * np.abs(estimate.theta - prediction.theta)
+    estimate = replace(estimate, used=prediction.used, half=half)
     rows = fit.rows
     return by_prediction(estimate, rows.force, rows.reading, rows.period, rows.resolution)
 
@@ -291,14 +304,14 @@ def judged(fit: Fit) -> Verdict:
     # Divided by the square roots of its weights, the score is white if the model is right.
     root = np.sqrt(estimate.weight)
     basis = np.linalg.qr(_sized(root[:, None] * estimate.slopes))[0]
-    left = estimate.score / np.maximum(root, NEXT_TO_ZERO)
-    left = left - basis @ (basis.T @ left)
+    whitened = estimate.score / np.maximum(root, NEXT_TO_ZERO)
+    whitened = whitened - basis @ (basis.T @ whitened)
     # The first lines of the bands of a spectrum, and the end of the last one; powers of white noise
     # are Gamma distributed.
     # 24 bands of the spectrum, equally wide in octaves.
-    edges = np.unique(np.round(np.geomspace(1, len(left) // 2 + 1, 25)).astype(int))
-    powers = np.add.reduceat(np.abs(np.fft.rfft(left))[: edges[-1]] ** 2, edges[:-1])
-    odds = gammaincc(np.diff(edges), powers / np.sum(left**2))
+    edges = np.unique(np.round(np.geomspace(1, len(whitened) // 2 + 1, 25)).astype(int))
+    powers = np.add.reduceat(np.abs(np.fft.rfft(whitened))[: edges[-1]] ** 2, edges[:-1])
+    odds = gammaincc(np.diff(edges), powers / np.sum(whitened**2))
     is_resonance = False
     tone = float("nan")
     tone_share = 0.0
@@ -306,12 +319,15 @@ def judged(fit: Fit) -> Verdict:
     for frequency, changes in _effects(fit):
         directions = (root * rows.used)[:, None] * changes
         residual_beside = _orthogonal(basis, directions)
-        along = left @ residual_beside
+        projections = whitened @ residual_beside
         # Standard deviations at which an effect that the model lacks is seen.
         is_resonance |= bool(
-            (np.abs(along) > 5.0 * np.linalg.norm(left[:, None] * residual_beside, axis=0)).any()
+            (
+                np.abs(projections)
+                > 5.0 * np.linalg.norm(whitened[:, None] * residual_beside, axis=0)
+            ).any()
         )
-        share = float(np.sum(along**2) / np.sum(left**2))
+        share = float(np.sum(projections**2) / np.sum(whitened**2))
         if frequency:
             # The expected significance at which an effect is seen in spite of errors
             # of three sigmas
@@ -332,19 +348,19 @@ def judged(fit: Fit) -> Verdict:
     # The probability of the power of a band below which white noise does not explain it.
     remains = not exact and (is_resonance or float(odds.min()) < 1e-8)
     stretch = [
-        *takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))
+        *takewhile(itemgetter(1), dropwhile(lambda effect: not effect[1], shown))
     ]  # in which a resonance would be seen
     band = (stretch[0][0], stretch[-1][0]) if stretch else None
     unseen = band is None and not fit.model.load
     missing = next((word for word, holds in (("one-way", alike), ("unseen", unseen)) if holds), "")
     named = (missing, float("nan"), 0.0)
     if remains:
-        named = max([("resonance", tone, tone_share), *_tried(fit)], key=lambda each: each[2])
+        named = max([("resonance", tone, tone_share), *_tried(fit)], key=lambda effect: effect[2])
         if named[2] < NAMED_SHARE:
             worst = int(np.argmin(odds))
             named = (
                 "unknown",
-                float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period),
+                float(np.sqrt(edges[worst] * edges[worst + 1]) / len(whitened) / rows.period),
                 named[2],
             )
     expected, usual = _of_encoder(fit)

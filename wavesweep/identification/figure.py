@@ -128,7 +128,7 @@ def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
-def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
+def _title(canvas: Any, facts: Mapping[str, Any], source: str) -> None:
     """The numbers that were found below the panels, and above them a warning if the model does
     not explain what was read."""
     from wavesweep.identification.device_spec import spoken
@@ -143,21 +143,21 @@ def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
         if name in names
     )
     note_below(canvas, as_it_stands(", ".join(numbers).replace("*", "·")))
-    warn_above(canvas, "" if facts["explained"] else f"the model does not explain the {what}")
+    warn_above(canvas, "" if facts["explained"] else f"the model does not explain the {source}")
 
 
 def _spectrum(columns, facts):
     """Frequencies (Hz), the amplitude density of the residual over bands, and that of white
     errors of the encoder and noise."""
-    left = columns["residual"][columns["weight"] > 0]
+    residual = columns["residual"][columns["weight"] > 0]
     period = facts["period_s"]
-    left = left - left.mean()
-    power = np.abs(np.fft.rfft(left))[1:] ** 2 * 2 * period / len(left)
+    residual = residual - residual.mean()
+    power = np.abs(np.fft.rfft(residual))[1:] ** 2 * 2 * period / len(residual)
     # 64 bands of the spectrum, equally wide in octaves.
     edges = np.unique(np.round(np.geomspace(1, len(power) + 1, 65)).astype(int)) - 1
     sizes = np.diff(edges)
     density = np.sqrt(np.add.reduceat(power, edges[:-1]) / sizes)
-    hertz = (edges[:-1] + edges[1:] + 1) / 2 / (len(left) * period)
+    hertz = (edges[:-1] + edges[1:] + 1) / 2 / (len(residual) * period)
     variance = facts["resolution"] ** 2 / 12 + facts["residual"]["white_noise"] ** 2
     return (
         hertz,

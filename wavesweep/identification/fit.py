@@ -91,22 +91,22 @@ class Fit:
 
 
 def by_prediction(
-    found: Prediction, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+    prediction: Prediction, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
 ) -> Fit:
     """The fit by the errors of predictions."""
-    left = np.append(np.full(found.skip, np.nan), found.left)
-    rows = LogRows(force, reading, period, resolution, found.skip, found.used)
+    residual = np.append(np.full(prediction.skip, np.nan), prediction.left)
+    rows = LogRows(force, reading, period, resolution, prediction.skip, prediction.used)
     return Fit(
-        found.model,
-        found.theta,
-        found.half,
+        prediction.model,
+        prediction.theta,
+        prediction.half,
         rows,
-        reading - left,
-        left,
-        found.noise,
+        reading - residual,
+        residual,
+        prediction.noise,
         None,
-        found.walked,
-        found.static,
+        prediction.walked,
+        prediction.static,
     )
 
 
@@ -116,7 +116,7 @@ def fitted(
     reading: np.ndarray,
     period: float,
     resolution: float,
-    found: Prediction | None = None,
+    prediction: Prediction | None = None,
 ) -> Fit | None:
     """Fit a model to a log by the likelihood of rounded readings. found: the fit by predictions, if
     there is one.
@@ -127,9 +127,9 @@ def fitted(
     """
     rows = LogRows(force, reading, period, resolution)
     begun = replace(model, without=_hidden(model, reading, moves(model, reading)))
-    found = found or predicted(model, force, reading, period, resolution)
-    theta, rows = _from_prediction(begun, found, rows)
-    if not _encoder_alone(begun, theta, rows, found.noise):
+    prediction = prediction or predicted(model, force, reading, period, resolution)
+    theta, rows = _from_prediction(begun, prediction, rows)
+    if not _encoder_alone(begun, theta, rows, prediction.noise):
         return None
     model, theta, rows = _later(begun, theta, rows)
     for _ in range(FITTING_ROUNDS):
@@ -152,13 +152,13 @@ def fitted(
         beside = _slower_turn(model, theta, rows, share)
         with np.errstate(all="ignore"):
             J = np.hstack([rows.slopes(model, theta, steps), beside])
-            left = rows.residual(model, theta)
+            residual = rows.residual(model, theta)
         if (
             not (np.linalg.norm(J, axis=0) > 0).all()
-            or not np.isfinite([J.sum(), left.sum()]).all()
+            or not np.isfinite([J.sum(), residual.sum()]).all()
         ):
             return None
-        estimates = estimated(J, left, resolution)
+        estimates = estimated(J, residual, resolution)
         half = estimates.half[:count]
         theta = theta + estimates.step[:count]
         # Of the slow speed, with which the turn is marched.
@@ -206,15 +206,15 @@ def _slower_turn(model, theta, rows, share):
             * (rows.used / share)
             for form in forms
         ]
-    shown = [each for each in changed if np.ptp(each) > 0]
+    shown = [change for change in changed if np.ptp(change) > 0]
     return np.stack(shown, axis=1) if shown else none
 
 
-def _from_prediction(model, found, rows):
+def _from_prediction(model, prediction, rows):
     """Numbers and rows to begin with, from a fit by predictions; the numbers of the log alone
     are guessed."""
-    rows = replace(rows, skip=found.skip)
-    numbers = found.numbers
+    rows = replace(rows, skip=prediction.skip)
+    numbers = prediction.numbers
     if model.friction:
         numbers |= _at_first(model, rows)
     else:
@@ -245,15 +245,15 @@ def _encoder_alone(model, theta, rows, noise):
     # where a device stops, it is not linear
     for _ in range(FITTING_ROUNDS if model.friction else 1):
         with np.errstate(all="ignore"):
-            left = rows.residual(model, theta)
+            residual = rows.residual(model, theta)
             slopes = rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows))
         size = np.maximum(np.linalg.norm(slopes, axis=0), NEXT_TO_ZERO)
-        if not np.isfinite([left.sum(), slopes.sum()]).all():
+        if not np.isfinite([residual.sum(), slopes.sum()]).all():
             return False
-        step = np.linalg.lstsq(slopes / size, left, rcond=1e-12)[0] / size
+        step = np.linalg.lstsq(slopes / size, residual, rcond=1e-12)[0] / size
         theta = theta + step
-        left = left - slopes @ step
-        usual = float(np.median(np.abs(left))) / 0.6745
+        residual = residual - slopes @ step
+        usual = float(np.median(np.abs(residual))) / 0.6745
         # Beyond 5 times the noise of the readings or their step an error is not
         # that of an encoder; errors of the last digits of the motion are smaller.
         if usual < 5.0 * max(noise, rows.resolution, 1e-7 * float(np.ptp(rows.reading))):
@@ -297,13 +297,13 @@ def _hidden(model, reading, way):
 def _later(model, theta, rows):
     """Model, numbers and rows of the least squares from the first row on that the force before
     the log does not move."""
-    most = len(rows.force) // 2
+    last = len(rows.force) // 2
     while True:
         numbers = model.numbers(theta)
         later = 1 + (
             model.measured == "acceleration"
         )  # rows that a force of before the log moves in any case
-        skip = int(np.clip(np.ceil(numbers["delay"] + 0.5) + later, 0, most))
+        skip = int(np.clip(np.ceil(numbers["delay"] + 0.5) + later, 0, last))
         place = rows.reading[skip:]
         direction = moves(model, readings(model, theta, rows.force, rows.period, rows.skip))
         model = replace(model, without=_hidden(model, place, direction))
@@ -314,14 +314,14 @@ def _later(model, theta, rows):
                 numbers["friction"] - np.sign(direction.sum()) * numbers["offset"]
             )
         theta = refined(model, np.array([numbers[name] for name in model.names]), rows)
-        if model.numbers(theta)["delay"] + later <= skip or skip == most:
+        if model.numbers(theta)["delay"] + later <= skip or skip == last:
             return model, theta, replace(rows, used=np.ones(len(place), bool))
 
 
-def _own(model, known, rows):
+def _own(model, given_numbers, rows):
     """The numbers of the log alone that fit best to given ones of a device without friction."""
     linear_names = [name for name in model.own if name not in model.without]
-    A, still = _columns(model, known, linear_names, rows.force, rows.period, rows.skip)
+    A, still = _columns(model, given_numbers, linear_names, rows.force, rows.period, rows.skip)
     size = np.linalg.norm(A, axis=0)
     return dict(
         zip(
@@ -332,12 +332,12 @@ def _own(model, known, rows):
     )
 
 
-def _columns(model, known, own, force, period, skip):
+def _columns(model, given_numbers, linear_names, force, period, skip):
     """What a unit of each number of the log alone adds to the readings, `(rows, own)`, and the
     readings without these."""
     none = np.zeros(len(force))
-    still = known | dict.fromkeys(OWN, 0.0)
-    forces = [(none, {name: 1.0}) for name in own] + [(force, {})]
+    still = given_numbers | dict.fromkeys(OWN, 0.0)
+    forces = [(none, {name: 1.0}) for name in linear_names] + [(force, {})]
     fitted_columns = [
         measured(still | unit_force, model.measured, push, period, skip)
         for push, unit_force in forces
@@ -349,17 +349,17 @@ def _inliers(model, theta, rows):
     """Which readings are no outliers, `(ticks - skip,)`, from a linear fit in which distant ones
     count less (Huber)."""
     rows = replace(rows, used=np.ones(len(rows.used)))
-    left = rows.residual(model, theta)
+    residual = rows.residual(model, theta)
     J = rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows))
     basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), NEXT_TO_ZERO))[0]
-    off = left - np.median(left)
+    off = residual - np.median(residual)
     for _ in range(4 * FITTING_ROUNDS):
         deviation = np.median(np.abs(off)) / 0.6745 + NEXT_TO_ZERO
         # Readings beyond 1.5 standard deviations count less while outliers are searched.
         root = np.sqrt(np.minimum(1.0, 1.5 * deviation / np.maximum(np.abs(off), NEXT_TO_ZERO)))[
             :, None
         ]
-        off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]
+        off = residual - basis @ np.linalg.lstsq(root * basis, root[:, 0] * residual)[0]
     # Standard deviations from the median beyond which a reading is an outlier, if it is
     # also two steps off
     used = np.abs(off) <= max(6.0 * deviation, 2 * rows.resolution)
@@ -407,8 +407,8 @@ def refined(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
 
     def off(part):
         with np.errstate(all="ignore"):
-            left = -rows.residual(model, theta + (part - 1) * size) / reach
-        return np.nan_to_num(np.clip(left, -1e6, 1e6), nan=1e6)
+            scaled = -rows.residual(model, theta + (part - 1) * size) / reach
+        return np.nan_to_num(np.clip(scaled, -1e6, 1e6), nan=1e6)
 
     def slopes(part):
         with np.errstate(all="ignore"):

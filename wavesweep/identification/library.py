@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def identify(log: str | Path, **asked: Unpack[table.FitOptions]) -> DataFrame:
+def identify(log: str | Path, **options: Unpack[table.FitOptions]) -> DataFrame:
     """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
 
     Parameters
@@ -55,4 +55,4 @@ def identify(log: str | Path, **asked: Unpack[table.FitOptions]) -> DataFrame:
     UsageError
         For a log that cannot be used.
     """
-    return framed(table.identify(str(log), **asked))
+    return framed(table.identify(str(log), **options))

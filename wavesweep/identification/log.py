@@ -96,13 +96,16 @@ def columns_of(axes: Sequence[str], columns: Mapping[str, str]) -> list[dict[str
     one for each axis with commas between them, as position=q1,q2, or one for all."""
     usual = {"position": ",".join(axes), "force": ",".join(f"f{axis}" for axis in axes)}
     named = {name: text.split(",") for name, text in {**usual, **columns}.items()}
-    for name, each in named.items():
-        if len(each) not in (1, len(axes)):
-            found = ",".join(each)
+    for name, names in named.items():
+        if len(names) not in (1, len(axes)):
+            found = ",".join(names)
             raise UsageError(
                 f"--column {name}: expected {len(axes)} columns with commas, found {found}"
             )
-    return [{name: each[at % len(each)] for name, each in named.items()} for at in range(len(axes))]
+    return [
+        {name: names[place % len(names)] for name, names in named.items()}
+        for place in range(len(axes))
+    ]
 
 
 def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None:
@@ -111,14 +114,14 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
     alike = (name, meant) if meant else None
     if alike is None and wanted == name:
         kind = next((k for k in (PUSHES, MOTIONS) if name in (*k, *k.values())), {name: name})
-        others = (*kind, *kind.values()) if name in kind else (*kind.values(), *kind)
-        for other, column in product(others, file.names):
+        kinds = (*kind, *kind.values()) if name in kind else (*kind.values(), *kind)
+        for kind_of_column, column in product(kinds, file.names):
             words = re.split(r"[\W_]+", column.lower())
             # Shorter words are no hint to a column that is likely meant.
-            named = [word for word in NAMES[other] if len(word) > 3 and word in words]
-            likely = (named and len(words) > 1) or unit_of(column, *UNITS[other])
+            named = [word for word in NAMES[kind_of_column] if len(word) > 3 and word in words]
+            likely = (named and len(words) > 1) or unit_of(column, *UNITS[kind_of_column])
             if likely and alike is None:
-                alike = (other, column)
+                alike = (kind_of_column, column)
     hint = f"; --column {name}=NAME gives its name"
     axes = [axis for axis in file.names if f"f{axis}" in file.names]
     if alike is not None:
@@ -191,9 +194,9 @@ def read_log(
     rows = file.numbers(taken_columns + beside, 50)  # rows, at least
     readings = {}
     taken = []
-    for at, name in enumerate(used):
+    for column, name in enumerate(used):
         readings[name], said = converted(
-            rows[:, at], places[name], path, name, scales, *UNITS[name]
+            rows[:, column], places[name], path, name, scales, *UNITS[name]
         )
         taken.append(said)
     _refuse_constant(path, readings, motion)
@@ -217,8 +220,8 @@ def read_log(
     )
 
 
-def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:
-    for name, column in found.items():
+def _refuse_constant(path: str | Path, columns: Mapping[str, np.ndarray], motion: str) -> None:
+    for name, column in columns.items():
         if (largest := float(np.abs(column).max())) and not LEAST <= largest <= MOST:
             raise UsageError(
                 f"{path}: {name}: expected a largest size of {LEAST:g} to {MOST:g}, found {largest:g}"
@@ -275,9 +278,9 @@ def _slope(times: np.ndarray) -> tuple[float, float]:
     rows = np.arange(len(times)) - (len(times) - 1) / 2
     spread = float(rows @ rows)
     period = float(rows @ (times - times[0])) / spread
-    left = times - times.mean() - period * rows
-    power = float(left @ left)
-    alike = float(left[1:] @ left[:-1]) / power if power else 0.0
+    residual = times - times.mean() - period * rows
+    power = float(residual @ residual)
+    alike = float(residual[1:] @ residual[:-1]) / power if power else 0.0
     longer = max((1 + alike) / (1 - alike), 1.0)
     error = np.sqrt(longer * power / (len(times) - 2) / spread)
     return period, 2 * float(error) / period

@@ -91,12 +91,12 @@ class WallMarks:
         colours = [colour for _, colour in self.of]
         return colours[0] if len(colours) == 1 else "0.4"
 
-    def highest(self, most: float) -> float:
-        """The largest stiffness up to `most`, or 0."""
+    def highest(self, limit: float) -> float:
+        """The largest stiffness up to `limit`, or 0."""
         tried = np.concatenate(
             [np.zeros(1), *(points[1] for walls, _ in self.of for points in walls.values())]
         )
-        return float(tried[tried <= most].max())
+        return float(tried[tried <= limit].max())
 
     def draw(self, axes: Any) -> None:
         """Draw the walls within the limits of the axes, which have to be set; those on the frame
@@ -128,12 +128,12 @@ class WallMarks:
         return handles
 
 
-def walls(facts: Facts, x: str | None, along: str, several: bool) -> WallMarks:
-    """The walls in a figure with x along it and the number `along` upwards; of several specs, or
+def walls(facts: Facts, x: str | None, upward: str, several: bool) -> WallMarks:
+    """The walls in a figure with x along it and the number `upward` upwards; of several specs, or
     of the only one."""
     specs = specs_of(facts)
     if not several:
-        plane_walls = _walls_in_plane(facts, x, along)
+        plane_walls = _walls_in_plane(facts, x, upward)
         return WallMarks([(plane_walls, "black")] if plane_walls else [])
     if x not in [damping_of(tables) or "B_VE" for tables in specs.values()]:
         return WallMarks([])
@@ -152,7 +152,7 @@ def _walls_by_kind(facts: Facts, spec: str) -> ByKind:
     return {kind: walls[:, stable == kind] for kind in (True, False) if (stable == kind).any()}
 
 
-def _walls_in_plane(facts: Facts, x: str | None, along: str) -> ByKind:
+def _walls_in_plane(facts: Facts, x: str | None, upward: str) -> ByKind:
     """Those of the only spec of a run, if its figure has the wall's damping along it and its
     stiffness upwards."""
     wall = facts.get("spec", {}).get("ports", {}).get("wall")
@@ -160,16 +160,16 @@ def _walls_in_plane(facts: Facts, x: str | None, along: str) -> ByKind:
         names = ("B_VE", "K_VE")
     else:
         names = (wall["damping"], wall["stiffness"])
-    if (x, along) not in (names, tuple(SYMBOLS.get(name, name) for name in names)):
+    if (x, upward) not in (names, tuple(SYMBOLS.get(name, name) for name in names)):
         return {}
     return _walls_by_kind(facts, str(facts.get("spec_name", "")))
 
 
-def undrawn(facts: Facts, x: str | None, along: str) -> str:
+def undrawn(facts: Facts, x: str | None, upward: str) -> str:
     """A sentence about measured walls that a figure with another plane does not show; empty if
     there are none."""
     if not _walls_by_kind(facts, str(facts.get("spec_name", ""))) or _walls_in_plane(
-        facts, x, along
+        facts, x, upward
     ):
         return ""
     return "The measured walls are not shown: they are of stiffness over damping of the wall."

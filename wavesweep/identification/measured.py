@@ -69,14 +69,14 @@ def _stable_intervals(
     Beside them is whether all of the column is known.
     """
     stiffness, damping = spec.wall
-    along = axis_along(
+    number = axis_along(
         spec,
         name_of(stiffness) if spec.drawing else "K_VE",
         (0.0, FARTHEST_LIMIT * max(walls.K_VE.max(), 1.0)),
     )
     values, place = np.unique(walls.B_VE, return_inverse=True)
-    axes = axes_asked(spec, {name_of(damping) if spec.drawing else "B_VE": values}, along)
-    rows = in_memory(job_over(make_grid(spec, axes, along.path), along))
+    axes = axes_asked(spec, {name_of(damping) if spec.drawing else "B_VE": values}, number)
+    rows = in_memory(job_over(make_grid(spec, axes, number.path), number))
     intervals_of: dict[float, tuple[list[tuple[float, float, bool]], bool]] = {}
     for row, value in enumerate(rows[axes[0].name].tolist()):
         intervals, _ = intervals_of.setdefault(
@@ -88,7 +88,7 @@ def _stable_intervals(
                 (
                     float(rows["low"][row]),
                     float(rows["high"][row]),
-                    ends or rows["high"][row] < along.stop,
+                    ends or rows["high"][row] < number.stop,
                 )
             )
     return [intervals_of[values[row]] for row in place.ravel().tolist()]
@@ -130,10 +130,10 @@ def _limits(walls: MeasuredWalls, columns) -> dict[str, Any]:
         "above_hole": sum(point["above_hole"] for point in complete),
         "beyond": sum(point["beyond"] for point in complete),
         "median_ratio": float(np.median(ratios)) if complete else None,
-        "worst": max(complete, key=lambda each: _far(each["ratio"]), default=None),
+        "worst": max(complete, key=lambda limit: _far(limit["ratio"]), default=None),
         "most_promised": max(
             (point for point in complete if point["ratio"] > 1),
-            key=lambda each: each["ratio"],
+            key=lambda limit: limit["ratio"],
             default=None,
         ),
     }
@@ -144,7 +144,7 @@ def _far(ratio: float) -> float:
     return abs(np.log(ratio)) if ratio > 0 else np.inf
 
 
-def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
+def _explained(computed: list[dict[str, Any]]) -> dict[str, Any]:
     """rms of computed minus measured (N/m), its share of the median limit, and whether the model
     explains the limits.
 
@@ -153,12 +153,12 @@ def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
     repetitions are, by an F test at F_LEVEL with no number fitted. Otherwise the rms is held
     against EXPLAINED_RMS of the median.
     """
-    if not known:
+    if not computed:
         return {"rms": None, "share": None, "scatter": None, "explained": None}
-    off = np.array([point["computed"] - point["K_VE"] for point in known])
+    off = np.array([point["computed"] - point["K_VE"] for point in computed])
     rms = float(np.sqrt(np.mean(off**2)))
-    share = rms / float(np.median([point["K_VE"] for point in known]))
-    place = np.unique([point["B_VE"] for point in known], return_inverse=True)[1].ravel()
+    share = rms / float(np.median([point["K_VE"] for point in computed]))
+    place = np.unique([point["B_VE"] for point in computed], return_inverse=True)[1].ravel()
     repeats = np.bincount(place)
     means = np.bincount(place, off) / repeats
     spare = len(off) - len(means)
@@ -211,7 +211,7 @@ def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
     numbers = {"count": len(columns), "stable": int(walls.stable.sum()), "not_known": unknown}
     numbers |= {"promised": len(wrong["promised"]), "denied": len(wrong["denied"])}
     order = sorted(
-        wrong["promised"] + wrong["denied"], key=lambda each: -_far(each["ratio"] or 0.0)
+        wrong["promised"] + wrong["denied"], key=lambda wall: -_far(wall["ratio"] or 0.0)
     )
     # The worst three are named one by one.
     return numbers | {"wrong": len(order), "worst": order[:3]}
@@ -251,7 +251,7 @@ def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str
         "compared": len(points),
         "softer": int((ratio > 1).sum()),
         "median_ratio": float(np.median(ratio)),
-        "worst": max(points, key=lambda each: _far(each["ratio"])),
+        "worst": max(points, key=lambda point: _far(point["ratio"])),
         "median_deg": float(np.median(degrees)),
-        "worst_phase": max(points, key=lambda each: abs(each["deg"])),
+        "worst_phase": max(points, key=lambda point: abs(point["deg"])),
     }

@@ -108,89 +108,92 @@ def readings(
     return measured(model.numbers(theta), model.measured, force, period, skip)
 
 
-def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
+def measured(numbers, quantity: str, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
     """The same for numbers by their names; what: a position (m), a velocity (m/s) or an
     acceleration (m/s^2).
 
     With `turning` (m/s) among the numbers friction is F_c tanh(v/turning); with `sided` as well, the
     offset acts while the device moves alone, as f_0 |tanh(v/turning)|.
     """
-    if not abs(found["delay"]) < len(force):
+    if not abs(numbers["delay"]) < len(force):
         return np.full(len(force) - skip, np.nan)
-    if "load_mass" in found:
-        return two_masses(found, force, period, skip)[int(what == "position")] + found["bias"]
+    if "load_mass" in numbers:
+        return (
+            two_masses(numbers, force, period, skip)[int(quantity == "position")] + numbers["bias"]
+        )
     # the mean over a tick is that over the next one, with a force that is a tick later
-    ahead = what == "acceleration"
-    push, pulls, full = _pushes(found | {"delay": found["delay"] + ahead}, force, period, skip)
+    ahead = quantity == "acceleration"
+    push, pulls, full = _pushes(numbers | {"delay": numbers["delay"] + ahead}, force, period, skip)
     push = np.pad(push, ((0, 0), (0, int(ahead))))
     pulls = tuple((seconds, np.pad(pull, (0, int(ahead)))) for seconds, pull in pulls)
-    row = int(what == "position")
-    if found.get("turning"):
-        places = _turning(found, pulls, row)
-    elif found["friction"]:
-        places = _sliding(found, push, pulls, full, period, row)
+    row = int(quantity == "position")
+    if numbers.get("turning"):
+        places = _turning(numbers, pulls, row)
+    elif numbers["friction"]:
+        places = _sliding(numbers, push, pulls, full, period, row)
     else:
-        places = _linear(found, push, period, row)
-    return (np.diff(places) / period if ahead else places) + found["bias"]
+        places = _linear(numbers, push, period, row)
+    return (np.diff(places) / period if ahead else places) + numbers["bias"]
 
 
-def _pushes(found, force, period, skip):
+def _pushes(numbers, force, period, skip):
     """What the force of each tick adds to velocity and position by its end, `(2, ticks)`; its two
     parts; the effect of 1 N.
 
     A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and
     that of tick `k - n` then: the parts are pairs of seconds and N.
     """
-    whole_ticks = int(np.floor(found["delay"]))
-    fraction = found["delay"] - whole_ticks
+    whole_ticks = int(np.floor(numbers["delay"]))
+    fraction = numbers["delay"] - whole_ticks
     now, before = (
-        late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks, whole_ticks + 1)
+        late(force, ticks)[skip:] + numbers["offset"] for ticks in (whole_ticks, whole_ticks + 1)
     )
-    full = reach(found, period)
-    rest = reach(found, (1 - fraction) * period)
+    full = reach(numbers, period)
+    rest = reach(numbers, (1 - fraction) * period)
     push = np.outer(rest, now) + np.outer(full - rest, before)
     return push, ((fraction * period, before), ((1 - fraction) * period, now)), full
 
 
-def two_masses(found, force: np.ndarray, period: float, skip: int) -> np.ndarray:
+def two_masses(numbers, force: np.ndarray, period: float, skip: int) -> np.ndarray:
     """Velocity and position of the first mass, and position minus that of the second one, at each
     tick, `(3, ticks - skip)`.
 
     The motion without the position of both masses has three modes, each of which is a filter of the
     first order.
     """
-    whole_ticks = int(np.floor(found["delay"]))
-    fraction = found["delay"] - whole_ticks
+    whole_ticks = int(np.floor(numbers["delay"]))
+    fraction = numbers["delay"] - whole_ticks
     pushes = np.stack(
-        [late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks + 1, whole_ticks)]
+        [late(force, ticks)[skip:] + numbers["offset"] for ticks in (whole_ticks + 1, whole_ticks)]
     )
-    A, B = tick_of_two(found, period, fraction)
+    A, B = tick_of_two(numbers, period, fraction)
     modes, V = np.linalg.eig(A[:3, :3]) if np.isfinite(A).all() else (None, np.full((3, 3), np.nan))
     if not 0 < np.abs(np.linalg.det(V)) < np.inf:
         return np.full((3, len(force) - skip), np.nan)
     first = np.array(
-        [found["velocity"], found["velocity"] - found["slip"], found["twist"]], dtype=complex
+        [numbers["velocity"], numbers["velocity"] - numbers["slip"], numbers["twist"]],
+        dtype=complex,
     )
     driven = np.linalg.solve(V, np.column_stack([first, B[:3] @ pushes[:, :-1]]))
     moved = np.stack(
         [lfilter([1.0], [1.0, -mode], row) for mode, row in zip(modes, driven, strict=True)]
     )
     states = (V @ moved).real
-    place = found["start"] + np.append(
+    place = numbers["start"] + np.append(
         0.0, np.cumsum(A[3, :3] @ states[:, :-1] + B[3] @ pushes[:, :-1])
     )
     return np.stack([states[0], place, states[2]])
 
 
-def tick_of_two(found, period, part):
+def tick_of_two(numbers, period, part):
     """A tick of two masses: the matrix of (v_1, v_2, x_1 - x_2, x_1), and the effects of a force
     before and after its part."""
     first, two, k, d = (
-        found[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping")
+        numbers[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping")
     )
     rates = np.zeros((5, 5))
-    rates[0] = [-(found["damping"] + d) / first, d / first, -k / first, 0, 1 / first]
-    rates[1, :3] = d / two, -(found["load_damping"] + d) / two, k / two
+    rates[0] = [-(numbers["damping"] + d) / first, d / first, -k / first, 0, 1 / first]
+    rates[1, :3] = d / two, -(numbers["load_damping"] + d) / two, k / two
     rates[2, :2], rates[3, 0] = (1.0, -1.0), 1.0
     with np.errstate(all="ignore"):
         before = expm(rates * (part * period))
@@ -209,18 +212,18 @@ def late(force: np.ndarray, ticks: int) -> np.ndarray:
     return force
 
 
-def reach(found, length):
+def reach(numbers, length):
     """Velocity and position after a unit force over `length` seconds from rest."""
-    mass = found["mass"]
-    s, g, *_ = impulse_and_step(found["damping"] / mass, found["stiffness"] / mass, length)
+    mass = numbers["mass"]
+    s, g, *_ = impulse_and_step(numbers["damping"] / mass, numbers["stiffness"] / mass, length)
     return np.array([float(s), float(g)]) / mass
 
 
-def step(found, period):
+def step(numbers, period):
     """The matrix of velocity and position over a tick."""
-    mass = found["mass"]
-    damping = found["damping"] / found["mass"]
-    stiffness = found["stiffness"] / found["mass"]
+    mass = numbers["mass"]
+    damping = numbers["damping"] / numbers["mass"]
+    stiffness = numbers["stiffness"] / numbers["mass"]
     s, g, *_ = impulse_and_step(damping, stiffness, period)
     return np.eye(2) + motion(s, g, -damping, -stiffness, mass)[0]
 
@@ -249,7 +252,7 @@ def of_modes(total, rate, tone, ratio, share):
     }
 
 
-def resonance(force, tone, ratio, period, late, what):
+def resonance(force, tone, ratio, period, late, quantity):
     """What a resonance (Hz) with a damping ratio adds to a reading per unit of residue: `1/(s^2
     + 2 z w s + w^2)`."""
     unit = {
@@ -259,26 +262,26 @@ def resonance(force, tone, ratio, period, late, what):
         "friction": 0.0,
         "delay": late,
     }
-    return measured(unit | dict.fromkeys(OWN, 0.0), what, force, period)
+    return measured(unit | dict.fromkeys(OWN, 0.0), quantity, force, period)
 
 
-def _linear(found, push, period, row):
+def _linear(numbers, push, period, row):
     """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which is accurate for
     poles near 1.
 
     row: 0 for the velocity in place of the position, which follows the same equation.
     """
-    A = step(found, period)
-    half = found["damping"] / (2 * found["mass"])
-    root = np.sqrt(complex(half * half - found["stiffness"] / found["mass"]))
+    A = step(numbers, period)
+    half = numbers["damping"] / (2 * numbers["mass"])
+    root = np.sqrt(complex(half * half - numbers["stiffness"] / numbers["mass"]))
     fast = -half - root
-    slow = found["stiffness"] / found["mass"] / fast if fast else 0.0  # the sum would cancel
+    slow = numbers["stiffness"] / numbers["mass"] / fast if fast else 0.0  # the sum would cancel
     fast_decay = np.exp(fast * period)
     two = np.exp(slow * period)
     if not root.imag:
         fast_decay = fast_decay.real
         two = two.real
-    state = np.array([found["velocity"], found["start"]])
+    state = np.array([numbers["velocity"], numbers["start"]])
     other_row = 1 - row
     first = A[row] @ state + push[row, 0]
     drive = (
@@ -291,7 +294,7 @@ def _linear(found, push, period, row):
     return lfilter([1.0], [1.0, -fast_decay], np.concatenate([[state[row]], inner])).real
 
 
-def _turning(found, parts, row):
+def _turning(numbers, parts, row):
     """The same with friction F_c tanh(v/v_t), which lets a device that sticks creep.
 
     A step of h is that of the equation with a straight line for the friction near v: with
@@ -299,25 +302,27 @@ def _turning(found, parts, row):
     0 it changes by a quarter of v_t at most in a step; elsewhere friction is constant.
     """
     friction, damping, stiffness = (
-        found[name] / found["mass"] for name in ("friction", "damping", "stiffness")
+        numbers[name] / numbers["mass"] for name in ("friction", "damping", "stiffness")
     )
-    turning = found["turning"]
+    turning = numbers["turning"]
     near = 6.0 * turning  # speeds of a turn, beyond which friction is constant to 1e-5
-    sided = found["offset"] / found["mass"] if found.get("sided") else 0.0
-    v = found["velocity"]
-    x = found["start"]
+    sided = numbers["offset"] / numbers["mass"] if numbers.get("sided") else 0.0
+    v = numbers["velocity"]
+    x = numbers["start"]
     states = []
     for pushes in zip(*(push.tolist() for _, push in parts), strict=True):
         states.append((v, x)[row])
         for (seconds, _), push in zip(parts, pushes, strict=True):
-            left = seconds
-            while left > 0:
+            seconds_left = seconds
+            while seconds_left > 0:
                 side = tanh(v / turning)
-                net = push / found["mass"] - friction * side - damping * v - sided * (1 - abs(side))
+                net = (
+                    push / numbers["mass"] - friction * side - damping * v - sided * (1 - abs(side))
+                )
                 pulled = abs(net - stiffness * x) + NEXT_TO_ZERO
-                most = (abs(v) - near if abs(v) > near else turning / 4) / pulled
+                longest = (abs(v) - near if abs(v) > near else turning / 4) / pulled
                 # Steps in which a part of a tick is marched through a turn.
-                h = min(left, max(most, seconds / 256))
+                h = min(seconds_left, max(longest, seconds / 256))
                 a = net - stiffness * (x + v * h / 2)
                 rubbed = friction - copysign(sided, v)
                 z = (rubbed * (1 - side * side) / turning + damping) * h
@@ -325,11 +330,11 @@ def _turning(found, parts, row):
                 second = (1 - first) / z if z > SMALL else 0.5 - z / 6
                 x += h * v + h * h * second * a
                 v += h * first * a
-                left -= h
+                seconds_left -= h
     return np.array(states)
 
 
-def _sliding(found, push, parts, full, period, row):
+def _sliding(numbers, push, parts, full, period, row):
     """The same with friction, tick by tick; a tick in which the device stops or starts is divided
     there.
 
@@ -337,22 +342,22 @@ def _sliding(found, push, parts, full, period, row):
     within a tick the speed alone is followed, and a device at rest waits for a force above
     friction.
     """
-    friction = found["friction"]
-    stiffness = found["stiffness"]
+    friction = numbers["friction"]
+    stiffness = numbers["stiffness"]
     (first, before), (then, now) = parts
     strongest = np.maximum(np.abs(before), np.abs(now)) if first else np.abs(now)
     after_tick, (by_v, by_x), (vv, xv) = (
-        _tick(found, period, full, first, then),
+        _tick(numbers, period, full, first, then),
         friction * full,
-        step(found, period)[:, 0],
+        step(numbers, period)[:, 0],
     )
     # No force turns a faster device round within a tick, and none below friction moves one at rest.
     if stiffness:
         safe = inf
     else:
         safe = float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), NEXT_TO_ZERO)
-    v = found["velocity"]
-    x = found["start"]
+    v = numbers["velocity"]
+    x = numbers["start"]
     moved = np.empty(len(now))
     speeds = np.empty(len(now))
     for begin in range(0, len(now), TICKS_AT_ONCE):
@@ -386,7 +391,7 @@ def _sliding(found, push, parts, full, period, row):
         )
         moved[block][list(changes)] = list(changes.values())
     if row:
-        return found["start"] + np.append(0.0, np.cumsum(moved[:-1]))
+        return numbers["start"] + np.append(0.0, np.cumsum(moved[:-1]))
     return speeds
 
 
@@ -403,36 +408,40 @@ def _slid(series, v, vv, drive, safe):
     return v
 
 
-def _tick(found, period, full, first, then):
+def _tick(numbers, period, full, first, then):
     """A function from velocity, position, the two forces of a tick and what they add, to the
     velocity and position after it."""
-    friction = found["friction"]
-    stiffness = found["stiffness"]
-    (vv, vx), (xv, xx) = step(found, period).tolist()
+    friction = numbers["friction"]
+    stiffness = numbers["stiffness"]
+    (vv, vx), (xv, xx) = step(numbers, period).tolist()
     by_v, by_x = (friction * full).tolist()
-    (half_v, half_x), (by_half, _) = step(found, first)[0].tolist(), reach(found, first).tolist()
-    law = found["mass"], found["damping"], stiffness, friction
+    (half_v, half_x), (by_half, _) = (
+        step(numbers, first)[0].tolist(),
+        reach(numbers, first).tolist(),
+    )
+    law = numbers["mass"], numbers["damping"], stiffness, friction
 
-    def after_tick(v, x, one, two, to_v, to_x):
-        net = one - stiffness * x
+    def after_tick(v, x, first_push, two, to_v, to_x):
+        net = first_push - stiffness * x
         if v == 0.0 and abs(net) <= friction and abs(two - stiffness * x) <= friction:
             return 0.0, x
         side = copysign(1.0, v or net) if v or abs(net) > friction else 0.0
         after = vv * v + vx * x + to_v - side * by_v
         # Where the force changes within the tick it may have stopped before, and started again.
         if after * side > 0.0 and (
-            not first or (half_v * v + half_x * x + (one - side * friction) * by_half) * side > 0.0
+            not first
+            or (half_v * v + half_x * x + (first_push - side * friction) * by_half) * side > 0.0
         ):
             return after, xv * v + xx * x + to_x - side * by_x
-        for seconds, pull in ((first, one), (then, two)):
+        for seconds, pull in ((first, first_push), (then, two)):
             v, x = _through_rest(law, v, x, pull, seconds) if seconds else (v, x)
         return v, x
 
     return after_tick
 
 
-def _through_rest(law, v, x, pull, left):
-    """Velocity and position after `left` seconds in which the device stops, under a constant force,
+def _through_rest(law, v, x, pull, seconds):
+    """Velocity and position after `seconds` seconds in which the device stops, under a constant force,
     by Taylor's series.
 
     law: mass, damping, stiffness and friction.
@@ -446,7 +455,7 @@ def _through_rest(law, v, x, pull, left):
         jerk = -(damping * a + stiffness * v) / mass
         snap = -(damping * jerk + stiffness * a) / mass
         if v == 0.0:
-            t = left
+            t = seconds
             return t * (a + t * (jerk / 2 + t * snap / 6)), x + t * (
                 t * (a / 2 + t * (jerk / 6 + t * snap / 24))
             )
@@ -455,23 +464,23 @@ def _through_rest(law, v, x, pull, left):
         below = copysign(sqrt(square), v) - a if square >= 0 else 0.0
         if v * below > 0:  # the first time at which v + a t + jerk t^2/2 is 0
             stop = 2 * v / below
-        if stop < left:
+        if stop < seconds:
             slope = a + stop * (jerk + stop * snap / 2)
             stop -= (v + stop * (a + stop * (jerk / 2 + stop * snap / 6))) / slope if slope else 0.0
-        t = min(stop, left)
+        t = min(stop, seconds)
         x += t * (v + t * (a / 2 + t * (jerk / 6 + t * snap / 24)))
-        if stop >= left:
+        if stop >= seconds:
             return v + t * (a + t * (jerk / 2 + t * snap / 6)), x
         v = 0.0
-        left = left - stop
+        seconds = seconds - stop
     return v, x
 
 
-def euler(found, period):
+def euler(numbers, period):
     """The error of Euler's rule in the logarithm of the mass and in the damping: the share T
     d/2m."""
-    share = period * abs(found["damping"]) / (2 * found["mass"])
-    return np.array([share, share * abs(found["damping"])])
+    share = period * abs(numbers["damping"]) / (2 * numbers["mass"])
+    return np.array([share, share * abs(numbers["damping"])])
 
 
 def sensitivities(
@@ -484,14 +493,14 @@ def sensitivities(
     them kink.
     """
     columns = []
-    for at, size in enumerate(steps):
-        if model.names[at] == "bias" or (model.names[at] == "start" and not model.spring):
+    for index, size in enumerate(steps):
+        if model.names[index] == "bias" or (model.names[index] == "start" and not model.spring):
             columns.append(
                 np.ones(len(force) - skip)
             )  # without a spring all positions move with the first one
             continue
         step = np.zeros(len(theta))
-        step[at] = size
+        step[index] = size
         ahead, behind = (
             readings(model, theta + sign * step, force, period, skip) for sign in (1, -1)
         )

@@ -84,12 +84,12 @@ def _response(suffixes, first, second):
 def read_response(
     path: str | Path,
     least: int = 8,  # rows of a response that is fitted
-    most: int = MOST_POINTS_BYTES,
+    most_bytes: int = MOST_POINTS_BYTES,
     scales: Mapping[str, float] | None = None,
     columns: Mapping[str, str] | None = None,
     turns: bool | None = None,
 ) -> FrequencyResponse:
-    """Read a frequency response with at least `least` rows and at most `most` bytes.
+    """Read a frequency response with at least `least` rows and at most `most_bytes` bytes.
 
     scales: factors that turn the numbers of the file into Hz and m/N, by the names `frequency` and
     `admittance` (or `mobility`, or `accelerance`). columns: the names in the file of
@@ -98,7 +98,7 @@ def read_response(
 
     Errors: UsageError that names the file and the line or column.
     """
-    file = read_csv(path, most)
+    file = read_csv(path, most_bytes)
     own_names = _own_names(file, dict(columns or {}))
     quantity, suffixes = _form(file, own_names)
     names = [FREQUENCY, *(f"{quantity}_{suffix}" for suffix in suffixes)]
@@ -114,13 +114,13 @@ def read_response(
     hertz, _ = converted(hertz, (column, unit_in(column, "Hz")), path, "frequency", scales, "Hz")
     expected = _of_device(RESPONSE[quantity], turns)
     parts = [first, second]
-    for at, suffix in enumerate(suffixes):
+    for index, suffix in enumerate(suffixes):
         column = own_names[f"{quantity}_{suffix}"]
-        name, units, given = (quantity, expected, scales)
+        name, units, factors = (quantity, expected, scales)
         if suffix == "deg":
-            name, units, given = ("phase", ("deg",), None)
+            name, units, factors = ("phase", ("deg",), None)
         place = (column, unit_in(column, *units))
-        parts[at], _ = converted(parts[at], place, path, name, given, *units)
+        parts[index], _ = converted(parts[index], place, path, name, factors, *units)
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(
             f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several"
@@ -138,19 +138,19 @@ def read_response(
 def _own_names(file: Csv, columns: dict[str, str]) -> dict[str, str]:
     """The names in a file of the columns of a response that it has, by our names. columns: as of
     `read_response`."""
-    known = [FREQUENCY, COHERENCE]
+    names = [FREQUENCY, COHERENCE]
     for quantity, suffixes in product(DERIVED, SUFFIXES):
-        known += [f"{quantity}_{suffix}" for suffix in suffixes]
+        names += [f"{quantity}_{suffix}" for suffix in suffixes]
     if FREQUENCY not in columns and _frequency(file.names):
         columns[FREQUENCY] = _frequency(file.names)
     for name in columns:
-        if name not in known:
-            expected = f"expected one of {', '.join(known)}, found {name}"
+        if name not in names:
+            expected = f"expected one of {', '.join(names)}, found {name}"
             raise UsageError(f"--column {name}: {expected}")
     for column in columns.values():
         if column not in file.names:
             raise UsageError(f"{file.path}: expected a column {column}, found {file.listed}")
-    own_names = {name: columns.get(name, name) for name in known}
+    own_names = {name: columns.get(name, name) for name in names}
     return {name: column for name, column in own_names.items() if column in file.names}
 
 

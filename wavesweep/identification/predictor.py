@@ -96,16 +96,16 @@ def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
     first = 0 if with_position else 1
     speed = 1 - first
     A = whole[first:size, first:size]
-    held = whole[first:size, size]
+    held_force = whole[first:size, size]
     C = np.zeros(len(A))
     C[0 if model.measured == "position" else speed] = 1.0
     if model.measured == "acceleration":  # the change of the velocity over the tick before
         A = np.pad(A, ((0, 1), (0, 1)))
         A[-1, speed] = 1.0
-        held = np.append(held, 0.0)
+        held_force = np.append(held_force, 0.0)
         C = np.append(C, -1.0)
-    A = np.block([[A, held[:, None]], [np.zeros((1, len(A))), np.ones((1, 1))]])
-    return Tick(A, np.append(held, 0.0), np.append(C, 0.0), speed, wide, first)
+    A = np.block([[A, held_force[:, None]], [np.zeros((1, len(A))), np.ones((1, 1))]])
+    return Tick(A, np.append(held_force, 0.0), np.append(C, 0.0), speed, wide, first)
 
 
 class Predictor:

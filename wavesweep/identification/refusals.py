@@ -44,9 +44,9 @@ def _other_rows(model, log, resolution):
             reading = reading[:-shift]
         if len(force) < SHORTEST_PIECE:
             continue
-        found = _known(model, replace(log, force=force, reading=reading), resolution)
-        if found is not None:
-            late = found.numbers["delay"] - shift
+        prediction = _known(model, replace(log, force=force, reading=reading), resolution)
+        if prediction is not None:
+            late = prediction.numbers["delay"] - shift
             side = "behind" if late > 0 else "ahead of"
             return f"; the reading seems to be {abs(late):.0f} rows {side} its force: are the two columns of the same time?"
     return ""
@@ -66,13 +66,13 @@ def _piece(model, log, resolution):
                 force=log.force[first : first + length],
                 reading=log.reading[first : first + length],
             )
-            found = _known(model, part, resolution)
-            if found is not None and found.half[0] < best[0]:
+            prediction = _known(model, part, resolution)
+            if prediction is not None and prediction.half[0] < best[0]:
                 begins, ends = (log.start + log.period * row for row in (first, first + length - 1))
-                low = np.exp(found.theta[0] - found.half[0])
-                high = np.exp(found.theta[0] + found.half[0])
+                low = np.exp(prediction.theta[0] - prediction.half[0])
+                high = np.exp(prediction.theta[0] + prediction.half[0])
                 said = f"; the piece from {seconds(begins)} to {seconds(ends)} s alone gives {low:.3g} to {high:.3g}: cut it out"
-                best = found.half[0], said
+                best = prediction.half[0], said
         if best[1]:
             return best[1]
     return ""
@@ -87,14 +87,16 @@ def _known(model, log, resolution):
     if np.ptp(log.reading) < 3 * resolution or not np.ptp(log.force):
         return None
     try:
-        found = predicted(model, log.force, log.reading - log.reading[0], log.period, resolution)
-        refuse_friction_below_zero(found)
+        prediction = predicted(
+            model, log.force, log.reading - log.reading[0], log.period, resolution
+        )
+        refuse_friction_below_zero(prediction)
     except (UsageError, np.linalg.LinAlgError):
         return None
-    half = dict(zip(found.model.names, found.half, strict=True))
+    half = dict(zip(prediction.model.names, prediction.half, strict=True))
     knows_delay = half.get("delay", 0.0) < 1.0  # half the width of its interval (ticks)
-    with_damping = found.numbers["damping"] + half["damping"] > 0
+    with_damping = prediction.numbers["damping"] + half["damping"] > 0
     # The highest over the lowest mass of a piece that helps.
     if 2 * half["log_mass"] < np.log(1.2) and knows_delay and with_damping:
-        return found
+        return prediction
     return None

@@ -96,7 +96,7 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hol
 
 def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> ResponseFit:
     """Fit a model of one mass without friction."""
-    theta, left, J = _fit(measured, hold, model, _first(measured, hold, model))
+    theta, residual, J = _fit(measured, hold, model, _first(measured, hold, model))
     if not (
         np.isfinite(J).all() and np.linalg.norm(J, axis=0).all()
     ):  # least squares left the range of doubles
@@ -104,16 +104,16 @@ def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> Re
             "expected the response of a device, found one that no numbers fit, as of noise"
         )
     numbers = 2 * len(measured.frequency_hz) - len(theta)
-    square = float(left @ left) / numbers
+    square = float(residual @ residual) / numbers
     extra = 0.0
     half = stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
     H = admittance(_numbers(model, theta), measured.frequency_hz, hold)
-    complexes = left[: len(H)] + 1j * left[len(H) :]
+    complexes = residual[: len(H)] + 1j * residual[len(H) :]
     related = float(
         np.sum((complexes[1:] * complexes[:-1].conj()).real)
         / max(np.sum(np.abs(complexes) ** 2), NEXT_TO_ZERO)
     )
-    named = max(_tried(measured, hold, model, theta, left, J), key=lambda each: each[2])
+    named = max(_tried(measured, hold, model, theta, residual, J), key=lambda effect: effect[2])
     # noise explains shares of 1/n; the largest of many is ln(number)/n
     rare = len(H) * named[2] > np.log(RESONANCES_TRIED) + RARE_ODDS
     far = (
@@ -191,9 +191,9 @@ def _first(measured, hold, model):
     return best[1]
 
 
-def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
+def _tried(measured, hold, model, theta, residual, J) -> Iterator[tuple[str, float, float]]:
     """Yield effects that the model lacks, and the share of the residual that each removes."""
-    before = float(left @ left)
+    before = float(residual @ residual)
     numbers = _numbers(model, theta)
     if model.spring:
         larger_models = []
@@ -213,5 +213,5 @@ def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, 
         )
         A = np.c_[J, np.append(mode.real, mode.imag), np.append(-mode.imag, mode.real)]
         size = np.linalg.norm(A, axis=0)
-        rest = left - A / size @ np.linalg.lstsq(A / size, left, rcond=None)[0]
+        rest = residual - A / size @ np.linalg.lstsq(A / size, residual, rcond=None)[0]
         yield "resonance", float(tone), 1 - float(rest @ rest) / before

@@ -117,7 +117,7 @@ class FitOptions(TypedDict, total=False):
     axes: Sequence[str] | None
 
 
-def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
+def identify(path: str, **options: Unpack[FitOptions]) -> Table:
     """Fit mass, damping and more to a log or, if the file has frequencies, to a frequency response,
     as `api.identify` says.
 
@@ -127,38 +127,38 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
     from wavesweep.identification.points import is_response
 
     for name in ("resolution", "delay", "rate_hz"):
-        size = asked.get(name) or 1.0
+        size = options.get(name) or 1.0
         if not LEAST <= size <= MOST:
             option = f"--{name.removesuffix('_hz')}"
             raise UsageError(
-                f"{option}: expected a number from {LEAST:g} to {MOST:g}, or 0, found {asked[name]:g}"
+                f"{option}: expected a number from {LEAST:g} to {MOST:g}, or 0, found {options[name]:g}"
             )
-    rate_hz = asked.get("rate_hz")
-    two = asked.get("two_masses", False)
-    if two and (asked.get("spring") or asked.get("friction")):
+    rate_hz = options.get("rate_hz")
+    two = options.get("two_masses", False)
+    if two and (options.get("spring") or options.get("friction")):
         hint = "if the motor moves one way only, its Coulomb friction is a constant force, which the offset takes up"
         raise UsageError(
             f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}"
         )
-    axes = asked.get("axes")
-    if axes and (two or asked.get("spring") or "".join(axes) not in ("xy", "xyz")):
+    axes = options.get("axes")
+    if axes and (two or options.get("spring") or "".join(axes) not in ("xy", "xyz")):
         raise UsageError(
             f"--axes: expected x,y or x,y,z without --spring and --two-masses, found {','.join(axes)}"
         )
     model = Model(
-        asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two
+        options.get("spring", False), options.get("friction", False), options.get("delay"), load=two
     )
-    columns = asked.get("columns", {})
+    columns = options.get("columns", {})
     if is_response(path, columns):
-        if axes or two or asked.get("resolution") is not None or asked.get("friction"):
+        if axes or two or options.get("resolution") is not None or options.get("friction"):
             taken = "--rate, --spring, --delay, --column and --scale"
             raise UsageError(
                 f"{path}: a frequency response takes {taken}; leave the other options out"
             )
-        return _of_response(path, rate_hz, asked.get("scales", {}), columns, model)
+        return _of_response(path, rate_hz, options.get("scales", {}), columns, model)
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
-    return _of_log(path, asked, model)
+    return _of_log(path, options, model)
 
 
 def _of_response(
@@ -212,14 +212,14 @@ def _of_response(
         facts["notices"] = [
             "the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"
         ]
-    found = {
+    arrays = {
         "frequency_hz": measured.frequency_hz,
         "residual_abs": np.abs(fit.residual),
         "coherence": measured.coherence,
     }
-    found |= complex_columns("measured", measured.admittance)
-    found |= complex_columns("fitted", fit.fitted)
-    columns = {field.name: found[field.name] for field in COLUMNS["identify-response"]}
+    arrays |= complex_columns("measured", measured.admittance)
+    arrays |= complex_columns("fitted", fit.fitted)
+    columns = {field.name: arrays[field.name] for field in COLUMNS["identify-response"]}
     return Table.of("identify-response", columns, facts)
 
 
@@ -233,19 +233,19 @@ def _explained(parameters, verdict, residual) -> dict[str, Any]:
     }
 
 
-def _facts(path, sha, asked, period, found: Mapping[str, Any], started) -> dict[str, Any]:
+def _facts(path, sha, options, period, facts: Mapping[str, Any], started) -> dict[str, Any]:
     return {
         "schema_version": 1,
         **versions(),
         "spec_name": Path(path).stem,
-        "spec_sha256": sha256(f"{sha} {sorted(asked.items(), key=str)}".encode()).hexdigest(),
+        "spec_sha256": sha256(f"{sha} {sorted(options.items(), key=str)}".encode()).hexdigest(),
         "log_sha256": sha,
-        "asked": asked,
+        "asked": options,
         "turns": False,
         "measured": "position",
         "period_s": period,
         "resolution": 0.0,
-        **found,
+        **facts,
         "unusual": "",
         "notices": [],
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
@@ -283,8 +283,8 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
                 told = [{"mass": parameters[f"mass_{axis}{axis}"]} for axis in axes]
             else:
                 origin = _origin(log)
-                known = log.force, log.reading - origin, log.period, steps[0]
-                fits = [identified(model, *known, log.others)]
+                constants_given = log.force, log.reading - origin, log.period, steps[0]
+                fits = [identified(model, *constants_given, log.others)]
                 fit = fits[0][0]
                 names = fit.model.names
                 parameters = _parameters(fit, names, fit.half + fit.extra, log.turns, constants)
@@ -308,12 +308,14 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     judged = {}
     notices = []
     rows = []
-    for at, (axis, each, (fit, verdict)) in enumerate(zip(axes or [""], logs, fits, strict=True)):
+    for index, (axis, each, (fit, verdict)) in enumerate(
+        zip(axes or [""], logs, fits, strict=True)
+    ):
         outliers = fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))
-        said = _notices(each, resolution, steps[at], outliers)
+        said = _notices(each, resolution, steps[index], outliers)
         notices += [f"{axis}: {line}" if axis else line for line in said]
         judged[axis] = _explained(parameters, verdict, _residual(fit, verdict))
-        judged[axis]["resolution"] = steps[at]
+        judged[axis]["resolution"] = steps[index]
         rows.append(
             {
                 "time_s": each.times,
@@ -322,7 +324,7 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
                 "fitted": fit.readings + _origin(each),
                 "residual": fit.residual,
                 "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
-                "axis": np.full(len(each.force), 1.0 + at),
+                "axis": np.full(len(each.force), 1.0 + index),
             }
         )
     worst = min(judged.values(), key=itemgetter("explained"))
@@ -460,8 +462,8 @@ def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
     """Raise UsageError for a mass that the log leaves open, and for numbers that are negative."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
-        others = {name: number for name, number in parameters.items() if name != "mass"}
-        estimates = ", ".join(f"{name} {spoken(number)}" for name, number in others.items())
+        remaining = {name: number for name, number in parameters.items() if name != "mass"}
+        estimates = ", ".join(f"{name} {spoken(number)}" for name, number in remaining.items())
         raise UsageError(
             f"what was measured leaves the mass open: it could be anything from {span_around(mass['low'], mass['high'], 2)} "
             f"{mass['unit']} (with {estimates}); record a pulse, a chirp or noise that moves the device quickly"
@@ -519,8 +521,8 @@ def _unusual(mass: Mapping[str, Any], turns: bool, question: str, powers: Mappin
 
 def beyond_half_step(fit) -> int:
     """How many readings are further from the model than the rounding of an encoder."""
-    left = fit.residual[fit.rows.skip :][fit.rows.used]
-    return int((np.abs(left) > (0.5 + 1e-6) * fit.rows.resolution).sum())
+    residual = fit.residual[fit.rows.skip :][fit.rows.used]
+    return int((np.abs(residual) > (0.5 + 1e-6) * fit.rows.resolution).sum())
 
 
 def _residual(fit, verdict) -> dict[str, Any]:
@@ -579,48 +581,51 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     return tally | {name: facts[name] for name in told if name in facts}
 
 
-def _lines(found: Numbers) -> Iterator[Line]:
+def _lines(facts: Numbers) -> Iterator[Line]:
     yield (
-        f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz",
+        f"{facts['samples']} samples, {facts['duration_s']:.6g} s at {facts['rate_hz']:.6g} Hz",
         False,
     )
-    yield from _spoken(found)
-    for axis, each in found.get("axes", {"": {}}).items():
-        for line, warning in _lines_of_fit({**found, **each}):
+    yield from _spoken(facts)
+    for axis, facts_of_axis in facts.get("axes", {"": {}}).items():
+        for line, warning in _lines_of_fit({**facts, **facts_of_axis}):
             yield f"{axis}: {line}" if axis else line, warning
 
 
-def _lines_of_fit(found: Numbers) -> Iterator[Line]:
+def _lines_of_fit(facts: Numbers) -> Iterator[Line]:
     """Yield what is said of the fit of a log, or of an axis of it."""
     # whether the residual is that of predictions, which follow a constant force as any other
-    followed = found["residual"].get("walked", 0.0) > 0
-    friction = found["parameters"].get("friction")
-    if friction and friction["low"] is None and not found["residual"].get("withheld"):
+    followed = facts["residual"].get("walked", 0.0) > 0
+    friction = facts["parameters"].get("friction")
+    if friction and friction["low"] is None and not facts["residual"].get("withheld"):
         said = "the device moves one way only, where it and friction are the same"
         yield f"no constant force was fitted: {said}; friction has no interval", True
-    left = found["residual"]
-    unit = READ[found["measured"]]
-    if found["turns"]:
+    residual = facts["residual"]
+    unit = READ[facts["measured"]]
+    if facts["turns"]:
         unit = turned(unit)
     against = ""
-    if found["resolution"]:
-        against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
-    yield f"residual {left['rms']:.3g} {unit} rms{against}", False
-    if found["resolution"] and not left["white_noise"]:
-        beyond = left["beyond_half_step"]
+    if facts["resolution"]:
+        against = f", {residual['rms'] / residual['rms_of_encoder']:.3g} times what its steps of {facts['resolution']:.3g} {unit} leave"
+    yield f"residual {residual['rms']:.3g} {unit} rms{against}", False
+    if facts["resolution"] and not residual["white_noise"]:
+        beyond = residual["beyond_half_step"]
         which = f"all but {count(beyond, 'reading')} are" if beyond else "each reading is"
         yield (
             f"{which} within half a step of the model: the intervals are those of an encoder without noise",
             False,
         )
-    if left["white_noise"] and found["explained"]:
-        yield f"white noise of {left['white_noise']:.3g} {unit} in addition to the rounding", False
-    if left["static_friction"]:
-        yield _falling(left, found["turns"]), False
-    elif followed and "friction" in found["parameters"]:
+    if residual["white_noise"] and facts["explained"]:
+        yield (
+            f"white noise of {residual['white_noise']:.3g} {unit} in addition to the rounding",
+            False,
+        )
+    if residual["static_friction"]:
+        yield _falling(residual, facts["turns"]), False
+    elif followed and "friction" in facts["parameters"]:
         line = "friction and damping are a line over the speeds of the log; what falls with speed is in neither"
         yield line, False
-    yield from _judgement(found, "log")
+    yield from _judgement(facts, "log")
 
 
 def _falling(residual: Mapping[str, Any], turns: bool) -> str:

@@ -335,7 +335,7 @@ def lines_over(cells: Cells, words: Sequence[tuple[int, ...]] = ()) -> tuple[flo
         box = waiting.pop()
         proved: list[tuple] = []
         found = cover(
-            cells, box, cells.rule, WORK, up=False, words=words, kept=proved, search=SEARCH
+            cells, box, cells.rule, WORK, up=False, words=words, stored=proved, search=SEARCH
         )
         if found.open:
             first = next(iter(cells.cell(found.open[-1]).items()), None)

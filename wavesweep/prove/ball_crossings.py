@@ -139,7 +139,9 @@ def _boxes(U, V, budget):
     of the number alone.
     """
     coefficients = (*U.entries(), *V.entries())
-    if all(each.contains(0) for each in coefficients):  # an eigenvalue is always on the circle
+    if all(
+        coefficient.contains(0) for coefficient in coefficients
+    ):  # an eigenvalue is always on the circle
         raise UndecidedError
     # A box of 45 % of the bits encloses a crossing well enough.
     narrow = arb(2) ** (-int(0.45 * ctx.prec))

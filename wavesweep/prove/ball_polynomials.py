@@ -142,14 +142,14 @@ class BallFamily:
         for polynomial in (*bounds, *sizes):
             if not all(c.is_finite() for c in polynomial):
                 return None
-        most = 0.0
+        most_bits = 0.0
         for bound, size in zip(bounds, sizes, strict=True):
             largest = max(abs(c).upper() for c in size)
             ratio = max((abs(c).upper() / largest).upper() for c in bound)
             if not ratio < arb(2) ** (ctx.prec // 2):
                 return None
-            most = max(most, log2(float(ratio)) if ratio > 1 else 0.0)
-        nodes = ceil((most + ctx.prec * BITS_KEPT) / log2(ELLIPSE)) + 3
+            most_bits = max(most_bits, log2(float(ratio)) if ratio > 1 else 0.0)
+        nodes = ceil((most_bits + ctx.prec * BITS_KEPT) / log2(ELLIPSE)) + 3
         # theorem 8.2: 4 M rho^-n/(rho - 1)
         share = arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)
         errors = []

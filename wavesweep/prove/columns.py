@@ -41,14 +41,14 @@ class Proof:
 
 def prove_column(
     loop: Loops,
-    along: str,
+    path: str,
     span: tuple[float, float],
     drift: MarginalModes,
     precisions: Sequence[int] = PRECISIONS,
     # Up to some twenty seconds; counted, so that the result does not depend on the machine.
     operations: float | Budget = 1.2e8,
 ) -> Proof | None:
-    """The stable intervals of a drawn loop along the number with the path `along` within `span`;
+    """The stable intervals of a drawn loop along the number with the path `path` within `span`;
     None if they stay in doubt.
 
     They do if the operations are used up, or if no precision tells crossings apart.
@@ -67,7 +67,7 @@ def prove_column(
     for bits in precisions:
         with ctx.workprec(bits):
             try:
-                in_balls = in_balls or BallLoop(*loop, name_of(along))
+                in_balls = in_balls or BallLoop(*loop, name_of(path))
                 return _proof(in_balls, span, drift, budget)
             except UndecidedError as error:
                 crowded += isinstance(error, CrowdedError)
@@ -89,10 +89,10 @@ def _proof(loop, span, drift, budget):
     unexplained = ones > len(drift.states) - len(drift.remaining)
     if unexplained and not _moves_what_reads_a_sum(loop.drawing, drift):
         return Proof((), ctx.prec)
-    found = [Crossing(arb(end), arb("nan")) for end in span]
+    crossings_found = [Crossing(arb(end), arb("nan")) for end in span]
     for part in family.over_range():
-        found += crossings(part, budget)
-    ends = _merged(found)
+        crossings_found += crossings(part, budget)
+    ends = _merged(crossings_found)
     stable = [_is_stable(family, a.value.upper(), b.value.lower()) for a, b in pairwise(ends)]
     if any(map(all, pairwise(stable))):
         raise UndecidedError  # a root that may only touch the circle

@@ -147,8 +147,8 @@ class BallLoop:
         def padded(row):
             return [*row, *[0] * (size - len(row))]
 
-        def unit(at):
-            return [int(k == at) for k in range(size)]
+        def unit(index):
+            return [int(k == index) for k in range(size)]
 
         runs = [i in running for i, _ in self.outputs]
         shown = []
@@ -173,8 +173,8 @@ class BallLoop:
             else:
                 rows.append(unit(k))
         outputs = (C + D * inputs).tolist()
-        for j, at in places.items():
-            rows.append(outputs[j] if runs[j] else unit(at))
+        for j, index in places.items():
+            rows.append(outputs[j] if runs[j] else unit(index))
         return matrix(rows), pivot
 
     def _block(self, i: int, block: DrawnBlock | Plant, number: Any) -> Any:
@@ -234,13 +234,13 @@ class BallLoop:
 
     def _value(self, tree: Tree, number: Any) -> Any:
         ball = type(number)
-        known = {constant: ball(constant) for constant in tree.constants}
+        numbers = {constant: ball(constant) for constant in tree.constants}
         for name in tree.names:
             if name != self.number:
-                known[name] = ball(self.values[name])
-        known[self.number] = number
+                numbers[name] = ball(self.values[name])
+        numbers[self.number] = number
         try:
-            return ball(tree.in_names.evaluate(known, _LIBRARIES[ball]))
+            return ball(tree.in_names.evaluate(numbers, _LIBRARIES[ball]))
         except ZeroDivisionError:
             return ball("nan")
 

@@ -127,6 +127,6 @@ class ByForms:
         """Up to which value of the number all loops are shown, from one on towards an end."""
         paths = [self.along, factor.path]
         box = np.array([sorted((begun, end)), (factor.start, factor.stop)]).T
-        sides = Sides.of(loops, paths, box, along=True)
+        sides = Sides.of(loops, paths, box, swept=True)
         whole = sides.places(box)
         return float(sides[0].number(cover_constant(loops, sides, whole, up).end))

@@ -67,15 +67,15 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
         for block in loop.blocks
         if not block.plant and block.type not in ("dead time", "channel")
     }
-    for each in amplifier:
-        known.pop(each, None)
-    named = [each.strip() for each in name.split(",") if each.strip()]
-    for each in named or [name]:
-        if each not in known:
-            near = nearest(each, known)
+    for block_name in amplifier:
+        known.pop(block_name, None)
+    named = [block_name.strip() for block_name in name.split(",") if block_name.strip()]
+    for block_name in named or [name]:
+        if block_name not in known:
+            near = nearest(block_name, known)
             meant = f"; did you mean {near}?" if near else ""
             raise UsageError(
-                f"--controller: expected blocks that a program runs ({', '.join(known)}), found {each}{meant}"
+                f"--controller: expected blocks that a program runs ({', '.join(known)}), found {block_name}{meant}"
             )
     if "," not in name:
         named = _connected(loop, known, named[0])
@@ -83,7 +83,7 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
     _refuse_uneven(spec, drawing, named)
     phases = sorted(phase for block in blocks for phase in block.rhythm.phases)
     apart = [phase - phases[0] for phase in phases]
-    found = ControllerGroup(
+    reached = ControllerGroup(
         name=name,
         drawing=drawing,
         loop=loop,
@@ -93,16 +93,16 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
         inputs=(),
         outputs=(),
     )
-    read = {signal: None for terms in found.own_wires.values() for _, signal in terms}
-    given = {
+    read = {signal: None for terms in reached.own_wires.values() for _, signal in terms}
+    text = {
         signal
         for port, terms in loop.wires.items()
-        if port in loop.ports and not found.has(port)
+        if port in loop.ports and not reached.has(port)
         for _, signal in terms
     }
-    inputs = tuple(signal for signal in read if not found.has(signal))
+    inputs = tuple(signal for signal in read if not reached.has(signal))
     ports = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
-    outputs = tuple(signal for signal in ports if signal in given)
+    outputs = tuple(signal for signal in ports if signal in text)
     if not (inputs and outputs):
         lacking = "gives nothing to the rest" if inputs else "reads nothing of the rest"
         whole = ", ".join(block.name for block in blocks)
@@ -110,22 +110,24 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
             f"--controller: expected a controller that acts on a rest, found one that {lacking} ({whole}); some of these with commas "
             "between are that alone"
         )
-    return replace(found, inputs=inputs, outputs=outputs)
+    return replace(reached, inputs=inputs, outputs=outputs)
 
 
-def _connected(loop: MarchedLoop, known: dict[str, RunningBlock], name: str) -> list[str]:
+def _connected(loop: MarchedLoop, blocks: dict[str, RunningBlock], name: str) -> list[str]:
     """The blocks of the rate of one of them to which wires lead from it, in either direction."""
-    same = {each for each, block in known.items() if block.rhythm == known[name].rhythm}
+    same = {
+        block_name for block_name, block in blocks.items() if block.rhythm == blocks[name].rhythm
+    }
     pairs = []
     for port, terms in loop.wires.items():
         for _, signal in terms:
             pairs.append({port.rpartition(".")[0], signal.rpartition(".")[0]})
-    found = {name}
+    reached_before = {name}
     while True:
-        reached = set().union(*(pair for pair in pairs if pair & found)) & same
-        if reached <= found:
-            return [each for each in known if each in found]
-        found |= reached
+        reached = set().union(*(pair for pair in pairs if pair & reached_before)) & same
+        if reached <= reached_before:
+            return [block_name for block_name in blocks if block_name in reached_before]
+        reached_before |= reached
 
 
 def _refuse_uneven(spec: Spec, drawing: Drawing, named: list[str]) -> None:
@@ -147,12 +149,12 @@ def assumed_of_rest(spec: Spec, group: ControllerGroup) -> Iterator[str]:
     rest: wires, blocks with their numbers, rates."""
     tick = 1e3 * group.loop.tick
     drawn = {block.name: block for block in group.drawing.blocks}
-    own = {block.name for block in group.blocks}
+    names = {block.name for block in group.blocks}
     period = f"{group.every * tick:g} ms ({group.every} tick{'s' * (group.every > 1)})"
-    said = ", ".join(_block_in_words(drawn[each.name], spec) for each in group.blocks)
+    said = ", ".join(_block_in_words(drawn[part.name], spec) for part in group.blocks)
     yield f"controller {group.name}: {said}; a step every {period}, the first in tick {group.first}"
     inside = {name: port for port, name in group.drawing.inside.items()}
-    inputs = ", ".join(inside.get(each, each) for each in group.inputs)
+    inputs = ", ".join(inside.get(part, part) for part in group.inputs)
     yield f"  reads in the tick of its step: {inputs}; gives until its next: {', '.join(group.outputs)}"
     own_wires = [
         f"{port} = {sum_of(terms)}"
@@ -163,7 +165,7 @@ def assumed_of_rest(spec: Spec, group: ControllerGroup) -> Iterator[str]:
     yield "  assumes of the rest:"
     wires: dict[str, tuple] = {}
     for port, terms in (*group.drawing.wires, *group.drawing.couplings):
-        if port.rpartition(".")[0] not in own and terms:
+        if port.rpartition(".")[0] not in names and terms:
             wires[port] = (*wires.get(port, ()), *terms)
     for port, terms in wires.items():
         yield f"    {port} = {sum_of(terms)}"
@@ -173,7 +175,7 @@ def assumed_of_rest(spec: Spec, group: ControllerGroup) -> Iterator[str]:
     numbers = scalars(spec.values)
     by_rate: dict[str, list[str]] = {}
     for block in group.drawing.blocks:
-        if block.name in own:
+        if block.name in names:
             continue
         every = int(block.every.value(numbers))
         phases = block.phases or (int(block.phase.value(numbers)),)

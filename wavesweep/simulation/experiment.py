@@ -22,7 +22,7 @@ from wavesweep.simulation.record import Simulation, estimate
 
 
 def simulation_of(
-    spec: Spec, force, given: Mapping[str, np.ndarray] | None = None, **changes: Any
+    spec: Spec, force, records: Mapping[str, np.ndarray] | None = None, **changes: Any
 ) -> Simulation:
     """Run the experiment of a spec's [simulate] table. spec, force, given, changes: see
     `from_spec.simulated`.
@@ -30,7 +30,7 @@ def simulation_of(
     Errors: SpecError for a drawn loop with a hand whose position no plant has.
     """
     refuse_what_makes_no_loop(spec)
-    return simulated(spec, force, given, **changes)
+    return simulated(spec, force, records, **changes)
 
 
 def refuse_what_makes_no_loop(spec: Spec) -> None:

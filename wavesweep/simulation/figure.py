@@ -90,12 +90,14 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for row, (title, signals) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
                 seen = {name: column[span] for name, column in columns.items()}
-                at = wall if title.startswith("position") else None
+                wall_place = wall if title.startswith("position") else None
                 # draw some signals in a panel, and a wall (m) as a line
                 for signal in signals:
                     _draw_signal(axes, seen, signal, alone=len(signals) == 1)
-                if at is not None:
-                    axes.axhline(1e3 * at, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
+                if wall_place is not None:
+                    axes.axhline(
+                        1e3 * wall_place, color=IDEAL, linewidth=0.8, linestyle="--", label="wall"
+                    )
                 axes.grid(**GRID)
                 axes.margins(x=0)
             row[0].set_ylabel(title)
@@ -143,14 +145,14 @@ def _draw_legend(canvas: Any, row: Any) -> None:
     if is_narrow():
         across = fitting(labels, wide(TWO_COLUMNS), 7)
         row[0].set_title("\n".join([" "] * -(-len(labels) // across)))  # room for the legend
-        left = blended_transform_factory(canvas.transFigure, row[0].transAxes)
+        transform = blended_transform_factory(canvas.transFigure, row[0].transAxes)
         place |= {
             "loc": "lower left",
             "bbox_to_anchor": (0.0, 0.98),
             "ncols": across,
             "columnspacing": 0.8,
         }
-        place |= {"bbox_transform": left}
+        place |= {"bbox_transform": transform}
         for axes in row:  # no power of ten above the panel, where the legend is
             if isinstance(axes.yaxis.get_major_formatter(), ScalarFormatter):
                 axes.yaxis.set_major_formatter("{x:g}")
@@ -167,11 +169,11 @@ def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
     for name in ("f_h", "energy_hand"):
         if name in columns and not columns[name].any():
             left_out.add(name)
-    present = [each for each in _AT_THE_HAND if each[2] in columns and each[2] not in left_out]
+    present = [panel for panel in _AT_THE_HAND if panel[2] in columns and panel[2] not in left_out]
     for (title, unit), rows in groupby(present, key=lambda row: row[:2]):
         signals = []
-        for *_, name, usual, number, held in rows:
-            signals.append(Signal(name, words.get(usual, usual), distinct_colour(number), held))
+        for *_, name, usual, number, is_held in rows:
+            signals.append(Signal(name, words.get(usual, usual), distinct_colour(number), is_held))
         yield at_hand(title, "", unit, facts), signals
 
 
@@ -213,10 +215,10 @@ def _likeness(columns: Columns, units: Mapping[str, str]) -> Callable[[str, str]
         column = columns[name]
         sizes[name] = np.abs(column).max(initial=0.0, where=np.isfinite(column))
 
-    def alike(one: str, other: str) -> bool:
-        low, high = sorted((sizes[one], sizes[other]))
+    def alike(first: str, second: str) -> bool:
+        low, high = sorted((sizes[first], sizes[second]))
         # A signal shares a panel with others up to 20 times as large.
-        return units[one] == units[other] and (low == 0 or high <= 20.0 * low)
+        return units[first] == units[second] and (low == 0 or high <= 20.0 * low)
 
     return alike
 
@@ -225,7 +227,7 @@ def _groups_of(names: Sequence[str], alike: Callable[[str, str], bool]) -> list[
     """Signals in groups, in each of which all are alike; each joins the first group that it may."""
     groups: list[list[str]] = []
     for name in names:
-        shared = [group for group in groups if all(alike(name, other) for other in group)]
+        shared = [group for group in groups if all(alike(name, member) for member in group)]
         if shared:
             shared[0].append(name)
         else:
@@ -331,8 +333,8 @@ def _draw_signal(axes: Any, columns: Columns, signal: Signal, *, alone: bool) ->
         # draw how late messages are, with their own ticks of the axis; lost ones are at -1
         look = {"color": signal.colour, "markersize": 2.5, "label": signal.label}
         axes.plot(*extremes(times, values), ".", **look)
-        most = max(int(values.max()), 0)
-        places = list(range(0, most + 1, max(1, round(most / 4))))
+        highest = max(int(values.max()), 0)
+        places = list(range(0, highest + 1, max(1, round(highest / 4))))
         if (values < 0).any():
             places = [-1, *places]
         axes.set_yticks(places, ["lost" if place < 0 else f"{place}" for place in places])

@@ -26,12 +26,12 @@ from wavesweep.simulation.running_blocks import FrameClock
 
 
 def simulated(
-    spec: Spec, force=None, given: Mapping[str, np.ndarray] | None = None, **changes: Any
+    spec: Spec, force=None, records: Mapping[str, np.ndarray] | None = None, **changes: Any
 ) -> Simulation:
     """Run the experiment of a spec's [simulate] table.
 
     Parameters: `force` the hand's force (N), or the signal of the input that [simulate] names, per
-    fast tick, in place of what the spec describes, shape ``(ticks,)``; `given` records of several
+    fast tick, in place of what the spec describes, shape ``(ticks,)``; `records` records of several
     inputs by their signals, in place of both; `changes` fields of
     `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
 
@@ -49,17 +49,17 @@ def simulated(
         )
     effects = replace(effects_of(spec), **changes)
     entry = entry_of(spec)
-    others = {**(given or {})}
-    if given:
+    other_records = {**(records or {})}
+    if records:
         hand = spec.drawing.hand[0] if spec.drawing and spec.drawing.hand else "f_h"
-        entry = hand if hand in given else next(iter(given))
-        force = others.pop(entry)
+        entry = hand if hand in records else next(iter(records))
+        force = other_records.pop(entry)
     elif force is None:
         force = hand_force(spec.asking("simulate"), effects.seed).force
     else:
         force = inputs.given(force).force
     frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
-    described = {"drawing": spec.drawing, "units": units, "entry": entry, "others": others}
+    described = {"drawing": spec.drawing, "units": units, "entry": entry, "other_records": other_records}
     return simulate(
         spec.values, force, effects, **described, frames=frames, messages=spec.simulate["messages"]
     )
@@ -115,7 +115,7 @@ def claim_of(spec: Spec) -> Claim:
     for block in spec.drawing.senders if spec.drawing else ():
         if turns := written_messages(patterns.get(block.name, ())[:MOST_SHOWN]):
             rest = ", ..." * (len(patterns[block.name]) > MOST_SHOWN)
-            said = ", ".join(each if isinstance(each, str) else _late(each) for each in turns)
+            said = ", ".join(turn if isinstance(turn, str) else _late(turn) for turn in turns)
             messages.append(f"messages of {block.name} in turn {said}{rest}")
         elif block.loses_at_random:
             messages.append(
@@ -188,16 +188,16 @@ def lengths_at(spec: Spec, axis: Axis) -> list[int]:
     return list(map(int, lengths))
 
 
-def frames_of(spec: Spec, given: Sequence[Frame]) -> FrameClock | None:
+def frames_of(spec: Spec, frames: Sequence[Frame]) -> FrameClock | None:
     """Return these frames of a spec as the simulation takes them, None for none.
 
     Results come after the delay of their frame, by default that of the spec; those of a drawn
     loop's blocks at once.
     """
-    if not given:
+    if not frames:
         return None
     delays: list[int | None] = []
-    for frame in given:
+    for frame in frames:
         if frame.lost:
             delays.append(None)
         elif frame.delay is not None:
@@ -207,7 +207,7 @@ def frames_of(spec: Spec, given: Sequence[Frame]) -> FrameClock | None:
         else:
             delays.append(spec.values.get("environment.delay", 0))
     nominal = spec.values["rates.ratio"] if spec.step == "nominal" else None
-    return FrameClock(tuple(frame.ticks for frame in given), tuple(delays), nominal)
+    return FrameClock(tuple(frame.ticks for frame in frames), tuple(delays), nominal)
 
 
 def effects_of(spec: Spec) -> Effects:
@@ -219,7 +219,7 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
     """Return the force of the hand over the simulated time of the spec; seed: of noise, by
     default the spec's."""
     values, fast_hz = spec.simulate, spec.tick_hz
-    size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
+    size, seconds, start = (values[name] for name in ("amplitude", "duration_s", "at_s"))
     frequencies = values["frequency_hz"]
     settle = values["settle_s"]
     makers = {
@@ -230,11 +230,11 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
             size,
             settle,
             values["periods"],
-            most=math.inf if seconds is None else seconds,
+            longest=math.inf if seconds is None else seconds,
         ),
         "chirp": lambda: inputs.chirp(fast_hz, *frequencies, size, seconds),
-        "step": lambda: inputs.pulse(fast_hz, size, seconds, at, seconds),
-        "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
+        "step": lambda: inputs.pulse(fast_hz, size, seconds, start, seconds),
+        "pulse": lambda: inputs.pulse(fast_hz, size, seconds, start, values["width_s"]),
         "noise": lambda: inputs.noise(
             fast_hz, size, seconds, values["seed"] if seed is None else int(seed)
         ),

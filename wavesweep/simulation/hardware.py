@@ -98,22 +98,22 @@ def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
     return T * (1 + effects.jitter * source.uniform(-1.0, 1.0, ticks))
 
 
-def lateness(effects: Effects, results: int, *others: int) -> list[int | None]:
+def lateness(effects: Effects, results: int, *stream: int) -> list[int | None]:
     """Return the ticks by which each slow result is late, None for one that is lost; others: a
     number of another slow loop."""
     late = (
-        _source(effects, 1, *others).integers(0, int(effects.late), results, endpoint=True).tolist()
+        _source(effects, 1, *stream).integers(0, int(effects.late), results, endpoint=True).tolist()
     )
-    lost = _source(effects, 2, *others).uniform(size=results) < effects.dropped
+    lost = _source(effects, 2, *stream).uniform(size=results) < effects.dropped
     return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
 
 
 def losses(
-    effects: Effects, keys: Mapping[str, float], messages: int, *others: int
+    effects: Effects, keys: Mapping[str, float], messages: int, *stream: int
 ) -> list[int | None]:
     """Return what happens to each message of a channel with these keys: 0, or None for one that
     is lost at random; others: a number of another channel."""
-    changes, lost = _source(effects, 3, *others).uniform(size=(2, messages))
+    changes, lost = _source(effects, 3, *stream).uniform(size=(2, messages))
     lost_frames = []
     burst = False
     for change, chance in zip(changes.tolist(), lost.tolist(), strict=True):

@@ -64,13 +64,13 @@ def stepped_sine(
     settle: float = 2.0,
     periods: int = 5,
     least: float = 1.0,
-    most: float = np.inf,
+    longest: float = np.inf,
 ) -> Input:
     """Return one sine after the other without a jump in phase, as a measured sine sweep does.
 
     Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle`
     seconds before each measurement, which then takes `periods` (at least 1) whole periods and at
-    least `least` seconds of them. There is no force after `most` seconds, and no section that ends
+    least `least` seconds of them. There is no force after `longest` seconds, and no section that ends
     later.
 
     Errors: `UsageError` for a frequency out of range.
@@ -79,7 +79,7 @@ def stepped_sine(
     tones = []
     first = 0  # tick of the section
     phase = 0.0  # rad, at that tick
-    end = _ticks(fast_hz, min(most, MOST_COUNTED / fast_hz))
+    end = _ticks(fast_hz, min(longest, MOST_COUNTED / fast_hz))
     for frequency in map(float, frequencies_hz):
         _check(fast_hz, frequency)
         measured_periods = max(periods, int(np.ceil(least * frequency)))

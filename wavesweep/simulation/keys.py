@@ -269,7 +269,7 @@ def _frame(leaf: Leaf, path: str, mistakes: Mistakes) -> Frame | None:
 
 
 def build_messages(
-    given: Mapping[str, Leaf], mistakes: Mistakes
+    leaves: Mapping[str, Leaf], mistakes: Mistakes
 ) -> dict[str, tuple[int | None, ...]]:
     """Return the ticks by which each message of a channel is late, None if it is lost, by channel,
     and add mistakes.
@@ -280,7 +280,7 @@ def build_messages(
         'a list, of how late messages are in turn: ticks, "lost", or "3 lost" for so many in a row'
     )
     messages: dict[str, tuple[int | None, ...]] = {}
-    for path, leaf in given.items():
+    for path, leaf in leaves.items():
         listed = isinstance(leaf.value, list) and bool(leaf.value)
         late: list[int | None] = []
         if not listed:
@@ -431,13 +431,13 @@ class Experiment(TableValue):
             times.append(("at_s", sets_in, sets_in, f"the {kind} sets in"))
         if kind in READ_BY["width_s"]:
             times.append(("width_s", width, sets_in + width, "the pulse ends"))
-        for name, value, seconds, what in times:
+        for name, value, seconds, meaning in times:
             if seconds is None:
                 continue
             ticks = first_tick(seconds, fast_hz)
             if ticks - seconds * fast_hz > AT_A_TICK:
                 before, after = (f"{count / fast_hz:.9g}" for count in (ticks - 1, ticks))
-                yield f"simulate.{name} = {value:g}: {what} between the ticks at {before} and {after} s; taken at the later one"
+                yield f"simulate.{name} = {value:g}: {meaning} between the ticks at {before} and {after} s; taken at the later one"
 
     def _seconds(self) -> float:
         """How long the run takes (s); 0 if it is not known here."""

@@ -173,8 +173,8 @@ def continuous(
     names = [*inputs.values()], [*outputs.values()]
     if not (arriving or sensed):
         return ss(period, *(matrix.tolist() for matrix in matrices), *names, discrete=False)
-    arrivals = [(list(inputs).index(port), name, at) for port, name, at in arriving]
-    read = [(list(outputs).index(signal), name, at) for signal, name, at in sensed]
+    arrivals = [(list(inputs).index(port), name, instant) for port, name, instant in arriving]
+    read = [(list(outputs).index(signal), name, instant) for signal, name, instant in sensed]
     return _within_tick(period, matrices, *names, arrivals, read)
 
 
@@ -200,13 +200,15 @@ def _within_tick(period, matrices: LawMatrices, inputs, outputs, arriving, sense
     pushed = np.eye(len(inputs), len(names), order)
     now = 0.0
     shown = {name: C[i] @ state + D[i] @ pushed for i, name in enumerate(outputs)}
-    events = [(at, 0, port, order + len(inputs) + k) for k, (port, _, at) in enumerate(arriving)]
-    events += [(at, 1, row, name) for row, name, at in sensed]
+    events = [
+        (instant, 0, port, order + len(inputs) + k) for k, (port, _, instant) in enumerate(arriving)
+    ]
+    events += [(instant, 1, row, name) for row, name, instant in sensed]
     generator = np.block([[A, B], [np.zeros((len(inputs), order + len(inputs)))]])
-    for at, kind, port, place in (*sorted(events), (1.0, 2, 0, 0)):
-        change = exponential_minus_one(generator * ((at - now) * period))[:order]
+    for instant, kind, port, place in (*sorted(events), (1.0, 2, 0, 0)):
+        change = exponential_minus_one(generator * ((instant - now) * period))[:order]
         state = state + change @ np.vstack([state, pushed])
-        now = at
+        now = instant
         if kind == 0:
             pushed[port, place] += 1.0
         elif kind == 1:
@@ -305,13 +307,15 @@ def delay(period: float, steps: int) -> Law:
 def dead_time(ticks: int) -> Law:
     """What was held, and what was read of plants, so many ticks ago; and by how much the former
     is about to change."""
-    held, read = ([port, *(f"{port}{i}" for i in range(1, ticks + 1))] for port in ("u", "sensed"))
-    soon = ((1.0, held[-2]), (-1.0, held[-1])) if ticks else ()
+    held_states, read = (
+        [port, *(f"{port}{i}" for i in range(1, ticks + 1))] for port in ("u", "sensed")
+    )
+    soon = ((1.0, held_states[-2]), (-1.0, held_states[-1])) if ticks else ()
     if ticks:
-        moves = tuple((port, tuple(past)) for port, *past in (held, read))
+        moves = tuple((port, tuple(past)) for port, *past in (held_states, read))
     else:
         moves = ()
-    return Law({"y": ((1.0, held[-1]), (1.0, read[-1])), "next": soon}, moves=moves)
+    return Law({"y": ((1.0, held_states[-1]), (1.0, read[-1])), "next": soon}, moves=moves)
 
 
 def difference(period: float) -> Law:
@@ -451,13 +455,13 @@ def pi(period: float, kp: float, ki: float, method: str, **limits) -> Law:
 
 def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str, **limits) -> Law:
     """The same and `kd slope`, `slope = (tau last slope + change of u)/(tau + T)`."""
-    most, share = pi(period, kp, ki, method), 1 / (tau + period)
+    pi_law, share = pi(period, kp, ki, method), 1 / (tau + period)
     slope = {
         "change": ((1.0, "u"), (-1.0, "before")),
         "slope": ((tau * share, "last"), (share, "change")),
     }
-    gives = {**most.gives, **slope, "y": (*most.gives["y"], (kd, "slope"))}
-    law = Law(gives, {**most.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
+    gives = {**pi_law.gives, **slope, "y": (*pi_law.gives["y"], (kd, "slope"))}
+    law = Law(gives, {**pi_law.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
     return _within_limits(law, period, ki, Limits(**limits))
 
 

@@ -56,7 +56,7 @@ def simulate(
     entry: str = "",
     frames: FrameClock | None = None,
     messages: Messages | None = None,
-    others: Mapping[str, np.ndarray] = MappingProxyType({}),
+    other_records: Mapping[str, np.ndarray] = MappingProxyType({}),
 ) -> Simulation:
     """Run the experiment under a record of hand forces.
 
@@ -83,7 +83,7 @@ def simulate(
     loop = loop_of(loop_drawing(values) if drawing is None else drawing, values, frames)
     return March(
         loop, effects, entry=entry, drawn=drawing is not None, messages=messages or {}
-    ).under(np.asarray(force, dtype=float), x, units, others)
+    ).under(np.asarray(force, dtype=float), x, units, other_records)
 
 
 class MarchedRows(NamedTuple):
@@ -248,7 +248,7 @@ class March:
         force: np.ndarray,
         x: float = 0.0,
         units: tuple[str, str] = ("m", "N"),
-        others: Mapping[str, np.ndarray] = MappingProxyType({}),
+        other_records: Mapping[str, np.ndarray] = MappingProxyType({}),
     ) -> Simulation:
         """The experiment under the hand's force (N), or the record of another input, `(ticks,)`,
         from rest at x (m); others: records of more inputs, by their signals."""
@@ -257,7 +257,7 @@ class March:
         late, results = self.draw_lateness(len(force))
         names = loop.shown | {name: name for name in self.watched}
         rows, touched, last, stopped = self._rows(
-            names.values(), force.tolist(), lengths, x, units, others
+            names.values(), force.tolist(), lengths, x, units, other_records
         )
         count = len(rows)
         signals = {"time_s": np.concatenate([[0.0], np.cumsum(lengths)])[:count]}
@@ -265,15 +265,17 @@ class March:
         if loop.hand:
             entries["f_h"] = loop.hand
         for name, signal in entries.items():
-            given = others.get(signal, np.zeros(len(force)))
-            signals[name] = (force if signal == self.entry else given)[:count]
+            record = other_records.get(signal, np.zeros(len(force)))
+            signals[name] = (force if signal == self.entry else record)[:count]
         columns = np.array(rows).reshape(count, len(names)).T
         for name, column in zip(names, columns, strict=True):
             signals[name] = column.copy()
         if "f_m" in signals:
-            most = self.effects.max_force
+            max_force = self.effects.max_force
             signals["f_device"] = (
-                signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
+                signals["f_m"]
+                if max_force is None
+                else np.clip(signals["f_m"], -max_force, max_force)
             )
         signals["touching"] = np.array(touched, dtype=bool)
         moved = np.diff(signals["x"], append=last) if loop.hand else np.zeros(count)
@@ -307,12 +309,12 @@ class March:
         for result in self.results:
             origin = result.origin
             if result.channel:  # in turn, or lost at random
-                most = origin.count(count) + 1
+                count_of_results = origin.count(count) + 1
                 pattern = cycle(self.messages.get(result.channel, ()))
                 number = [*self.loop.channels].index(result.channel)
                 keys = self.loop.channels[result.channel]
-                in_turn = list(islice(pattern, most))
-                result.late = in_turn or losses(self.effects, keys, most, number)
+                in_turn = list(islice(pattern, count_of_results))
+                result.late = in_turn or losses(self.effects, keys, count_of_results, number)
                 continue
             if origin not in drawn:
                 stream = (len(drawn),) if drawn else ()
@@ -340,7 +342,7 @@ class March:
         lengths: np.ndarray,
         x: float,
         units: tuple[str, str],
-        others: Mapping[str, np.ndarray],
+        other_records: Mapping[str, np.ndarray],
     ) -> MarchedRows:
         """Run the ticks under these forces."""
         loop = self.loop
@@ -348,7 +350,9 @@ class March:
         device = loop.device
         shown = itemgetter(*(ticks.place(name) for name in names), ticks.place(POSITION))
         hand = ticks.place(self.entry)
-        given = [(ticks.place(signal), record.tolist()) for signal, record in others.items()]
+        records = [
+            (ticks.place(signal), record.tolist()) for signal, record in other_records.items()
+        ]
         position = ticks.place(POSITION)
         pull = ticks.place(REACTION)
         net = ticks.place(besides(f"{device}.f"))
@@ -362,7 +366,7 @@ class March:
             on_device = loop.wires.get(f"{device}.f", ())
             share = sum(factor for factor, name in on_device if name == loop.hand)
         measure = encoder(self.effects.resolution)
-        most = self.effects.max_force or np.inf
+        max_force = self.effects.max_force or np.inf
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
         if self.effects.uneven:
             increments = zero_order_hold(*body[:3], lengths).tolist()
@@ -385,7 +389,7 @@ class March:
         v = 0.0
         for k, f in enumerate(force):
             z[hand] = f
-            for place, record in given:
+            for place, record in records:
                 z[place] = record[k]
             z[sensed_x] = measure(x)
             z[sensed_v] = v
@@ -408,7 +412,7 @@ class March:
                     if part == 1:  # what the motors are late with has arrived
                         pushed += z[change]
                         f_m += z[of_motors]
-                    cut_off = f_m - min(max(f_m, -most), most)
+                    cut_off = f_m - min(max(f_m, -max_force), max_force)
                     x, v = slide(body, x, v, pushed + cut_off, seconds, increments)
         if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
             z[hand] = 0.0
@@ -502,19 +506,19 @@ class Running:
             if result.touches:
                 self.touching = touched
 
-    def _send(self, k: int, each: Results, number: int) -> None:
+    def _send(self, k: int, results: Results, number: int) -> None:
         """A result that was computed by now: it is in use if it is not late, and overtakes those
         under way."""
-        if each.touches and number >= 0:
+        if results.touches and number >= 0:
             touched = self.contacts[number]
         else:
             touched = self.touching
-        if number < 0 or each.late[number] == 0:
+        if number < 0 or results.late[number] == 0:
             self.touching = touched
-            each.waiting = []
-        elif each.late[number] is not None:
-            numbers = [self.z[self.places[signal][0]] for signal in each.signals]
-            each.waiting.append((k + each.late[number], numbers, touched))
+            results.waiting = []
+        elif results.late[number] is not None:
+            numbers = [self.z[self.places[signal][0]] for signal in results.signals]
+            results.waiting.append((k + results.late[number], numbers, touched))
 
 
 def refuse(loop: MarchedLoop, effects: Effects) -> None:

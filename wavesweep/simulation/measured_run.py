@@ -52,18 +52,18 @@ def read_run(
     without an input or without an output.
     """
     entries, shown = _names(spec)
-    known = {"time": "s"} | {name: unit for name, (_, unit) in entries.items()} | shown
-    for flag, given in (("--column", columns), ("--scale", scales)):
-        for name in given:
-            if name not in known:
-                near = nearest(name, known)
+    known_units = {"time": "s"} | {name: unit for name, (_, unit) in entries.items()} | shown
+    for flag, by_name in (("--column", columns), ("--scale", scales)):
+        for name in by_name:
+            if name not in known_units:
+                near = nearest(name, known_units)
                 meant = f"; did you mean {near}?" if near else ""
                 raise UsageError(
-                    f"{flag} {name}: expected one of {', '.join(known)}, found {name}{meant}"
+                    f"{flag} {name}: expected one of {', '.join(known_units)}, found {name}{meant}"
                 )
     file = read_csv(path, 1_000_000_000)  # bytes
     places = {}
-    for name, unit in known.items():
+    for name, unit in known_units.items():
         wanted = columns.get(name)
         if wanted in file.names:
             places[name] = (wanted, unit_in(wanted, unit))
@@ -77,22 +77,22 @@ def read_run(
             hint = f"; did you mean {option(name, meant)}?" if meant else ""
             raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
     taken = {"input": set(entries) & set(places), "output": set(shown) & set(places)}
-    for what, names in (("time", {"time"}), ("input", entries), ("output", shown)):
+    for role, names in (("time", {"time"}), ("input", entries), ("output", shown)):
         if not names & places.keys():
             raise UsageError(
-                f"{path}: expected a column of {'an ' * (what != 'time')}{what} ({', '.join(sorted(names))}), found {file.listed}; "
+                f"{path}: expected a column of {'an ' * (role != 'time')}{role} ({', '.join(sorted(names))}), found {file.listed}; "
                 f"--column {next(iter(sorted(names)))}=NAME gives its name"
             )
     rows = file.numbers([column for column, _ in places.values()], 2)
     values = {}
     said = []
-    for at, (name, place) in enumerate(places.items()):
-        unit = known[name]
+    for index, (name, place) in enumerate(places.items()):
+        unit = known_units[name]
         if unit:
-            values[name], text = converted(rows[:, at], place, path, name, scales, unit)
+            values[name], text = converted(rows[:, index], place, path, name, scales, unit)
             said.append(text)
         else:
-            values[name] = rows[:, at] * scales.get(name, 1.0)
+            values[name] = rows[:, index] * scales.get(name, 1.0)
     newest = _newest_rows(path, values["time"], spec.tick_hz)
     return MeasuredRun(
         inputs={entries[name][0]: values[name][newest] for name in entries if name in places},

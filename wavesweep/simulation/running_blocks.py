@@ -538,40 +538,42 @@ def _refuse(frames, schedules):
         )
 
 
-def _schedule(block, known):
+def _schedule(block, constants):
     """Every how many ticks a block runs, and in which of them."""
-    every = int(block.every.value(known))
-    phases = block.phases or (int(block.phase.value(known)),)
+    every = int(block.every.value(constants))
+    phases = block.phases or (int(block.phase.value(constants)),)
     return every, phases
 
 
-def _numbers(block, known):
+def _numbers(block, constants):
     """The keys of a block with their values, in the order of its type."""
     types = TYPES[block.type].keys
     numbers = {}
     for name, value in (*block.keys, *block.limits):
         argument = "passes" if name == "pass" else name
-        numbers[argument] = _read_key(types[name].type, value, known)
+        numbers[argument] = _read_key(types[name].type, value, constants)
     return numbers
 
 
-def _read_key(kind, value, known):
+def _read_key(kind, value, constants):
     """The value of a key of a type: of expressions, and of lists and rows of them."""
     if kind == "number":
-        return 1.0 * value.value(known)  # unlike `float`, this leaves a number with a name as it is
+        return 1.0 * value.value(
+            constants
+        )  # unlike `float`, this leaves a number with a name as it is
     if kind == "integer":
-        return int(value.value(known))
+        return int(value.value(constants))
     if kind == "list":
-        return [1.0 * tree.value(known) for tree in value]
+        return [1.0 * tree.value(constants) for tree in value]
     if kind == "rows":
-        return [[1.0 * tree.value(known) for tree in row] for row in value]
+        return [[1.0 * tree.value(constants) for tree in row] for row in value]
     return value
 
 
-def _part(block, known, tick, frames):
+def _part(block, constants, tick, frames):
     """A block by itself as it runs; with frames of several lengths it has a law for each."""
-    every, phases = _schedule(block, known)
-    keys = _numbers(block, known)
+    every, phases = _schedule(block, constants)
+    keys = _numbers(block, constants)
     if frames and every > 1:
         rhythm = frames.rhythm(*phases)
     else:
@@ -626,15 +628,16 @@ def _within_ticks(name, drawing, wires):
             wires[f"{inside[port]}{AT}{name}"] = soon
 
 
-def _plant(plant, drawing, known, tick, waits):
+def _plant(plant, drawing, constants, tick, waits):
     """A plant of several blocks; its inputs are those that a wire from outside leads to. waits:
     of dead times, in ticks."""
     members = [
-        (block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members
+        (block.name, block.type, _numbers(block, constants), *block.ports)
+        for block in plant.members
     ]
     gains = {}
     for port, terms in plant.couplings:
-        for gain, name in _valued(terms, known):
+        for gain, name in _valued(terms, constants):
             gains[port, name] = gain
     wired = {port for port, terms in drawing.wires if terms}
     drawn_inputs, drawn_outputs = plant.drawn_ports
@@ -662,7 +665,7 @@ def _valued(terms, numbers) -> Sum:
     return tuple((1.0 * gain.value(numbers), name) for name, gain in terms)
 
 
-def _wall_of(drawing, terms, known):
+def _wall_of(drawing, terms, constants):
     """The wall, and the term of its force in each wire; None if its numbers do more than multiply
     signals in wires.
 
@@ -674,7 +677,7 @@ def _wall_of(drawing, terms, known):
     factors_of_wall = None
     shares = {}
     for port, terms_of_port in terms.items():
-        factors = _wall_factors(names, terms_of_port, known)
+        factors = _wall_factors(names, terms_of_port, constants)
         if factors is None:
             return None, {}
         if not factors:
@@ -696,17 +699,18 @@ def _wall_of(drawing, terms, known):
     for (number, name), factor in factors_of_wall.items():
         sum_ = depth if number == 0 else speed
         sum_.append((factor, inside.get(name, name)))
-    K = float(known[names[0]])
-    B = float(known[names[1]]) if len(names) > 1 else 0.0
+    K = float(constants[names[0]])
+    B = float(constants[names[1]]) if len(names) > 1 else 0.0
     return Wall(names, K, B, tuple(depth), tuple(speed)), shares
 
 
-def _is_multiple(factors, share, others):
+def _is_multiple(factors, share, reference):
     """Whether factors are a share of others, in the same order, up to rounding."""
-    if [*factors] != [*others]:
+    if [*factors] != [*reference]:
         return False
     return all(
-        abs(factors[at] - share * others[at]) <= SAME_SHARE * abs(factors[at]) for at in factors
+        abs(factors[name] - share * reference[name]) <= SAME_SHARE * abs(factors[name])
+        for name in factors
     )
 
 
@@ -720,10 +724,10 @@ def _read_elsewhere(drawing):
     return any(name in drawing.wall for tree in trees for name in tree.names)
 
 
-def _wall_factors(names, terms, known):
+def _wall_factors(names, terms, constants):
     """Of each of the wall's numbers and signal, the factor of their product in a wire; None if
     it is no such product."""
-    none = known | dict.fromkeys(names, 0.0)
+    none = constants | dict.fromkeys(names, 0.0)
     factors = {}
     for signal, gain in terms:
         read = [name for name in gain.names if name in names]

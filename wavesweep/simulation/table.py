@@ -184,10 +184,12 @@ def _reached(ends: Mapping[str, float], columns: Columns) -> dict[str, float]:
 def _unmeasured(spec, tones):
     """Yield a notice about the sines without a settled section in the record."""
     if spec.simulate["input"] in ("sine", "stepped-sine"):
-        left = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
-        if left:
+        unmeasured = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
+        if unmeasured:
             named = ", ".join(
-                left if len(left) <= FREQUENCIES_SHOWN else [left[0], "...", left[-1]]
+                unmeasured
+                if len(unmeasured) <= FREQUENCIES_SHOWN
+                else [unmeasured[0], "...", unmeasured[-1]]
             )
             longer = "a longer simulate.duration_s measures them"
             yield f"not measured at {named} Hz: the input ends before they have settled; {longer}"
@@ -211,13 +213,14 @@ def _unlike_the_linear(spec, linear, tones, frame):
         image = "a sine is its own image: the response seen depends on its phase"
         yield f"at {', '.join(images)} Hz, a multiple of half the frame's rate, {image}"
     radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
-    left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
-    if left > SETTLED_SINE:
+    share = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
+    if share > SETTLED_SINE:
         constant = -frame / spec.tick_hz / log(radius)
         enough = log(SETTLED_SINE / 10) / log(radius) * frame / spec.tick_hz
         yield (
-            f"the slowest mode, which falls to 1/e in {constant:.3g} s, still has {in_digits(100 * left, 2)} % of its beginning after "
-            f"simulate.settle_s = {settle:g} s, and is part of the response seen; {enough:.3g} s leave {10 * SETTLED_SINE:g} % of it"
+            f"the slowest mode, which falls to 1/e in {constant:.3g} s, still has {in_digits(100 * share, 2)} % of its "
+            f"beginning after simulate.settle_s = {settle:g} s, and is part of the "
+            f"response seen; {enough:.3g} s leave {10 * SETTLED_SINE:g} % of it"
         )
 
 
@@ -267,8 +270,8 @@ def _notices(spec: Spec) -> Iterator[str]:
                 beyond.append(f"{name} = {value:g}")
         if beyond:
             yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
-        given = {f"simulate.{name}": value for name, value in options.values.items()}
-        yield from over_preset(spec, given)
+        options_given = {f"simulate.{name}": value for name, value in options.values.items()}
+        yield from over_preset(spec, options_given)
     if options["resolution"] and spec.values.get("device.velocity") == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
 
@@ -376,58 +379,58 @@ def _energy(columns: Columns) -> Numbers:
     return {name: plain(value) for name, value in (last | least).items()}
 
 
-def _run_lines(found: Numbers) -> Iterator[Line]:
-    ticks, wanted = found["ticks"], found["wanted_ticks"]
+def _run_lines(facts: Numbers) -> Iterator[Line]:
+    ticks, wanted = facts["ticks"], facts["wanted_ticks"]
     much = f"{ticks}" if ticks == wanted else f"{ticks} of {wanted}"
-    if not found["linear_loop"]["stable"]:
-        yield unstable(found["linear_loop"]), True
-    entry = f"{found['from']}:" if found["from"] else "force of the hand"
+    if not facts["linear_loop"]["stable"]:
+        yield unstable(facts["linear_loop"]), True
+    entry = f"{facts['from']}:" if facts["from"] else "force of the hand"
     yield (
-        f"{found['controller']}, {entry} {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s",
+        f"{facts['controller']}, {entry} {facts['input']}: {much} tick{'s' * (wanted != 1)}, {facts['seconds']:g} s",
         False,
     )
-    if found["stopped"]:
+    if facts["stopped"]:
         yield (
-            f"stopped after tick {ticks}, {found['seconds']:g} s: {found['stopped']}; the rows end before it",
+            f"stopped after tick {ticks}, {facts['seconds']:g} s: {facts['stopped']}; the rows end before it",
             True,
         )
     if ticks == 0:
         return
-    if found["contact"]:
-        made, share = found["contact"]["times"], 100 * found["contact"]["share"]
-        wall = "" if found["contact"]["pulls"] else ", of a wall that only pushes"
+    if facts["contact"]:
+        made, share = facts["contact"]["times"], 100 * facts["contact"]["share"]
+        wall = "" if facts["contact"]["pulls"] else ", of a wall that only pushes"
         times = "once" if made == 1 else f"{made} times"
         yield f"contact made {times}{wall}, felt for {share:.3g} % of the time", False
-    yield from _result_lines(found)
+    yield from _result_lines(facts)
 
 
-def _result_lines(found: Numbers) -> Iterator[Line]:
+def _result_lines(facts: Numbers) -> Iterator[Line]:
     """Yield rest, saturation, frames, late results, outputs and energies."""
-    if found["rest_s"] is not None and not found["stopped"]:
-        yield f"came to rest at {found['rest_s']:.4g} s, and friction holds it to the end", False
-    if found["share_at_max_force"] is not None:
-        share = 100 * found["share_at_max_force"]
+    if facts["rest_s"] is not None and not facts["stopped"]:
+        yield f"came to rest at {facts['rest_s']:.4g} s, and friction holds it to the end", False
+    if facts["share_at_max_force"] is not None:
+        share = 100 * facts["share_at_max_force"]
         yield (
-            f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time",
+            f"motors at their limit of {facts['max_force']:g} N for {share:.3g} % of the time",
             False,
         )
-    if found["frames"]:
-        yield _frames_line(**found["frames"]), False
-    if timing := found["slow_results"]:
+    if facts["frames"]:
+        yield _frames_line(**facts["frames"]), False
+    if timing := facts["slow_results"]:
         yield (
             f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost",
             False,
         )
-    for name, off in (found["log"] or {}).items():
+    for name, off in (facts["log"] or {}).items():
         differ = f"simulated and measured differ by {off['rms']:.4g} in the root mean square"
-        most = f"by {off['largest']:.4g} at most, at {off['largest_s']:.4g} s"
-        yield f"{name}: {differ}, of {off['measured_rms']:.4g} in the log, {most}", False
-    for name, output in found["outputs"].items() if not found["stopped"] else ():
+        longest = f"by {off['largest']:.4g} at most, at {off['largest_s']:.4g} s"
+        yield f"{name}: {differ}, of {off['measured_rms']:.4g} in the log, {longest}", False
+    for name, output in facts["outputs"].items() if not facts["stopped"] else ():
         yield _output_line(name, output), False
-    if found["energy"] and not found["stopped"]:  # the energies of a run that explodes mean nothing
+    if facts["energy"] and not facts["stopped"]:  # the energies of a run that explodes mean nothing
         yield (
             _energy_line(
-                found["energy"], "force against it" if found["controller"] == "drawn" else "motors"
+                facts["energy"], "force against it" if facts["controller"] == "drawn" else "motors"
             ),
             False,
         )
@@ -435,10 +438,12 @@ def _result_lines(found: Numbers) -> Iterator[Line]:
 
 def _frames_line(frames: int, lengths: Mapping[str, int], seed: int | None) -> str:
     """How many frames of which lengths a run had, that were drawn or read from a file."""
-    most = sorted(sorted(lengths, key=lengths.__getitem__)[-FREQUENCIES_SHOWN:], key=int)
-    shares = ", ".join(f"{ticks} ticks {100 * lengths[ticks] / frames:.3g} %" for ticks in most)
-    if len(lengths) > len(most):
-        rest = f", {len(lengths) - len(most)} other lengths"
+    most_frequent = sorted(sorted(lengths, key=lengths.__getitem__)[-FREQUENCIES_SHOWN:], key=int)
+    shares = ", ".join(
+        f"{ticks} ticks {100 * lengths[ticks] / frames:.3g} %" for ticks in most_frequent
+    )
+    if len(lengths) > len(most_frequent):
+        rest = f", {len(lengths) - len(most_frequent)} other lengths"
     else:
         rest = ""
     return f"{frames} frames {'as they were measured' if seed is None else f'at random (seed {seed})'}: {shares}{rest}"
@@ -503,24 +508,24 @@ def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     }
 
 
-def _response_lines(found: Numbers) -> Iterator[Line]:
+def _response_lines(facts: Numbers) -> Iterator[Line]:
     where = (
-        f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
+        f"response at {facts['frequencies']} frequenc{'y' if facts['frequencies'] == 1 else 'ies'}"
     )
-    yield from in_doubt(found["doubts"], found["frequencies"], "without a reliable value")
-    if found["undecided"]:
+    yield from in_doubt(facts["doubts"], facts["frequencies"], "without a reliable value")
+    if facts["undecided"]:
         yield (
             f"{where}: the loop is not known to be stable, and may have no steady response to compare it with",
             True,
         )
         return
-    if not found["stable"]:
+    if not facts["stable"]:
         yield (
             f"{where}: an unstable loop has no steady response to compare it with (doubt: unstable)",
             True,
         )
         return
-    off = [found[f"largest_difference_{name}"] for name in ("admittance", "impedance")]
+    off = [facts[f"largest_difference_{name}"] for name in ("admittance", "impedance")]
     if None in off:
         yield (
             f"{where}: not known, so there is nothing to compare with the linear loop; is the force zero?",

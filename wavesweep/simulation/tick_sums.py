@@ -380,13 +380,13 @@ def _around(sums: Sums, wall: Wall):
     open_ = alone[DEPTH]
     by_spring = wall.K * yields
     by_damper = wall.B * slows
-    left = 1.0 - by_spring - by_damper
+    determinant = 1.0 - by_spring - by_damper
     size = 1.0 + abs(by_spring) + abs(by_damper)
     if abs(yields) <= OPEN * abs(open_):
         yields = 0.0
     grazes = wall.pulls and wall.B and yields > 0.0
-    several = wall.position is not None and open_ and (left < -OPEN * size or grazes)
-    if several or abs(left) <= TICK_SHARE_ROUNDING * size:
+    several = wall.position is not None and open_ and (determinant < -OPEN * size or grazes)
+    if several or abs(determinant) <= TICK_SHARE_ROUNDING * size:
         raise IllPosedLoopError(
             "within the tick the one-sided wall is both touched and not, or neither: its force has no single value; "
             "give the environment or the local model a delay"
@@ -405,13 +405,15 @@ def _around(sums: Sums, wall: Wall):
 
 
 def evaluated(
-    lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept: Collection[str] = ()
+    lines: Iterable[tuple[str, Sum]],
+    numbers: Mapping[str, float],
+    known_names: Collection[str] = (),
 ) -> dict[str, float]:
     """The numbers of lines with these given and all others zero; kept: numbers that lines do not
     change."""
-    values = dict(given)
+    values = dict(numbers)
     for name, terms in lines:
-        if name not in kept:
+        if name not in known_names:
             total = 0.0  # `sum` of Python 3.12 rounds otherwise than a program in C
             for factor, source in terms:
                 total = total + factor * values.get(source, 0.0)

@@ -119,20 +119,22 @@ def _in_series(
 ) -> dict[Path, Leaf]:
     """Return the leaves with delays from tap to tap, tap1, tap2 and so on, in place of a delay
     that has taps."""
-    own, placed = _parted(leaves, name)
-    keys_of_delay = {path: leaf for path, leaf in own.items() if path not in (("type",), ("taps",))}
+    of_block, placed = _parted(leaves, name)
+    keys_of_delay = {
+        path: leaf for path, leaf in of_block.items() if path not in (("type",), ("taps",))
+    }
     runs = taps.value if isinstance(taps.value, list) else []
     place = taps.place
     ascending = _ascending(runs)
     if not ascending:
         expected = "a list of runs of the block in ascending order, such as [2, 5]"
-        found = ", ".join(map(str, runs)) or show(taps.value)
-        mistakes.refuse(taps, f"block.{name}.taps", expected, found, of_key=False)
+        text_found = ", ".join(map(str, runs)) or show(taps.value)
+        mistakes.refuse(taps, f"block.{name}.taps", expected, text_found, of_key=False)
     for key in keys_of_delay.keys() & {("steps",), ("seconds",)}:
         path_of_key = f"block.{name}.{key[0]}"
-        found = f"taps and {key[0]}"
+        text_found = f"taps and {key[0]}"
         leaf = keys_of_delay.pop(key)
-        mistakes.refuse(leaf, path_of_key, "either steps, seconds or taps", found)
+        mistakes.refuse(leaf, path_of_key, "either steps, seconds or taps", text_found)
     series: dict[Path, Leaf] = {("ports", "inputs"): Leaf(["u"], place)}
     before = "u"
     last = 0
@@ -152,14 +154,14 @@ def _in_series(
 
 def _parted(leaves: Mapping[Path, Leaf], name: str) -> tuple[dict[Path, Leaf], dict[Path, Leaf]]:
     """The leaves of a block by their paths in it, and all others."""
-    own = {}
-    others = {}
+    of_block = {}
+    remaining = {}
     for path, leaf in leaves.items():
         if path[:2] == ("block", name):
-            own[path[2:]] = leaf
+            of_block[path[2:]] = leaf
         else:
-            others[path] = leaf
-    return own, others
+            remaining[path] = leaf
+    return of_block, remaining
 
 
 class _Instance:
@@ -195,9 +197,9 @@ class _Instance:
             wire = self.rest.pop(("wire", *self.name.split("."), port), None)
             if wire is None:
                 expected = f'a wire to this input, "{self.name}.{port}" = "..." in [wire]'
-                found = "none (0 leaves it at rest)"
+                text_found = "none (0 leaves it at rest)"
                 path_of_port = f"block.{self.name}.{port}"
-                self.mistakes.refuse(kind, path_of_port, expected, found, of_key=False)
+                self.mistakes.refuse(kind, path_of_port, expected, text_found, of_key=False)
             placed["signals", f"{self.name}.{port}"] = wire or Leaf("0", kind.place)
         keys = ("type", *sorted(self.numbers), *sorted(self.blocks))
         for path, leaf in self.own.items():

@@ -37,10 +37,10 @@ class Condition:
         holds: Callable[..., Any],
         expected: Callable[..., Any] | str,
         subject: tuple[str, Tree],
-        *others: tuple[str, Tree],
+        *further: tuple[str, Tree],
     ) -> None:
         self.path = subject[0]
-        self.reads = (subject, *others)
+        self.reads = (subject, *further)
         self.holds = holds
         self.expected = expected
         self.names = frozenset(name for _, tree in self.reads for name in tree.names)
@@ -183,13 +183,13 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
         read = {read_path for read_path, _ in condition.reads}
         if not condition.names <= numbers.keys() or not wrong.isdisjoint(read):
             continue  # a number that has a mistake itself
-        found = [tree.finite_value(numbers, shared) for _, tree in condition.reads]
-        fault = _fault(condition, found)
+        values_read = [tree.finite_value(numbers, shared) for _, tree in condition.reads]
+        fault = _fault(condition, values_read)
         if fault:
             wrong.add(path)
             yield path, *fault
         elif path.startswith("block.") and path.endswith(".every"):
-            every[path] = int(found[0])  # type: ignore[arg-type]  # else it has a fault
+            every[path] = int(values_read[0])  # type: ignore[arg-type]  # else it has a fault
     runs = {path: ticks for path, ticks in every.items() if path not in wrong}
     yield from _size_faults(drawing, numbers, runs)
 

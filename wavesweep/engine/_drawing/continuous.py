@@ -18,7 +18,7 @@ def _multiplied_out(terms: Terms) -> list[tuple[str, Tree]]:
 
 
 def parted(
-    tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]
+    tree: Tree, signals: set[str], plant: str, plants: Mapping[str, str]
 ) -> tuple[Terms, Terms]:
     """Return the terms of the wire of a plant that are held over a tick, and those that act
     continuously.
@@ -33,17 +33,17 @@ def parted(
     positions, or both velocities, are left that form no spring or damper.
     """
     wire = tree.linear(signals)
-    held: list[tuple[str, Tree]] = []
+    held_terms: list[tuple[str, Tree]] = []
     continuous: list[tuple[str, Tree]] = []
     halves: list[tuple[str, Tree]] = []  # read another plant
     alone: list[tuple[str, Tree]] = []  # read the plant itself
     for summand in _summands(tree):
         blocks = {name.rpartition(".")[0] for name in summand.names if name in signals}
-        far_plants = plants.keys() & blocks - {own}
+        far_plants = plants.keys() & blocks - {plant}
         terms = _multiplied_out(summand.linear(signals))
-        if far_plants and own in blocks:
+        if far_plants and plant in blocks:
             far = [term for term in terms if term[0].rpartition(".")[0] in far_plants]
-            near = [term for term in terms if term[0].rpartition(".")[0] == own]
+            near = [term for term in terms if term[0].rpartition(".")[0] == plant]
             pairs = _opposite_pairs(near, far)
             ends = {signal.rpartition(".")[2] for signal, _ in far}
             if any(signal.rpartition(".")[2] in ends for signal, _ in near):
@@ -52,21 +52,21 @@ def parted(
                 continuous += pairs
                 halves += far
                 alone += near
-                held += [term for term in terms if term not in (*pairs, *near, *far)]
+                held_terms += [term for term in terms if term not in (*pairs, *near, *far)]
         elif far_plants:
             halves += terms
-        elif blocks == {own}:
+        elif blocks == {plant}:
             alone += terms
         else:
-            held += terms
+            held_terms += terms
     if not (continuous or halves):
         return wire, ()
     continuous += _opposite_pairs(alone, halves)
-    springs = _springs(tree, own, plants, alone, halves)
+    springs = _springs(tree, plant, plants, alone, halves)
     continuous += springs
     alone = [term for term in alone if term not in springs]
     sampled = [term for term in (*continuous, *halves) if term[0].rpartition(".")[0] not in plants]
-    return _added([*held, *alone, *sampled]), _added(
+    return _added([*held_terms, *alone, *sampled]), _added(
         term for term in (*continuous, *halves) if term not in sampled
     )
 
@@ -90,7 +90,7 @@ def _opposite_pairs(
 
 def _springs(
     tree: Tree,
-    own: str,
+    plant: str,
     plants: Mapping[str, str],
     alone: list[tuple[str, Tree]],
     halves: list[tuple[str, Tree]],
@@ -101,7 +101,7 @@ def _springs(
     Errors: Fault if the gains of both ends do not add up to 0.
     """
     springs = []
-    for port in (f".{port}" for port in ("x", "v") if TYPES[plants[own]].body):
+    for port in (f".{port}" for port in ("x", "v") if TYPES[plants[plant]].body):
         of_bodies = {f"{name}{port}" for name, kind in plants.items() if TYPES[kind].body}
         near_ends, far_ends = (
             [term for term in terms if term[0] in of_bodies] for terms in (alone, halves)
@@ -110,7 +110,7 @@ def _springs(
             signal, gain = near_ends[0]
             far, _ = far_ends[0]
             raise Fault(
-                min(at for name, at in tree.places_of_names() if name == signal),
+                min(place for name, place in tree.places_of_names() if name == signal),
                 f"a number times ({far} - {signal}), as of a spring or a damper, or a block hold for what a program computes",
                 f"{gain.text} times {signal}, which may be either",
             )
@@ -139,18 +139,18 @@ def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, W
     stays a coupling. seen: signals at the hand's port.
     """
     read = _blocks_read(wires, couplings, seen)
-    held = {}
+    held_terms = {}
     continuous = []
     for port, terms in couplings:
         block = port.rpartition(".")[0]
         inside = tuple(
             term for term in terms if block in read or term[0].rpartition(".")[0] == block
         )
-        held[port] = [term for term in terms if term not in inside]
+        held_terms[port] = [term for term in terms if term not in inside]
         continuous += [(port, inside)] if inside else []
-    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(
-        continuous
-    )
+    return tuple(
+        (port, _added([*terms, *held_terms.get(port, ())])) for port, terms in wires
+    ), tuple(continuous)
 
 
 def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
@@ -163,18 +163,18 @@ def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
         for summand in _summands(last, products):
             yield summand if operation == "+" else Tree("negative", (summand,), tree.offset)
     elif products and operation in ("*", "/"):
-        left, right = tree.operands
+        left_operand, right = tree.operands
         seconds = list(_summands(right, products)) if operation == "*" else [right]
-        for factor in _summands(left, products):
+        for factor in _summands(left_operand, products):
             for second in seconds:
                 yield Tree(operation, (factor, second), tree.offset)
     else:
         yield tree
 
 
-def _opposite(one: Tree, other: Tree) -> bool:
+def _opposite(first: Tree, second: Tree) -> bool:
     """Whether two gains differ in their signs alone."""
-    return (-one).text == other.text or one.text == (-other).text
+    return (-first).text == second.text or first.text == (-second).text
 
 
 def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
@@ -193,8 +193,8 @@ def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:
     for signal, gain in terms:
         gains_of.setdefault(signal, []).append(gain)
     sums = {}
-    for signal, (first, *others) in gains_of.items():
+    for signal, (first, *further) in gains_of.items():
         sums[signal] = first
-        for gain in others:
+        for gain in further:
             sums[signal] = Tree("+", (sums[signal], gain), gain.offset)
     return tuple(sums.items())

@@ -37,18 +37,18 @@ def without_whole_frames(
     values: flat numbers, or arrays over a batch, with the ticks of dead times, see `structure`.
     numbers: scalar gains of the drawing, see `scalar_place` and `shares_wire`.
     """
-    known = scalars(values)
-    if sum(_steps(drawing, known).values()) <= FEW_FRAMES and not drawing.dead_times:
+    constants = scalars(values)
+    if sum(_steps(drawing, constants).values()) <= FEW_FRAMES and not drawing.dead_times:
         return drawing, values, 0
-    drawing = _in_slower_ticks(drawing, known)
-    ways = _Ways.without(drawing, known, numbers)
-    every = {block.name: int(block.every.values(known)) for block in drawing.blocks}
+    drawing = _in_slower_ticks(drawing, constants)
+    ways = _Ways.without(drawing, constants, numbers)
+    every = {block.name: int(block.every.values(constants)) for block in drawing.blocks}
     runs = {block.name: max(1, len(block.phases)) for block in drawing.blocks}
     frame = lcm(*every.values())
     frames = 0
     keys = {}
     ticks = {}
-    for name, steps in _steps(drawing, known).items():
+    for name, steps in _steps(drawing, constants).items():
         if ways.all_pass(name):
             in_a_frame = frame // every[name] * runs[name]
             whole = _whole_frames(steps, in_a_frame)
@@ -56,9 +56,9 @@ def without_whole_frames(
             frames += whole
     for name, seconds in drawing.dead_times.items():
         path = f"block.{name}.ticks"
-        if path in known and ways.all_pass(name):
-            whole = _whole_frames(known[path], frame)
-            ticks[path] = known[path] - whole * frame
+        if path in constants and ways.all_pass(name):
+            whole = _whole_frames(constants[path], frame)
+            ticks[path] = constants[path] - whole * frame
             keys[name] = ("seconds", seconds - Tree.number(float(whole * frame)) / drawing.tick_hz)
             frames += whole
     if frames <= FEW_FRAMES:
@@ -73,14 +73,14 @@ class _Clock(NamedTuple):
     phase: int
 
     @staticmethod
-    def of(block: DrawnBlock, known: Mapping[str, object]) -> "_Clock | None":
+    def of(block: DrawnBlock, constants: Mapping[str, object]) -> "_Clock | None":
         """The clock of a block, None if it runs at uneven ticks; known: numbers by name."""
-        every = int(block.every.values(known))
-        phases = block.phases or (int(block.phase.values(known)),)
+        every = int(block.every.values(constants))
+        phases = block.phases or (int(block.phase.values(constants)),)
         return _Clock(every, phases[0] % every) if len(phases) == 1 else None
 
 
-def _in_slower_ticks(drawing: Drawing, known: dict[str, float]) -> Drawing:
+def _in_slower_ticks(drawing: Drawing, constants: dict[str, float]) -> Drawing:
     """The drawing with delays at the ticks that count of them, see the heading."""
     blocks = {block.name: block for block in drawing.blocks}
     sources = defaultdict(set)
@@ -90,23 +90,28 @@ def _in_slower_ticks(drawing: Drawing, known: dict[str, float]) -> Drawing:
             if _block_of(signal) in blocks:  # and no signal from outside
                 sources[_block_of(port)].add(_block_of(signal))
                 readers[_block_of(signal)].add(_block_of(port))
-    steps = _steps(drawing, known)
+    steps = _steps(drawing, constants)
     pending = list(steps)
     while pending:
         name = pending.pop()
-        own = _Clock.of(blocks[name], known)
-        for others, sign in ((readers[name], -1), (sources[name], 1)):
-            clocks = {_Clock.of(blocks[other], known) for other in others}
+        clock_of_delay = _Clock.of(blocks[name], constants)
+        for neighbours, sign in ((readers[name], -1), (sources[name], 1)):
+            clocks = {_Clock.of(blocks[neighbour], constants) for neighbour in neighbours}
             clock = clocks.pop() if len(clocks) == 1 else None
-            if not own or not clock or clock.every == own.every or clock.every % own.every:
+            if (
+                not clock_of_delay
+                or not clock
+                or clock.every == clock_of_delay.every
+                or clock.every % clock_of_delay.every
+            ):
                 continue
-            wait = sign * (own.phase - clock.phase) % own.every
-            runs, rest = divmod(wait + steps[name] * own.every, clock.every)
+            wait = sign * (clock_of_delay.phase - clock.phase) % clock_of_delay.every
+            runs, rest = divmod(wait + steps[name] * clock_of_delay.every, clock.every)
             if not runs:
                 continue
             steps[name] = runs
-            own = _Clock(clock.every, (clock.phase + sign * rest) % clock.every)
-            every, phase = (Tree.number(float(number)) for number in own)
+            clock_of_delay = _Clock(clock.every, (clock.phase + sign * rest) % clock.every)
+            every, phase = (Tree.number(float(number)) for number in clock_of_delay)
             keys = (("steps", Tree.number(float(runs))),)
             blocks[name] = replace(blocks[name], keys=keys, every=every, phase=phase, phases=())
             pending += (readers[name] | sources[name]) & steps.keys()
@@ -125,13 +130,13 @@ def with_delays_of_one_step(drawing: Drawing, values: Mapping[str, object]) -> D
     return _with_keys(drawing, dict.fromkeys(longer, ("steps", ONE)))
 
 
-def _steps(drawing: Drawing, known: dict[str, float]) -> dict[str, int]:
+def _steps(drawing: Drawing, constants: dict[str, float]) -> dict[str, int]:
     """The steps of delays that are given in steps, by name; known: numbers by name."""
     steps = {}
     for block in drawing.blocks:
         keys = dict(block.keys)
         if block.type == "delay" and "steps" in keys:
-            steps[block.name] = int(keys["steps"].values(known))
+            steps[block.name] = int(keys["steps"].values(constants))
     return steps
 
 
@@ -160,7 +165,9 @@ class _Ways:
         self.end: set[str] = set()
 
     @staticmethod
-    def without(drawing: Drawing, known: Mapping[str, object], numbers: Sequence[str]) -> "_Ways":
+    def without(
+        drawing: Drawing, constants: Mapping[str, object], numbers: Sequence[str]
+    ) -> "_Ways":
         """The ways of a loop without these numbers; known: numbers by name."""
         ways = _Ways()
         zero = dict.fromkeys(numbers, Tree.number(0.0))
@@ -173,7 +180,7 @@ class _Ways:
                     ways.begin.add(reader)
                     ways.end.add(source)
                 with suppress(ZeroDivisionError):  # a gain that is none, of loops that are none
-                    if not np.any(gain.with_trees(zero).values(known)):
+                    if not np.any(gain.with_trees(zero).values(constants)):
                         continue
                 ways.readers[source].add(reader)
         if table == "block":  # a gain, or a word of firmware
@@ -181,7 +188,7 @@ class _Ways:
             ways.begin |= ways.readers[factor]
             ways.end.add(factor)
             gains = dict(next(block.keys for block in drawing.blocks if block.name == factor))
-            if "k" in gains and not np.any(gains["k"].with_trees(zero).values(known)):
+            if "k" in gains and not np.any(gains["k"].with_trees(zero).values(constants)):
                 ways.readers[factor] = set()
         return ways
 

@@ -301,9 +301,9 @@ class Drawing:
         factor, empty if it is none; see `scalar_place`."""
         return scalar_place.scalar_place(self, number)
 
-    def shares_wire(self, number: str, other: str) -> bool:
+    def shares_wire(self, number: str, second: str) -> bool:
         """Return whether another number is the factor of other terms in the same wire."""
-        return scalar_place.shares_wire(self, number, other)
+        return scalar_place.shares_wire(self, number, second)
 
     def seen_by_hand(self, number: str) -> bool:
         """Return whether the signals at the hand's port read a number themselves."""

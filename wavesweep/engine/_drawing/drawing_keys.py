@@ -134,8 +134,8 @@ class KeyReader:
             meanings = {**meanings, PERIOD: self.period}
             names.add(PERIOD)
         if unknown := list(self.unknown_names(tree, names, signals)):
-            for each in unknown:
-                self.fault(path, leaf, each)
+            for mistake in unknown:
+                self.fault(path, leaf, mistake)
             return None
         tree = tree.with_trees(meanings)
         if not signals:
@@ -149,7 +149,7 @@ class KeyReader:
     def unknown_names(self, tree: Tree, names: set[str], signals: bool) -> Iterator[Fault]:
         """Yield the fault of each name in a tree that is not among these names; signals: whether
         they may be signals."""
-        for name, at in tree.places_of_names():
+        for name, offset in tree.places_of_names():
             block = name.rpartition(".")[0]
             if name in names or (signals and self.is_hidden(block)):
                 continue
@@ -159,7 +159,7 @@ class KeyReader:
             if outputs and block and signals:
                 expected = f"an output of {block}: {' or '.join(outputs)}"
                 choices = outputs
-            yield Fault(at, expected, f"an unknown name {show(name)}", nearest(name, choices))
+            yield Fault(offset, expected, f"an unknown name {show(name)}", nearest(name, choices))
 
     def is_hidden(self, block: str) -> bool:
         """Whether a block has mistakes that hide its ports."""
@@ -189,20 +189,22 @@ class KeyReader:
         texts: path and leaf of each name. signals: whether they are linear in signals; otherwise
         they are numbers.
         """
-        left: dict[str, Tree] = {}  # of names that stand for nothing yet
+        undefined: dict[str, Tree] = {}  # of names that stand for nothing yet
         for name, (path, leaf) in texts.items():
             tree = self.read_text(path, leaf, signals)
             if tree is not None:
-                left[name] = tree
+                undefined[name] = tree
         mistaken: set[str] = set()
-        while ready := [name for name, tree in left.items() if left.keys().isdisjoint(tree.names)]:
+        while ready := [
+            name for name, tree in undefined.items() if undefined.keys().isdisjoint(tree.names)
+        ]:
             for name in ready:
-                tree = left.pop(name)
+                tree = undefined.pop(name)
                 # A mistake is told once, and not again for each name that reads it.
                 reads_mistake = not mistaken.isdisjoint(tree.names)
                 if reads_mistake or not self._define_name(name, tree, texts[name], signals):
                     mistaken.add(name)
-        for name in left:  # each reads another one of them
+        for name in undefined:  # each reads another one of them
             path, leaf = texts[name]
             expected = "an expression whose names do not stand for each other in a circle"
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
@@ -302,31 +304,31 @@ class KeyReader:
         block = DrawnBlock(name, kind, tuple(keys.items()), every, phase, limits=limit_items)
         wrong = _limit_fault(limits) or _shape_fault(block)
         if wrong:
-            key, expected, found = wrong
+            key, expected, text_found = wrong
             path = f"block.{name}.{key}"
-            return self.refuse(self.leaf(path), path, expected, found, of_key=False)
+            return self.refuse(self.leaf(path), path, expected, text_found, of_key=False)
         return block
 
     def with_corrected_names(
-        self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]
+        self, path: str, leaves: Mapping[str, Leaf], keys: Mapping[str, Key]
     ) -> dict[str, Leaf]:
         """Return the leaves; an unknown key is a mistake and stands for the key that is meant,
         which then is not missing."""
         choices = "type", *keys
-        meant = dict(given)
-        for key, leaf in given.items():
+        meant = dict(leaves)
+        for key, leaf in leaves.items():
             if key in keys or key in ("", "type"):
                 continue
             is_limit = any(word in key for word in LIMITS)
             if is_limit and "high" not in keys:
                 near = ""
-                found = "a limit, which a block of type saturation has"
+                text_found = "a limit, which a block of type saturation has"
             else:
                 near = _synonym(key, keys) or nearest(key, choices) or "high" * is_limit
-                found = "an unknown key"
+                text_found = "an unknown key"
                 if not near and any(word in key for word in RATES):
-                    found = "a rate or a period, which `every` has in ticks of rates.tick_hz"
-            self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(choices), found, near)
+                    text_found = "a rate or a period, which `every` has in ticks of rates.tick_hz"
+            self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(choices), text_found, near)
             meant.setdefault(near, leaf)
         return meant
 
@@ -373,10 +375,10 @@ class KeyReader:
         entry = Key(path, "number", None, "", "")
         trees = []
         for i, row in enumerate(rows):
-            at = f"{path}[{i}]" if deep else path
+            place = f"{path}[{i}]" if deep else path
             read = []
             for j, number in enumerate(row):
-                read.append(self.read_number(f"{at}[{j}]", entry, replace(leaf, value=number)))
+                read.append(self.read_number(f"{place}[{j}]", entry, replace(leaf, value=number)))
             trees.append(tuple(read))
         self.leaves[path] = leaf
         return tuple(trees) if deep else trees[0]
@@ -420,8 +422,8 @@ def _limit_fault(limits: Mapping[str, object]) -> tuple[str, str, str] | None:
     needs_time = acts == "back-calculation"
     if needs_time == ("tracking_s" in limits):
         return None
-    found = "no time constant" if needs_time else f"one with anti_windup = {acts!r}"
-    return "tracking_s", "a time constant (s) with back-calculation, and none without", found
+    text_found = "no time constant" if needs_time else f"one with anti_windup = {acts!r}"
+    return "tracking_s", "a time constant (s) with back-calculation, and none without", text_found
 
 
 def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:

@@ -198,30 +198,32 @@ class PortReader(KeyReader):
         """Add the mistakes of inputs and outputs that have the name of another signal, of which
         a table would show one."""
         owners = _owners(blocks)
-        found: list[tuple[str, str, Terms | None]] = [
+        named: list[tuple[str, str, Terms | None]] = [
             ("inputs", name, None) for name in ports["inputs"]
         ]
         for name, terms, _ in outputs:
             if name in ports["outputs"]:
-                found.append(("outputs", name, terms))
-        for side, name, own in found:
+                named.append(("outputs", name, terms))
+        for side, name, terms_of_name in named:
             leaf = ports[side][name]["signal"]
             path = path_of_port(side, name)
             meant = self.terms_of_signal(name, leaf, owners.get(name), wires)
-            if meant is not None and (own is None or _texts(own) != _texts(meant)):
-                itself = ", or the signal itself" * (own is not None)
+            if meant is not None and (
+                terms_of_name is None or _texts(terms_of_name) != _texts(meant)
+            ):
+                itself = ", or the signal itself" * (terms_of_name is not None)
                 self.refuse(leaf, path, f"another name than that of a signal{itself}", show(name))
             elif name.startswith(COLUMNS):
                 expected = f"a name that does not begin as columns do: {', '.join(COLUMNS)}"
                 self.refuse(leaf, path, expected, show(name))
 
     def fault_from_outside(
-        self, signal: object, what: str = "a signal from outside"
+        self, signal: object, purpose: str = "a signal from outside"
     ) -> tuple[str, str] | None:
         """Return expected and found text of a value that is not a signal from outside that a
         wire reads. what: it should be."""
         if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
-            return f"{NAME}, for {what}", show(signal)
+            return f"{NAME}, for {purpose}", show(signal)
         if signal in (*self.numbers, PERIOD):
             return "a name that is no number", show(signal)
         if signal not in self.read:
@@ -233,7 +235,7 @@ class PortReader(KeyReader):
         blocks: Iterable[DrawnBlock],
         wires: Mapping[str, Leaf],
         numbers: Iterable[tuple[str, str, str]],
-        given: Mapping[str, dict[str, Any]],
+        tables: Mapping[str, dict[str, Any]],
     ) -> Iterator[tuple[str, Terms, str]]:
         """Yield an output for each signal that a table names and [ports] does not declare; see
         `Drawing.signals`.
@@ -244,11 +246,11 @@ class PortReader(KeyReader):
         owners = _owners(blocks)
         units = {name: unit for name, unit, _ in numbers}
         for side in NAMED:
-            for keys in given[side].values():
+            for keys in tables[side].values():
                 if "unit" in keys:
                     units[str(keys["signal"].value)] = str(keys["unit"].value)
         for name, leaf in self.asked.items():
-            if name in given["outputs"]:
+            if name in tables["outputs"]:
                 continue
             block = owners.get(name)
             terms = self.terms_of_signal(name, leaf, block, wires)

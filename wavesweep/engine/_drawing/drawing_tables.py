@@ -235,8 +235,8 @@ class _TableReader(PortReader):
         couplings = []
         for port, terms in read.items():
             if terms:
-                held, continuous = terms
-                wires.append((port, held))
+                held_terms, continuous = terms
+                wires.append((port, held_terms))
                 if continuous:
                     couplings.append((port, continuous))
         return tuple(wires), tuple(couplings)
@@ -269,10 +269,10 @@ class _TableReader(PortReader):
                 values[path] = value
                 numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
         self.define(derived)
-        known = scalars(values)
+        constants = scalars(values)
         for name, text in derived.items():
             tree = self.meanings.get(name, ONE)
-            if known.keys() >= set(tree.names) and tree.finite_value(known) is None:
+            if constants.keys() >= set(tree.names) and tree.finite_value(constants) is None:
                 self.fault(*text, Fault(tree.offset, "a finite number", NOT_FINITE))
                 self.meanings.pop(name)  # so that the mistake is told here alone
         return tuple(numbers), values
@@ -361,16 +361,16 @@ class _TableReader(PortReader):
         path = f"wire.{port}"
         block = port.rpartition(".")[0]
         if port not in self.inputs and not self.is_hidden(block):
-            found = "an output of a block" if port in self.signals else "an unknown port"
+            text_found = "an output of a block" if port in self.signals else "an unknown port"
             expected = (
                 f"one of {', '.join(self.inputs)}"
                 if 0 < len(self.inputs) <= 8  # ports that a message lists
                 else "an input port of a block"
             )
-            self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
+            self.refuse(leaf, path, expected, text_found, nearest(port, self.inputs))
         self.period = self.periods.get(block, ONE)
         terms = self.read_terms(
-            path, leaf, partial(parted, own=block, plants=plants if block in plants else {})
+            path, leaf, partial(parted, plant=block, plants=plants if block in plants else {})
         )
         self.period = None
         return terms
@@ -384,7 +384,7 @@ class _TableReader(PortReader):
             return
         texts = {name: parse(leaf.value) for name, leaf in tables["signals"].items()}
         built_in = {name: tree for name, tree in self.meanings.items() if name not in texts}
-        known = {name: value or 1.0 for name, value in scalars(values).items()}
+        constants = {name: value or 1.0 for name, value in scalars(values).items()}
 
         def expanded(tree: Tree, otherwise: Mapping[str, Tree]) -> Tree:
             """The tree with the meanings of names, or with others in their places."""
@@ -410,34 +410,38 @@ class _TableReader(PortReader):
                 without = expanded(tree, {name: Tree.number(0.0)})
                 for times in (meant, Tree("*", (ONE, meant))):
                     full = expanded(tree, {name: times})
-                    shares = self._shares(port, (full, without), plants, known)
+                    shares = self._shares(port, (full, without), plants, constants)
                     for signal in read & shares.keys():
                         share = shares[signal]
-                        other, at = first.setdefault(signal, (share, port))
+                        share_before, port_before = first.setdefault(signal, (share, port))
                         # Two wires of a signal that acts continuously differ by less through
                         # rounding.
-                        if abs(share - other) > 1e-9:
-                            self._refuse_meanings(tables, name, {share: port, other: at})
+                        if abs(share - share_before) > 1e-9:
+                            self._refuse_meanings(
+                                tables, name, {share: port, share_before: port_before}
+                            )
                             return
 
     def _refuse_meanings(self, tables: Tables, name: str, ports: Mapping[float, str]) -> None:
         """Refuse a name of which more is held in one port than in another. ports: by the share of
         a signal in it that acts continuously."""
-        held = ports[min(ports)]
+        held_port = ports[min(ports)]
         continuous = ports[max(ports)]
-        as_in = continuous if held != continuous else "a product"
+        as_in = continuous if held_port != continuous else "a product"
         expected = (
             f"{name} as in {as_in}, where it acts continuously, or the output of a hold in both"
         )
-        found = f"{name} held over a tick"
-        self.refuse(tables["wire"][held], f"wire.{held}", expected, found, of_key=False)
+        text_found = f"{name} held over a tick"
+        self.refuse(
+            tables["wire"][held_port], f"wire.{held_port}", expected, text_found, of_key=False
+        )
 
     def _shares(
         self,
         port: str,
         trees: tuple[Tree, Tree],
         plants: Mapping[str, str],
-        known: Mapping[str, float],
+        constants: Mapping[str, float],
     ) -> dict[str, float]:
         """The share of each signal that acts continuously in a wire, as far as a name adds it
         there; none if it cannot be told.
@@ -445,17 +449,17 @@ class _TableReader(PortReader):
         trees: of the wire with the name and without it. known: numbers by name.
         """
         block = port.rpartition(".")[0]
-        known = {**known, PERIOD: 1.0}
+        constants = {**constants, PERIOD: 1.0}
         gains: dict[str, list[float]] = {}  # of the held part and the continuous one
         with suppress(Fault):  # without the name, the rest may be no spring
             for sign, tree in zip((1.0, -1.0), trees, strict=True):
                 for part, terms in enumerate(parted(tree, self.signals, block, plants)):
                     for signal, gain in terms:
                         of_signal = gains.setdefault(signal, [0.0, 0.0])
-                        of_signal[part] += sign * (gain.finite_value(known) or 0.0)
+                        of_signal[part] += sign * (gain.finite_value(constants) or 0.0)
             shares = {}
-            for signal, (held, continuous) in gains.items():
-                size = abs(held) + abs(continuous)
+            for signal, (held_gain, continuous) in gains.items():
+                size = abs(held_gain) + abs(continuous)
                 if size > 0:
                     shares[signal] = abs(continuous) / size
             return shares

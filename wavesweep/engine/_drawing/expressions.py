@@ -375,10 +375,10 @@ class Tree:
 
     def _gains_of_product(self, of_operands: list[dict[str, Tree]]) -> dict[str, Tree]:
         """`gains` of an operation other than a sum."""
-        left = [name for name in of_operands[0] if name]
+        first_signals = [name for name in of_operands[0] if name]
         right = [name for name in of_operands[-1] if name]
-        _refuse_nonlinear(self.operation, self.offset, left, right)
-        if not left and not right:
+        _refuse_nonlinear(self.operation, self.offset, first_signals, right)
+        if not first_signals and not right:
             return {"": self}
         if right:
             factor = of_operands[0][""]
@@ -504,7 +504,7 @@ class Tree:
         known_values[key] = value
         return value
 
-    def lost_digits(self, first: Any, second: Any, found: Any) -> Any:
+    def lost_digits(self, first: Any, second: Any, result: Any) -> Any:
         """Return whether the operation is wrong by more than a few roundings, for each of its
         values. first, second: of its operands. found: its own."""
         operation = self.operation
@@ -512,17 +512,17 @@ class Tree:
         if operation in FUNCTIONS:  # the size of f'(x) x against that of f(x)
             change = {
                 "sqrt": 0.0,
-                "tan": abs(first) * (1 + abs(found * found)),
-                "exp": abs(first * found),
+                "tan": abs(first) * (1 + abs(result * result)),
+                "exp": abs(first * result),
                 "log": 1.0,
             }
-            return (change.get(operation, abs(first)) > RAISED * abs(found)) & computed[0]
+            return (change.get(operation, abs(first)) > RAISED * abs(result)) & computed[0]
         if operation in ("+", "-"):  # a sum of two numbers is rounded once
             # A sum below a sixteenth of its first term has lost digits.
-            return (abs(found) < 1 / 16 * abs(first)) & any(computed)
+            return (abs(result) < 1 / 16 * abs(first)) & any(computed)
         if operation == "**":
             return (abs(second) > RAISED) & computed[0]
-        return (abs(found) < SUBNORMAL) & (abs(first) >= SUBNORMAL) & (abs(second) >= SUBNORMAL)
+        return (abs(result) < SUBNORMAL) & (abs(first) >= SUBNORMAL) & (abs(second) >= SUBNORMAL)
 
     def value(self, numbers: Mapping[str, float], shared: SharedParts | None = None) -> Any:
         """Return the value of a tree without signals, correct to a few roundings of itself, for
@@ -582,19 +582,21 @@ class Tree:
         """The values, those that have lost digits from ball arithmetic."""
         import numpy as np
 
-        at = np.flatnonzero(np.broadcast_to(lost, values.shape))
+        lost_places = np.flatnonzero(np.broadcast_to(lost, values.shape))
         columns = {}
         for name in self.names:
-            columns[name] = np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist()
+            columns[name] = (
+                np.broadcast_to(numbers[name], values.shape).reshape(-1)[lost_places].tolist()
+            )
         exact_values = []
-        for row in range(at.size):
+        for row in range(lost_places.size):
             exact_values.append(
                 self.exactly({name: column[row] for name, column in columns.items()})
             )
         exact = np.array(exact_values)
         if values.dtype.kind != "c" and exact.dtype.kind == "c":
             exact = np.where(exact.imag == 0, exact.real, np.nan)
-        values.reshape(-1)[at] = exact
+        values.reshape(-1)[lost_places] = exact
         return values if values.shape else values.item()
 
     def rest(self, value: Any, numbers: Mapping[str, Any]) -> Any:
@@ -651,19 +653,19 @@ def _text_of_number(number: float) -> str:
     return short if float(short) == number else repr(number)
 
 
-def _refuse_nonlinear(operation: str, at: int, left: list[str], right: list[str]) -> None:
+def _refuse_nonlinear(operation: str, offset: int, first: list[str], right: list[str]) -> None:
     """Raise Fault if an operation is not linear in the signals that its operands, left and
     right, read."""
     fault = {
         **dict.fromkeys(
-            FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"
+            FUNCTIONS, first and f"{'a root' if operation == 'sqrt' else operation} of a signal"
         ),
-        "**": (left or right) and "a power of a signal, or with a signal",
+        "**": (first or right) and "a power of a signal, or with a signal",
         "/": right and f"a division by the signal {right[0]}",
-        "*": left and right and f"the product of the signals {left[0]} and {right[0]}",
+        "*": first and right and f"the product of the signals {first[0]} and {right[0]}",
     }[operation]
     if fault:
-        raise Fault(at, "arithmetic that is linear in the signals", fault)
+        raise Fault(offset, "arithmetic that is linear in the signals", fault)
 
 
 def _power(base: Any, exponent: Any, is_constant: bool) -> Any:

@@ -77,8 +77,8 @@ def _without(rows: Rows, i: int, j: int) -> Rows:
 def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
     """Return whether the mass matrix is symmetric, and positive definite at the axes; entries:
     of MASS, in order."""
-    left = iter(entries)
-    matrices = {name: [[next(left) for _ in row] for row in keys[name]] for name in MASS}
+    remaining = iter(entries)
+    matrices = {name: [[next(remaining) for _ in row] for row in keys[name]] for name in MASS}
     m = matrices["mass"]
     good = []
     for i in range(len(m)):

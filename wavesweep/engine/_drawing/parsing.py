@@ -42,74 +42,79 @@ def parse(text: str) -> Tree:
     if len(tokens) > MOST_TOKENS:
         raise Fault(0, f"at most {MOST_TOKENS} numbers, names and signs", f"{len(tokens) - 1}")
     tree = _operand(tokens, 1, 0)
-    kind, rest, at = tokens.popleft()
+    kind, rest, offset = tokens.popleft()
     if kind != "end":
         without_unit = " (a number has no unit behind it)" if kind == "name" else ""
-        raise Fault(at, f"an operator or the end{without_unit}", show(rest))
+        raise Fault(offset, f"an operator or the end{without_unit}", show(rest))
     return tree
 
 
 def _operand(tokens: deque[tuple[str, str, int]], least: int, depth: int) -> Tree:
     """Read an operand, up to an operation of a lower rank than `least`. depth: of parentheses,
     signs and exponents."""
-    kind, text, at = tokens.popleft()
+    kind, text, offset = tokens.popleft()
     if depth > DEEPEST_EXPRESSION:
         raise Fault(
-            at,
+            offset,
             f"at most {DEEPEST_EXPRESSION} parentheses, signs and exponents within each other",
             "more",
         )
     tree: Tree
     if kind == "number":
         if not math.isfinite(float(text)):
-            raise Fault(at, "a finite number", text)
-        tree = Tree.number(float(text), at)
+            raise Fault(offset, "a finite number", text)
+        tree = Tree.number(float(text), offset)
     elif text in ("+", "-"):
         tree = _operand(tokens, RANKS["**"][0], depth + 1)
-        tree = Tree("negative", (tree,), at) if text == "-" else tree
+        tree = Tree("negative", (tree,), offset) if text == "-" else tree
     elif text == "(":
         tree = _operand(tokens, 1, depth + 1)
         _expect(tokens, ")", ") to close a parenthesis")
     elif kind == "name":
-        tree = _named(tokens, text, at, depth)
+        tree = _named(tokens, text, offset, depth)
     else:
-        raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
+        raise Fault(offset, "a number, a name or a parenthesis", show(text) if text else "the end")
     while tokens[0][0] == "sign" and RANKS.get(tokens[0][1], (0,))[0] >= least:
-        _, sign, at = tokens.popleft()
+        _, sign, offset = tokens.popleft()
         second = _operand(tokens, RANKS[sign][1][1], depth + (sign == "**"))
-        tree = Tree(sign, (tree, second), at)
+        tree = Tree(sign, (tree, second), offset)
     return tree
 
 
-def _named(tokens: deque[tuple[str, str, int]], name: str, at: int, depth: int) -> Tree:
+def _named(tokens: deque[tuple[str, str, int]], name: str, offset: int, depth: int) -> Tree:
     """Return the tree of a name, which may be a function, whose argument is read, or pi."""
     if name not in FUNCTIONS and tokens[0][1] != "(":
-        return Tree.number(math.pi, at) if name == "pi" else Tree.name(name, at)
+        return Tree.number(math.pi, offset) if name == "pi" else Tree.name(name, offset)
     if name not in (PREVIOUS, *FUNCTIONS):
         raise Fault(
-            at, f"one of the functions {', '.join(FUNCTIONS)}", show(name), nearest(name, FUNCTIONS)
+            offset,
+            f"one of the functions {', '.join(FUNCTIONS)}",
+            show(name),
+            nearest(name, FUNCTIONS),
         )
     _expect(tokens, "(", f"( after {name}")
     argument = _operand(tokens, 1, depth + 1)
     _expect(tokens, ")", ") to close a parenthesis")
-    return Tree(name, (argument,), at)
+    return Tree(name, (argument,), offset)
 
 
 def _expect(tokens: deque[tuple[str, str, int]], sign: str, expected: str) -> None:
-    _, text, at = tokens.popleft()
+    _, text, offset = tokens.popleft()
     if text != sign:
-        raise Fault(at, expected, show(text) if text else "the end")
+        raise Fault(offset, expected, show(text) if text else "the end")
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
-    at = 0
-    while text[at:].strip():
-        match = _TOKEN.match(text, at)
+    offset = 0
+    while text[offset:].strip():
+        match = _TOKEN.match(text, offset)
         if match is None:
-            at += len(text[at:]) - len(text[at:].lstrip())
-            hint = MEANT.get(text[at], "")
-            raise Fault(at, "a number, a name, or one of + - * / ** ( )", show(text[at]), hint)
+            offset += len(text[offset:]) - len(text[offset:].lstrip())
+            hint = MEANT.get(text[offset], "")
+            raise Fault(
+                offset, "a number, a name, or one of + - * / ** ( )", show(text[offset]), hint
+            )
         kind = match.lastgroup or ""
         yield kind, match[kind], match.start(kind)
-        at = match.end()
+        offset = match.end()
     yield "end", "", len(text)

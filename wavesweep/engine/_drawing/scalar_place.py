@@ -76,16 +76,16 @@ def _split(drawing: Any, port: str, number: str) -> bool:
 
 
 @lru_cache(maxsize=256)
-def shares_wire(drawing: Any, number: str, other: str) -> bool:
+def shares_wire(drawing: Any, number: str, second: str) -> bool:
     """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
     place = scalar_place(drawing, number)
     table, _, port = place.partition(".")
-    if table != "wire" or scalar_place(drawing, other) != place:
+    if table != "wire" or scalar_place(drawing, second) != place:
         return False
     if port.rpartition(".")[0] in drawing.dead_times:
         return False
     gains = [tree for path, tree in drawing.trees() if path == place]
-    return not any(_reads(gain, number) and _reads(gain, other) for gain in gains)
+    return not any(_reads(gain, number) and _reads(gain, second) for gain in gains)
 
 
 @lru_cache(maxsize=256)

@@ -100,11 +100,11 @@ def _raise(
     row, column = np.nonzero(np.isfinite(candidates))
     if not row.size:
         return
-    at = np.full(candidates.shape, -np.inf)
+    by_candidate = np.full(candidates.shape, -np.inf)
     sampled = value_at(owners[row], candidates[row, column], value[owners[row]])
-    at[row, column] = np.where(np.isnan(sampled), -np.inf, sampled)
-    best = np.argmax(at, axis=-1)[:, None]
-    largest = np.take_along_axis(at, best, -1)[:, 0]
+    by_candidate[row, column] = np.where(np.isnan(sampled), -np.inf, sampled)
+    best = np.argmax(by_candidate, axis=-1)[:, None]
+    largest = np.take_along_axis(by_candidate, best, -1)[:, 0]
     where = np.take_along_axis(candidates, best, -1)[:, 0]
     better = largest > value[owners]
     value[owners[better]] = largest[better]
@@ -175,18 +175,20 @@ class Element:
         A = np.asarray(self.A)
         loops, n, _ = A.shape
         result = np.full((loops, 2 * n), np.nan)
-        left = np.zeros((loops, 2 * n, 2 * n))
-        left[:, :n, :n] = A
-        left[:, n:, :n] = -self.Q
-        left[:, n:, n:] = np.eye(n)
+        pencil = np.zeros((loops, 2 * n, 2 * n))
+        pencil[:, :n, :n] = A
+        pencil[:, n:, :n] = -self.Q
+        pencil[:, n:, n:] = np.eye(n)
         right = np.zeros((loops, 2 * n, 2 * n))
         right[:, :n, :n] = np.eye(n)
         right[:, :n, n:] = self.G
         right[:, n:, n:] = A.mT
         if not n:
             return result
-        for loop in np.flatnonzero((np.isfinite(left) & np.isfinite(right)).all((-1, -2))):
-            real, imaginary, scale, *_ = dggev(left[loop], right[loop], compute_vl=0, compute_vr=0)
+        for loop in np.flatnonzero((np.isfinite(pencil) & np.isfinite(right)).all((-1, -2))):
+            real, imaginary, scale, *_ = dggev(
+                pencil[loop], right[loop], compute_vl=0, compute_vr=0
+            )
             size = np.hypot(real, imaginary)
             near = np.abs(size - np.abs(scale)) <= NEAR_CIRCLE * size
             result[loop, near] = np.abs(np.arctan2(imaginary, real * np.sign(scale)))[near]

@@ -20,11 +20,11 @@ def lapack() -> ModuleType:
     if MODULE not in sys.modules:
         import scipy
 
-        found = PathFinder.find_spec(MODULE, [f"{folder}/linalg" for folder in scipy.__path__])
-        if found is None or found.loader is None:
+        spec = PathFinder.find_spec(MODULE, [f"{folder}/linalg" for folder in scipy.__path__])
+        if spec is None or spec.loader is None:
             import scipy.linalg.lapack
 
             return scipy.linalg.lapack
-        sys.modules[MODULE] = module_from_spec(found)
-        found.loader.exec_module(sys.modules[MODULE])
+        sys.modules[MODULE] = module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[MODULE])
     return sys.modules[MODULE]

@@ -82,9 +82,9 @@ def largest_gains(lifted: LiftedMap, theta: np.ndarray) -> np.ndarray:
     O = lifted.O[0]
     G = lifted.G[0]
     # Numbers of the points that are computed together.
-    most = max(1, 2_000_000 // (2 * len(T) + len(O[0]) * G.shape[-1]))
-    if theta.size > most:
-        parts = np.array_split(theta, -(-theta.size // most))
+    portion = max(1, 2_000_000 // (2 * len(T) + len(O[0]) * G.shape[-1]))
+    if theta.size > portion:
+        parts = np.array_split(theta, -(-theta.size // portion))
         return np.concatenate([largest_gains(lifted, part) for part in parts])
     w = on_circle(theta)[:, None, None] * np.eye(lifted.E.shape[-1]) - lifted.E[0]
     inner = solve(w, np.broadcast_to(G, (theta.size, *G.shape)) + 0j)  # (points, n, inputs)
@@ -126,7 +126,7 @@ def is_above(ticks: TickMaps, square: float) -> bool:
         return False
     largest = _largest(stored)
     units = [np.sqrt(np.append(largest, np.full(B.shape[-1], square))) for _, B, _, _ in maps]
-    asked = []
+    weights = []
     for kind, tick_map in enumerate(maps):
         matrix, error = _of_lemma(tick_map, square, stored, ticks_of[kind])
         lost = _lost(matrix, error, units[kind])
@@ -135,10 +135,10 @@ def is_above(ticks: TickMaps, square: float) -> bool:
         chosen = np.abs(solve(matrix[:, n:, n:], matrix[:, n:, :n]))
         of_inputs = np.swapaxes(chosen, -1, -2) @ (lost[:, n:, None] * chosen)
         of_states = lost[:, :n] + _row_sums(of_inputs, units[kind][:n])
-        asked.append(1.25 * of_states.max(0, initial=0.0))  # an energy loses less than it may
+        weights.append(1.25 * of_states.max(0, initial=0.0))  # an energy loses less than it may
     # Since rounding is not the same again.
-    asked[-1] += n * 4.0 * max(_unreturned(stored), EPS) * largest
-    stored = _energies(maps, kinds, square, asked)
+    weights[-1] += n * 4.0 * max(_unreturned(stored), EPS) * largest
+    stored = _energies(maps, kinds, square, weights)
     for part in stored:
         part[-1] = part[0]
     return all(
@@ -161,12 +161,12 @@ def _energies(
     maps: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
     kinds: list[int],
     square: float,
-    asked: list[np.ndarray],
+    weights: list[np.ndarray],
 ) -> Energies:
     """The energies of Riccati's equation; asked: in each kind of tick, of each state squared."""
     balances = []
     elements = []
-    for (E, B, C, D), more in zip(maps, asked, strict=True):
+    for (E, B, C, D), more in zip(maps, weights, strict=True):
         costs = -C.T @ C - np.diag(more), -C.T @ D, square * np.eye(D.shape[-1]) - D.T @ D
         balances.append((E, B, *costs))
         elements.append(Element.of(np.eye(len(E)) + E, B, *costs))
@@ -311,11 +311,11 @@ def _lost(matrix: np.ndarray, error: np.ndarray, units: np.ndarray) -> np.ndarra
 @np.errstate(all="ignore")
 def _all_positive(matrix: np.ndarray, error: np.ndarray, units: np.ndarray) -> bool:
     """Whether symmetric matrices are positive definite for all errors of their entries."""
-    at = np.arange(matrix.shape[-1])
+    index = np.arange(matrix.shape[-1])
     lost = _lost(matrix, error, units)
     matrix = matrix.copy()
-    matrix[:, at, at] -= lost
-    scale = 1 / np.sqrt(matrix[:, at, at])
+    matrix[:, index, index] -= lost
+    scale = 1 / np.sqrt(matrix[:, index, index])
     if not np.isfinite(scale).all():
         return False
     matrix *= scale[:, :, None] * scale[:, None, :]

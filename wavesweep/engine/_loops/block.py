@@ -124,11 +124,11 @@ class Block:
                 f"block {self.name}: labels expected {n}, one per state, found {len(self.labels)}"
             )
 
-    def of_loop(self, at: int) -> "Block":
+    def of_loop(self, index: int) -> "Block":
         """Return the block of one loop of a batch; what all loops have alike has no axis for them."""
 
         def own(array: _Numbers, axes: int) -> _Numbers:
-            return np.asarray(array)[at] if np.ndim(array) > axes else array
+            return np.asarray(array)[index] if np.ndim(array) > axes else array
 
         return replace(
             self,
@@ -138,7 +138,7 @@ class Block:
             D=own(self.D, 2),
             condition=own(self.condition, 0),
             pivot=own(self.pivot, 0),
-            terms=tuple(own(each, 2) for each in self.terms),
+            terms=tuple(own(term, 2) for term in self.terms),
             at_rest=None,
         )
 

@@ -193,9 +193,9 @@ def tf(
     equations = controllable(num, den)
     if discrete:
         block = _block(name, ("u",), ("y",), equations, tf_at_rest(num, den))
-        direct, *others = definitions.over(num, den)
+        direct, *further = definitions.over(num, den)
         of_C = []
-        for a, b in zip(den[1:], others, strict=True):
+        for a, b in zip(den[1:], further, strict=True):
             of_C.append(abs(b) + abs(a / den[0] * direct))
         sizes = np.abs(block.E), np.abs(block.B), _matrix([of_C], (1, n)), np.abs(block.D)
         return replace(block, terms=sizes)
@@ -409,8 +409,8 @@ def held(
             E = np.where(unfinished, 2 * E + E @ E, E)
             lost = EPS * of_E > LOST_PHASE * np.maximum(1, np.abs(E + eye))
             certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
-    known = certain[..., None, None]
-    return HeldMatrices(np.where(known, E, np.nan), np.where(known, G, np.nan), of_E, of_G)
+    finite = certain[..., None, None]
+    return HeldMatrices(np.where(finite, E, np.nan), np.where(finite, G, np.nan), of_E, of_G)
 
 
 class Rates(NamedTuple):
@@ -428,8 +428,8 @@ class Rates(NamedTuple):
     ) -> HeldMatrices:
         """E and G of `held` over a share of the period; columns: some of those of B."""
         sizes = self.of_A, self.of_B[..., columns]
-        found = held(self.A, self.B[..., columns], share * self.period, sizes)
-        return found  # type: ignore[return-value]  # sizes are given
+        matrices = held(self.A, self.B[..., columns], share * self.period, sizes)
+        return matrices  # type: ignore[return-value]  # sizes are given
 
 
 def _series(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

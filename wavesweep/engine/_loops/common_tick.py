@@ -38,14 +38,14 @@ def with_common_tick(
     return longer, {**values, **in_longer_ticks(drawing, values, ticks)}
 
 
-def _ticks(drawing: Drawing, known: dict[str, float]) -> tuple[int, tuple[str, ...]]:
+def _ticks(drawing: Drawing, constants: dict[str, float]) -> tuple[int, tuple[str, ...]]:
     """How many ticks of a loop one could be, 0 if any number of them, and its relays; known: its
     numbers by name."""
     ticks = 0
     relays = []
     for block in drawing.blocks:
-        every = int(block.every.value(known))
-        phase = int(block.phase.value(known))
+        every = int(block.every.value(constants))
+        phase = int(block.phase.value(constants))
         if block.plant or block.dead_time:
             continue
         if every > 1:
@@ -53,7 +53,7 @@ def _ticks(drawing: Drawing, known: dict[str, float]) -> tuple[int, tuple[str, .
         elif block.type in RELAYS:
             relays.append(block.name)
             if block.type == "delay":
-                ticks = gcd(ticks, int(dict(block.keys)["steps"].value(known)))
+                ticks = gcd(ticks, int(dict(block.keys)["steps"].value(constants)))
         else:
             ticks = 1
     return ticks, tuple(relays)

@@ -103,7 +103,7 @@ def in_longer_ticks(
     return whole
 
 
-def in_whole_ticks(drawing: Drawing, values: Mapping[str, Any], along: str) -> Drawing | None:
+def in_whole_ticks(drawing: Drawing, values: Mapping[str, Any], path: str) -> Drawing | None:
     """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it
     cannot be given so.
 
@@ -115,7 +115,7 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, Any], along: str) -> D
     """
     if not drawing.dead_times:
         return drawing
-    if name_of(along) in drawing.timing:
+    if name_of(path) in drawing.timing:
         return None
     numbers = scalars(values)
     rate = drawing.rate(values)
@@ -176,19 +176,21 @@ class DeadTime(NamedTuple):
 
 def of_loops(drawing: Drawing, values: Mapping[str, Any]) -> dict[str, DeadTime]:
     """Return the dead times of loops by the names of their blocks; values: flat."""
-    known = built(drawing, scalars(values))
-    rate = drawing.tick_hz.values(known)
+    constants = built(drawing, scalars(values))
+    rate = drawing.tick_hz.values(constants)
     dead_times = {}
-    for name, share in shares(drawing, known, rate).items():
-        dead_times[name] = DeadTime(known[f"block.{name}.ticks"], share)
+    for name, share in shares(drawing, constants, rate).items():
+        dead_times[name] = DeadTime(constants[f"block.{name}.ticks"], share)
     return dead_times
 
 
-def shares(drawing: Drawing, known: Mapping[str, Any], rate: np.ndarray | float) -> dict[str, Any]:
+def shares(
+    drawing: Drawing, constants: Mapping[str, Any], rate: np.ndarray | float
+) -> dict[str, Any]:
     """Return `s = m - tau/T` of each dead time; known: with `structure`; rate: 1/T, of the tick
     (Hz)."""
     return {
-        name: known[f"block.{name}.ticks"] - tree.values(known) * rate
+        name: constants[f"block.{name}.ticks"] - tree.values(constants) * rate
         for name, tree in drawing.dead_times.items()
     }
 
@@ -308,7 +310,7 @@ def _spread(tree: Tree, numbers: Mapping[str, Any], name: str, low: float, high:
     from flint import arb
 
     balls: dict[Any, Any] = {constant: arb(constant) for constant in tree.constants}
-    balls |= {other: arb(numbers[other]) for other in tree.names if other != name}
+    balls |= {name_read: arb(numbers[name_read]) for name_read in tree.names if name_read != name}
     balls[name] = arb((low + high) / 2, (high - low) / 2)
     try:
         value = tree.in_names.evaluate(balls, arb)
@@ -327,14 +329,14 @@ def _ticks(drawing: Drawing, values: Mapping[str, Any], path: str, p: np.ndarray
     return np.stack(rows)
 
 
-def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: bool) -> Block:
+def block_of(name: str, ticks: int, *, sensed: bool, plain: bool, arriving: bool) -> Block:
     """Return the block of a dead time of so many ticks, m: a line of m delays for each input.
 
     Its output y adds the ends of the lines, u[k-m] and that of plants. The second output, NEXT, is
     `u[k-m+1] - u[k-m]`. sensed, others: whether it reads plants, and other signals; arriving:
     whether it acts on a plant, which reads NEXT.
     """
-    inputs = ("u",) * (others or not sensed) + (SENSED,) * sensed
+    inputs = ("u",) * (plain or not sensed) + (SENSED,) * sensed
     states = tuple(f"{port}{k}" for port in inputs for k in range(1, ticks + 1))
     n = len(states)
     m = len(inputs)
@@ -377,19 +379,19 @@ def joined(
         for signal, name in plant.sensed:
             measured = inside[signal]
             late = measured + AT + name
-            others = dict(sums[f"{name}.u"])
+            junction = dict(sums[f"{name}.u"])
             read = sums.setdefault(f"{name}.{SENSED}", {})
-            if measured in others:
-                read[late] = others.pop(measured)
+            if measured in junction:
+                read[late] = junction.pop(measured)
             multiplied = measured in sums.get(factor, ())
-            if multiplied and product in others:
-                read[product] = others.pop(product)
+            if multiplied and product in junction:
+                read[product] = junction.pop(product)
             if multiplied and product in read:
                 sums[factor] = {
                     late if source == measured else source: gain
                     for source, gain in sums[factor].items()
                 }
-            sums[f"{name}.u"] = others
+            sums[f"{name}.u"] = junction
     return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
 
 
@@ -397,7 +399,7 @@ def with_ports(
     block: Block,
     plant: Plant,
     rates: Rates,
-    known: Mapping[str, Any],
+    constants: Mapping[str, Any],
     shares: Mapping[str, Any],
 ) -> Block:
     """Return the block of a plant with ports for the dead times that act on it or read it.
@@ -433,7 +435,7 @@ def with_ports(
         columns = [through + row @ held_B]
         of_columns = [of_through + of_row @ np.abs(held_B) + np.abs(row) @ of_held]
         for port, earlier in plant.arriving:
-            if not known[f"block.{earlier}.before.{name}"]:
+            if not constants[f"block.{earlier}.before.{name}"]:
                 columns.append(np.zeros((1, 1)))
                 of_columns.append(np.zeros((1, 1)))
                 continue

@@ -60,8 +60,8 @@ def domains(
         rows, row = _different(values_of_others)
         lows = []
         highs = []
-        for at in range(0, 1 + row.max(initial=0), LOOPS_AT_ONCE):
-            block = _rows_of(rows, slice(at, at + LOOPS_AT_ONCE))
+        for first in range(0, 1 + row.max(initial=0), LOOPS_AT_ONCE):
+            block = _rows_of(rows, slice(first, first + LOOPS_AT_ONCE))
             low, high = _limits(key, guard, root, block, name, span)
             lows.append(low)
             highs.append(high)
@@ -82,15 +82,15 @@ def _known_guards(
             unused.add(f"block.{block.name}.cutoff_hz")
     for key, guard, read, root in _guards_of(drawing, name_of(path)):
         if key not in unused:
-            others = {name: value for name, value in numbers.items() if name in read}
-            yield key, guard, others, root
+            constants = {name: value for name, value in numbers.items() if name in read}
+            yield key, guard, constants, root
 
 
 def _limits(
     key: str,
     guard: Tree,
     root: Tree | None,
-    known: dict[str, Any],
+    constants: dict[str, Any],
     name: str,
     span: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -102,7 +102,7 @@ def _limits(
 
     def values_at(tree: Tree, points: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):
-            return np.asarray(tree.values({**known, name: points})).reshape(-1, points.size)
+            return np.asarray(tree.values({**constants, name: points})).reshape(-1, points.size)
 
     value = values_at(guard, within)
     from_root: np.ndarray | bool = False
@@ -112,12 +112,12 @@ def _limits(
         shape = max(len(value), at_low.size), within.size
         value = np.array(np.broadcast_to(value, shape))
         nothing = (value == 0).all(-1)  # a root of 0 everywhere is 0
-        exponent = np.broadcast_to(root.whole_exponent(known, name), (shape[0], 1))[:, 0]
+        exponent = np.broadcast_to(root.whole_exponent(constants, name), (shape[0], 1))[:, 0]
         nothing |= exponent >= 0  # a polynomial in its base
         value[nothing] = 1.0
         from_root = (value[:, 0] == 0) & np.isfinite(at_low) & (low == 0)
         value[from_root, 0] = value[from_root, 1]
-    bent = _rows_of(known, ~nothing) if nothing.any() else known
+    bent = _rows_of(constants, ~nothing) if nothing.any() else constants
     touched = not nothing.all() and _touches_zero(guard, bent, name, within)
     if touched or not _keep_sign(value).all():
         raise UsageError(
@@ -183,18 +183,19 @@ POINTS_WITHIN = 401  # of a span, at which signs are looked at
 DISTANCES = np.geomspace(1e-6, 1e3, 400)  # from the ends of a span, in widths of it
 
 
-def _touches_zero(guard: Tree, known: dict[str, Any], name: str, points: np.ndarray) -> bool:
+def _touches_zero(guard: Tree, constants: dict[str, Any], name: str, points: np.ndarray) -> bool:
     """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
     with np.errstate(all="ignore"):
-        size = np.abs(guard.values({**known, name: points})).reshape(-1, points.size)
-        loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
-        if not at.size:
+        size = np.abs(guard.values({**constants, name: points})).reshape(-1, points.size)
+        loop, nearest = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
+        if not nearest.size:
             return False
-        low = points[at]
-        high = points[at + 2]
-        flat = np.ones(at.size)
+        low = points[nearest]
+        high = points[nearest + 2]
+        flat = np.ones(nearest.size)
         numbers_at = {
-            other: value[loop] if np.ndim(value) else value for other, value in known.items()
+            constant: value[loop] if np.ndim(value) else value
+            for constant, value in constants.items()
         }
         for _ in range(12):  # towards a least size, each by a factor of ten
             # The narrowest cell in which a least size is looked for has 40 roundings of the number.
@@ -213,22 +214,26 @@ def _touches_zero(guard: Tree, known: dict[str, Any], name: str, points: np.ndar
 LOOPS_AT_ONCE = 1000  # loops that are examined at a time
 
 
-def _different(known: dict[str, Any], most: int | None = None) -> tuple[dict[str, Any], np.ndarray]:
+def _different(
+    numbers: dict[str, Any], most_rows: int | None = None
+) -> tuple[dict[str, Any], np.ndarray]:
     """The different rows of the arrays among these values, as columns, and the row of each loop.
 
     most: so many rows at most, spread over all.
     """
-    arrays = {name: np.asarray(value) for name, value in known.items() if np.ndim(value)}
+    arrays = {name: np.asarray(value) for name, value in numbers.items() if np.ndim(value)}
     if not arrays:
-        return known, np.zeros(1, int)
+        return numbers, np.zeros(1, int)
     rows, row = np.unique(np.stack(list(arrays.values()), axis=1), axis=0, return_inverse=True)
-    if most is not None:
-        rows = rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
-    return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(-1)
+    if most_rows is not None:
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, most_rows).astype(int))]
+    return numbers | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(
+        -1
+    )
 
 
-def _rows_of(known: dict[str, Any], some: slice | np.ndarray) -> dict[str, Any]:
-    return {name: value[some] if np.ndim(value) else value for name, value in known.items()}
+def _rows_of(numbers: dict[str, Any], some: slice | np.ndarray) -> dict[str, Any]:
+    return {name: value[some] if np.ndim(value) else value for name, value in numbers.items()}
 
 
 @lru_cache(maxsize=256)
@@ -310,24 +315,24 @@ def unsuitable(drawing: Drawing, values: Mapping[str, Any]) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _unsuitable_alone(
-    drawing: Drawing, items: tuple[tuple[str, float], ...], others: frozenset[str]
+    drawing: Drawing, items: tuple[tuple[str, float], ...], read_elsewhere: frozenset[str]
 ) -> bool:
-    """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
+    """Whether keys that read none of the `read_elsewhere` do not accept the numbers of a single loop."""
     from wavesweep.engine._drawing.conditions import conditions
 
     numbers = numbers_of(dict(items))
     shared = SharedParts()
     with np.errstate(all="ignore"):
         for condition in conditions(drawing):
-            alone = condition.names and condition.names <= numbers.keys() - others
+            alone = condition.names and condition.names <= numbers.keys() - read_elsewhere
             if alone and np.any(_broken(condition, numbers, shared)):
                 return True
     return False
 
 
 def _broken(
-    condition: Condition, known: Mapping[str, Any], shared: SharedParts
+    condition: Condition, numbers: Mapping[str, Any], shared: SharedParts
 ) -> np.ndarray | bool:
     """Whether numbers break a condition, of each loop."""
-    values = [tree.values(known, shared) for _, tree in condition.reads]
+    values = [tree.values(numbers, shared) for _, tree in condition.reads]
     return np.logical_not(computable(values[0]) & condition.holds(*values))

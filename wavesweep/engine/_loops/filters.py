@@ -105,33 +105,33 @@ def sections_of_angle(
     `(p, q) = (c (c - s cos a), s c sin a)/S` as in `_pair`, B is `(q, p)/c`, and what is taken from
     it is in C.
     """
-    found = []
+    of_pairs = []
     for k in range(1, order // 2 + 1):
         angle = library.pi * (2 * k + order - 1) / (2 * order)
         across = library.cos(angle)
-        along = abs(library.sin(angle))
+        real_part = abs(library.sin(angle))
         over = 1 / (1 - 2 * across * (sine * cosine))  # 1/S
         p = cosine * (cosine - across * sine) * over
-        q = along * (sine * cosine) * over
+        q = real_part * (sine * cosine) * over
         real = 2 * sine * (across * cosine - sine) * over
-        B = [[along * sine * over], [(cosine - across * sine) * over]]
+        B = [[real_part * sine * over], [(cosine - across * sine) * over]]
         if highpass:
-            c1 = (across**2 - along**2) / along
+            c1 = (across**2 - real_part**2) / real_part
             c2 = 2 * across
             C = [[2 * sine * (c1 * p - c2 * q), 2 * sine * (c1 * q + c2 * p)]]
             through = cosine * cosine * over
         else:
-            C = [[2 / along * (sine * p), 2 / along * (sine * q)]]
+            C = [[2 / real_part * (sine * p), 2 / real_part * (sine * q)]]
             through = sine * sine * over
-        found.append(([[real, 2 * q], [-2 * q, real]], B, C, [[through]]))
+        of_pairs.append(([[real, 2 * q], [-2 * q, real]], B, C, [[through]]))
     if order % 2:
         over = 1 / (sine + cosine)
         low = sine * over
         high = cosine * over
         passed = 2 * low * high
         C = [[-passed]] if highpass else [[passed]]
-        found.append(([[-2 * low]], [[1]], C, [[high]] if highpass else [[low]]))
-    return found
+        of_pairs.append(([[-2 * low]], [[1]], C, [[high]] if highpass else [[low]]))
+    return of_pairs
 
 
 def _single(warped: np.ndarray | float, highpass: bool, library: SimpleNamespace) -> _Rows:
@@ -197,17 +197,17 @@ def _assemble(name: str, sections: list[StateSpace]) -> Block:
     B = np.zeros((*batch, n, 1), kind)
     C = np.zeros((*batch, 1, n), kind)
     D = np.ones((*batch, 1, 1), kind)
-    at = 0
+    first = 0
     for e, b, c, d in sections:
         size = e.shape[-1]
-        own = slice(at, at + size)  # states of the section
-        E[..., own, :] = b @ C
-        E[..., own, own] = e
-        B[..., own, :] = b @ D
+        of_section = slice(first, first + size)  # states of the section
+        E[..., of_section, :] = b @ C
+        E[..., of_section, of_section] = e
+        B[..., of_section, :] = b @ D
         C = d @ C
         D = d @ D
-        C[..., own] = c
-        at += size
+        C[..., of_section] = c
+        first += size
     # what stands before the last point of a state's name is its block
     states = tuple(f"{name.rpartition('.')[2]}{k}" for k in range(n))
     labels: tuple[str, ...] = (f"filter {name}",)

@@ -90,28 +90,28 @@ def _named_inside(
 
 def _blocks(
     drawing: Drawing,
-    known: dict[str, Any],
+    constants: dict[str, Any],
     rate: np.ndarray | float,
     tick: np.ndarray | float,
 ) -> tuple[ScheduledBlock, ...]:
     """The blocks, dead times and plants of a drawing, with their numbers."""
-    placed = [_placed(block, known, tick) for block in drawing.alone if not block.dead_time]
-    placed += [_dead_time(drawing, name, known) for name in drawing.dead_times]
-    shares = dead_time.shares(drawing, known, rate)
-    placed += [_plant(plant, known, tick, shares) for plant in drawing.plants]
+    placed = [_placed(block, constants, tick) for block in drawing.alone if not block.dead_time]
+    placed += [_dead_time(drawing, name, constants) for name in drawing.dead_times]
+    shares = dead_time.shares(drawing, constants, rate)
+    placed += [_plant(plant, constants, tick, shares) for plant in drawing.plants]
     return tuple(placed)
 
 
 def _plant(
-    plant: Plant, known: dict[str, Any], tick: np.ndarray | float, shares: dict[str, Any]
+    plant: Plant, constants: dict[str, Any], tick: np.ndarray | float, shares: dict[str, Any]
 ) -> ScheduledBlock:
     """A plant of several blocks, or one that dead times act on, with its numbers."""
-    gains = {port: _gains(terms, known) for port, terms in plant.couplings}
-    keys = {block.name: _keys(block, known) for block in plant.members}
-    return ScheduledBlock(plant_of(plant, keys, gains, tick, known, shares))
+    gains = {port: _gains(terms, constants) for port, terms in plant.couplings}
+    keys = {block.name: _keys(block, constants) for block in plant.members}
+    return ScheduledBlock(plant_of(plant, keys, gains, tick, constants, shares))
 
 
-def _dead_time(drawing: Drawing, name: str, known: dict[str, Any]) -> ScheduledBlock:
+def _dead_time(drawing: Drawing, name: str, constants: dict[str, Any]) -> ScheduledBlock:
     """The block of a dead time."""
     sensed: set[str] = set()
     arriving = False
@@ -119,9 +119,9 @@ def _dead_time(drawing: Drawing, name: str, known: dict[str, Any]) -> ScheduledB
         sensed.update(signal for signal, delay in plant.sensed if delay == name)
         arriving |= any(delay == name for _, delay in plant.arriving)
     signals = {signal for signal, _ in dict(drawing.wires).get(f"{name}.u", ())}
-    others = bool(signals - sensed)
-    ticks = known[f"block.{name}.ticks"]
-    block = dead_time.block_of(name, ticks, sensed=bool(sensed), others=others, arriving=arriving)
+    has_plain = bool(signals - sensed)
+    ticks = constants[f"block.{name}.ticks"]
+    block = dead_time.block_of(name, ticks, sensed=bool(sensed), plain=has_plain, arriving=arriving)
     return ScheduledBlock(block)
 
 
@@ -132,17 +132,19 @@ def rate_of(drawing: Drawing, values: Mapping[str, Any]) -> np.ndarray:
 
 
 def _gains(
-    terms: tuple[tuple[str, Tree], ...], known: dict[str, Any]
+    terms: tuple[tuple[str, Tree], ...], constants: dict[str, Any]
 ) -> dict[str, np.ndarray | float]:
     """The gains of terms; known: numbers by name."""
-    return {signal: gain.values(known) for signal, gain in terms}
+    return {signal: gain.values(constants) for signal, gain in terms}
 
 
-def _placed(block: DrawnBlock, known: dict[str, Any], tick: np.ndarray | float) -> ScheduledBlock:
+def _placed(
+    block: DrawnBlock, constants: dict[str, Any], tick: np.ndarray | float
+) -> ScheduledBlock:
     """The block with its numbers; one that they do not vary in a batch is remembered."""
-    read = {name: known[name] for name in _read_by(block)}
+    read = {name: constants[name] for name in _read_by(block)}
     if np.ndim(tick) or any(np.ndim(value) or np.iscomplexobj(value) for value in read.values()):
-        return _with_numbers(block, known, tick)
+        return _with_numbers(block, constants, tick)
     plain = {name: v if isinstance(v, int) else v.item() for name, v in read.items()}
     return _placed_alone(block, tuple(plain.items()), tick)  # type: ignore[arg-type]  # one number
 
@@ -156,30 +158,34 @@ def _read_by(block: DrawnBlock) -> tuple[str, ...]:
 def _placed_alone(
     block: DrawnBlock, read: tuple[tuple[str, float], ...], tick: float
 ) -> ScheduledBlock:
-    known = {name: v if isinstance(v, int) else numbers(v) for name, v in read}
-    return _with_numbers(block, known, tick)
+    constants = {name: v if isinstance(v, int) else numbers(v) for name, v in read}
+    return _with_numbers(block, constants, tick)
 
 
 def _with_numbers(
-    block: DrawnBlock, known: dict[str, Any], tick: np.ndarray | float
+    block: DrawnBlock, constants: dict[str, Any], tick: np.ndarray | float
 ) -> ScheduledBlock:
     """The block with its numbers; its period is that between its runs."""
-    every = int(block.every.values(known))
-    phase = int(block.phase.values(known))
+    every = int(block.every.values(constants))
+    phase = int(block.phase.values(constants))
     period = every * tick
     if block.phases:
         period = period / len(block.phases)
     core = block.core(ONE)
     if TYPES[block.type].formula:
-        keys = _coefficients(block, _keys(block, known), period)
+        keys = _coefficients(block, _keys(block, constants), period)
     else:
-        keys = _keys(core, known)
+        keys = _keys(core, constants)
     if keys.get("discrete") is True:
         trees = dict(core.keys)
         if core.type == "tf":
-            keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
+            keys["rests"] = tuple(
+                _rests(trees[name], keys[name], constants) for name in ("num", "den")
+            )
         else:
-            keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
+            keys["rests"] = [
+                _rests(*row, constants) for row in zip(trees["A"], keys["A"], strict=True)
+            ]
     make = getattr(blocks, core.type, None) or partial(blocks.defined, core.type)
     return ScheduledBlock(make(core.name, period, **keys), every, block.phases or phase)
 
@@ -192,18 +198,18 @@ def _coefficients(
     The sums of its coefficients do not cancel, if those of its keys do not.
     """
     core = dict(block.core(ONE, named=True).keys)
-    known = {**keys, "T": period}
+    constants = {**keys, "T": period}
     coefficients = {"discrete": core["discrete"]}
     for name in ("num", "den"):
-        coefficients[name] = [tree.evaluate(known, np) for tree in core[name]]
+        coefficients[name] = [tree.evaluate(constants, np) for tree in core[name]]
     return coefficients
 
 
-def _keys(block: DrawnBlock, known: dict[str, Any]) -> dict[str, Any]:
+def _keys(block: DrawnBlock, constants: dict[str, Any]) -> dict[str, Any]:
     """The keys of a block with their values, by the names that functions of `blocks` have for
     them."""
     shared = SharedParts()
-    keys = keys_with(block, lambda tree: tree.values(known, shared))
+    keys = keys_with(block, lambda tree: tree.values(constants, shared))
     if block.type == "butterworth":
         keys["passes"] = keys.pop("pass")
     if block.type == "ss" and not keys["D"]:
@@ -212,17 +218,17 @@ def _keys(block: DrawnBlock, known: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rests(
-    trees: tuple[Tree, ...], values: list[np.ndarray | float], known: dict[str, Any]
+    trees: tuple[Tree, ...], values: list[np.ndarray | float], constants: dict[str, Any]
 ) -> list[float]:
     """What rounding has taken from the values of trees."""
-    return [tree.rest(value, known) for tree, value in zip(trees, values, strict=True)]
+    return [tree.rest(value, constants) for tree, value in zip(trees, values, strict=True)]
 
 
 def _take_out(
     drawing: Drawing,
     placed: tuple[ScheduledBlock, ...],
     sums: dict[str, dict[str, np.ndarray | float]],
-    known: dict[str, Any],
+    of_numbers: dict[str, Any],
     out: str,
 ) -> tuple[ScheduledBlock, ...]:
     """Make the product of a number the input PRODUCT: `sums` is changed, and the blocks are
@@ -234,20 +240,22 @@ def _take_out(
     if table == "wire":
         wire = dict(drawing.wires)[place]
         sums[place] = {PRODUCT: 1.0}
-        sums[place] |= {signal: _parts(gain, known, out)[0] for signal, gain in wire}
-        sums[FACTOR] = _factor(wire, known, out)
+        sums[place] |= {signal: _parts(gain, of_numbers, out)[0] for signal, gain in wire}
+        sums[FACTOR] = _factor(wire, of_numbers, out)
         return placed
     block = place.rpartition(".")[0]
     keys = dict(next(core.keys for core in drawing.cores if core.name == block))
     sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
     if "k" in keys:
-        constant, slope = _parts(keys["k"], known, out)
+        constant, slope = _parts(keys["k"], of_numbers, out)
         sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
         D = [[constant, 1.0]]
         opened = blocks.ss(block, 1.0, [], [], [], D, ("u", PRODUCT), ("y",), discrete=True)
     else:
-        constants, slopes = zip(*(_parts(tree, known, out) for tree in keys["num"]), strict=True)
-        den = [tree.values(known) for tree in keys["den"]]
+        constants, slopes = zip(
+            *(_parts(tree, of_numbers, out) for tree in keys["num"]), strict=True
+        )
+        den = [tree.values(of_numbers) for tree in keys["den"]]
         by_itself = blocks.tf(block, 1.0, list(constants), den, keys["discrete"])
         multiplied = blocks.tf(block, 1.0, list(slopes), den, keys["discrete"])
         sums[FACTOR] = {f"{block}.factor": 1.0}
@@ -292,21 +300,21 @@ def _with_product(
 
 
 def _factor(
-    terms: tuple[tuple[str, Tree], ...], known: dict[str, Any], out: str
+    terms: tuple[tuple[str, Tree], ...], constants: dict[str, Any], out: str
 ) -> dict[str, np.ndarray | float]:
     """The signals that a number of a wire multiplies, with their factors."""
-    slopes = {signal: _parts(gain, known, out)[1] for signal, gain in terms}
+    slopes = {signal: _parts(gain, constants, out)[1] for signal, gain in terms}
     return {signal: slope for signal, slope in slopes.items() if np.any(slope)}
 
 
 def _parts(
-    gain: Tree, known: dict[str, Any], out: str
+    gain: Tree, constants: dict[str, Any], out: str
 ) -> tuple[np.ndarray | float, np.ndarray | float]:
     """The constant part g(0) of a gain that is linear in a number, and the factor of the number,
     g(1) - g(0)."""
     constant = gain.with_number(out, 0.0)
     total = gain.with_number(out, 1.0)
-    return constant.values(known), (total - constant).values(known)
+    return constant.values(constants), (total - constant).values(constants)
 
 
 def twins(
@@ -318,11 +326,11 @@ def twins(
     values: flat numbers, with arrays of those that vary, and that are between the values of these
     in the two loops. out, beside: numbers to take out, see `assembled`.
     """
-    one, other = (
+    first, second = (
         tuple((path, _between(path, value, salt)) for path, value in values.items())
         for salt in SALTS
     )
-    return _twins(drawing, one, other, out, beside)
+    return _twins(drawing, first, second, out, beside)
 
 
 def _between(path: str, value: np.ndarray | float, salt: str) -> float:
@@ -346,13 +354,13 @@ def scattered(path: str, salt: str) -> float:
 @lru_cache(maxsize=256)
 def _twins(
     drawing: Drawing,
-    one: tuple[tuple[str, float], ...],
-    other: tuple[tuple[str, float], ...],
+    first_numbers: tuple[tuple[str, float], ...],
+    second_numbers: tuple[tuple[str, float], ...],
     out: str,
     beside: str,
 ) -> tuple[MultirateLoop, MultirateLoop]:
     varied = set()
-    for (path, value), (_, twin) in zip(one, other, strict=True):
+    for (path, value), (_, twin) in zip(first_numbers, second_numbers, strict=True):
         if value != twin:
             varied.add(name_of(path))
 
@@ -361,8 +369,8 @@ def _twins(
         exact = partial(equations_of, drawing, values, frozenset(varied), out)
         return replace(assembled(drawing, values, out, beside), exact=exact)
 
-    first = built(one)
-    return first, built(other) if varied else first
+    first = built(first_numbers)
+    return first, built(second_numbers) if varied else first
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,7 @@ def root(number: Fraction) -> Fraction:
 
 
 def value_in_fractions(
-    tree: Tree, known: Mapping[str, Fraction], varied: Collection[str] = ()
+    tree: Tree, constants: Mapping[str, Fraction], varied: Collection[str] = ()
 ) -> Fraction:
     """Return the value of an expression. varied: names of numbers that other loops have other
     values of; a root of these is nowhere exact, since that of a square is either of two numbers.
@@ -77,9 +77,9 @@ def value_in_fractions(
     if operation == "number":
         return decimal(tree.leaf)
     if operation == "name":
-        return known[tree.leaf]
-    first, *others = (value_in_fractions(operand, known, varied) for operand in tree.operands)
-    if operation == "sqrt" or (operation == "**" and others[0] * 2 == 1):
+        return constants[tree.leaf]
+    first, *further = (value_in_fractions(operand, constants, varied) for operand in tree.operands)
+    if operation == "sqrt" or (operation == "**" and further[0] * 2 == 1):
         value = root(first)
         if any(name in varied for name in tree.operands[0].names):
             return value + value / UNMET
@@ -91,8 +91,8 @@ def value_in_fractions(
             return Fraction(0)  # of the angle's nearest double or decimal
         return Fraction(result)
     if operation == "**":
-        return _power(first, *others)
-    return _OPERATIONS[operation](first, *others)
+        return _power(first, *further)
+    return _OPERATIONS[operation](first, *further)
 
 
 def _power(base: Fraction, exponent: Fraction) -> Fraction:
@@ -136,7 +136,7 @@ class RestEquations:
         inputs, outputs = ports
         E, B, C, D = parts
         unknowns = [start + name for name in (*states, *inputs)]
-        own = unknowns[: len(states)]
+        names = unknowns[: len(states)]
         changes = []
         for by_states, by_inputs in zip(E, B, strict=True):
             changes.append(_sum_of(unknowns, (*by_states, *by_inputs)))
@@ -144,8 +144,8 @@ class RestEquations:
         for by_states, by_inputs in zip(C, D, strict=True):
             shown.append(_sum_of(unknowns, (*by_states, *by_inputs)))
         unit = decimal(1.0)
-        self.states |= {name: {name: unit} for name in own}
-        self.changes |= dict(zip(own, changes, strict=True))
+        self.states |= {name: {name: unit} for name in names}
+        self.changes |= dict(zip(names, changes, strict=True))
         self.outputs |= {start + port: row for port, row in zip(outputs, shown, strict=False)}
 
     def follow(self, block: Block, D: list[list[Fraction | int]]) -> None:
@@ -215,12 +215,12 @@ class RestEquations:
             rows.remove(chosen)
             solution = _solution(chosen, name)
             rows = [_eliminated(row, name, solution) for row in rows]
-            solved = {other: _eliminated(row, name, solution) for other, row in solved.items()}
+            solved = {unknown: _eliminated(row, name, solution) for unknown, row in solved.items()}
             solved[name] = solution
         solutions = []
         for name in free:
-            others = {other: row[name] for other, row in solved.items() if name in row}
-            solutions.append({name: decimal(1.0)} | others)
+            dependent = {unknown: row[name] for unknown, row in solved.items() if name in row}
+            solutions.append({name: decimal(1.0)} | dependent)
         return solutions
 
     def moving(self) -> list[Sum]:
@@ -254,7 +254,7 @@ def _eliminated(row: Sum, name: str, solution: Sum) -> Sum:
     return _substituted(row, {name: solution}) if name in row else row
 
 
-def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
+def _substituted(row: Sum, sums: Mapping[str, Sum]) -> Sum:
     """A sum in which each known unknown is the sum that it is of others."""
     total: Sum = {}
     for name, factor in row.items():
@@ -262,8 +262,8 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
             continue
         # a sum with 0, or a product with 1, of fractions takes as long as others
         terms = {name: factor}
-        if name in known:
-            terms = {unknown: factor * value for unknown, value in known[name].items()}
+        if name in sums:
+            terms = {unknown: factor * value for unknown, value in sums[name].items()}
         for unknown, term in terms.items():
             total[unknown] = total[unknown] + term if unknown in total else term
     return {name: value for name, value in total.items() if value}
@@ -272,9 +272,9 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
 def _pop_shift(moving: list[Sum], lead: str) -> Sum:
     """Take the first solution that moves the lead out of the list, and return it with the value
     1 there."""
-    for at, shift in enumerate(moving):
+    for index, shift in enumerate(moving):
         if lead in shift:
-            del moving[at]
+            del moving[index]
             return {name: value / shift[lead] for name, value in shift.items()}
     raise ArithmeticError("expected shifts of the same states")
 
@@ -319,8 +319,8 @@ def shifts(
         by_lead[lead] = shift
     in_doubles = []
     for lead, shift in by_lead.items():
-        others = {name: float(value) for name, value in shift.items() if name != lead}
-        in_doubles.append({lead: 1.0} | others)
+        followers = {name: float(value) for name, value in shift.items() if name != lead}
+        in_doubles.append({lead: 1.0} | followers)
     return in_doubles
 
 
@@ -377,7 +377,7 @@ def _add_drawn(rest: RestEquations, kind: str, keys: dict[str, Any], block: Bloc
         matrices = ([[int(passes_constants)]],)
     elif kind == "delay":
         # a dead time may have two inputs, and a second output, which shows changes
-        matrices = ([[int(not at)] * len(block.inputs) for at in range(len(block.outputs))],)
+        matrices = ([[int(not row)] * len(block.inputs) for row in range(len(block.outputs))],)
     elif kind == "tf" and keys["discrete"]:
         matrices = _discrete_tf(keys["num"], keys["den"], keys["discrete"] == DELTA, block.states)
     else:
@@ -476,10 +476,10 @@ def equations_of(
             _add_drawn(rest, core.type, keys_with(core, value), block)
             if core.type in SUMMING:
                 shown = [  # by registers that run with it, of which the first is a copy
-                    each.name
-                    for each in drawing.cores
-                    if each.name.startswith(f"prev({core.name}.sum)")
-                    and _clock(each) == _clock(core)
+                    part.name
+                    for part in drawing.cores
+                    if part.name.startswith(f"prev({core.name}.sum)")
+                    and _clock(part) == _clock(core)
                 ]
                 for state in block.states:
                     rest.sums[f"{block.name}.{state}"] = shown[0] if shown else ""

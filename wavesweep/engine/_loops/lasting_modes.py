@@ -100,19 +100,23 @@ class _AnyLoop:
         self.plants = rest.plants or set()
         self.registers = _registers(drawn, names, rest)
         here = names - set().union(*self.registers.values())
-        placed = [each for each in drawn.placed if each.block.name in here]
-        self.blocks = [each.block for each in placed]
+        placed = [
+            block_with_rate
+            for block_with_rate in drawn.placed
+            if block_with_rate.block.name in here
+        ]
+        self.blocks = [block_with_rate.block for block_with_rate in placed]
         self.changes: dict[str, Row] = {}
         self.outputs: dict[str, Row] = {}
         self.moving: Row = {}
-        for each in placed:
-            if each.block.name not in self.registers:
-                rows = self._any_block(each.block, rest, slow=each.every > 1)
+        for block_with_rate in placed:
+            if block_with_rate.block.name not in self.registers:
+                rows = self._any_block(block_with_rate.block, rest, slow=block_with_rate.every > 1)
                 self.changes |= rows.changes
                 self.outputs |= rows.outputs
                 _add(self.moving, rows.moving, 1)
-        held = [_held(signal) for signal in self.outputs]
-        self.states = {name: place for place, name in enumerate([*self.changes, *held])}
+        held_names = [_held(signal) for signal in self.outputs]
+        self.states = {name: place for place, name in enumerate([*self.changes, *held_names])}
         self.wires = {}
         for block in self.blocks:
             for port in block.inputs:
@@ -263,12 +267,12 @@ class _AnyLoop:
 
         of_states = nmod_mat(len(rows), len(self.states), PRIME)
         of_ports = nmod_mat(len(rows), len(ports), PRIME)
-        for at, row in enumerate(rows):
+        for index, row in enumerate(rows):
             for name, factor in row.items():
                 if name in ports:
-                    of_ports[at, ports[name]] = factor
+                    of_ports[index, ports[name]] = factor
                 else:
-                    of_states[at, self.states[name]] = factor
+                    of_states[index, self.states[name]] = factor
         return of_states, of_ports
 
 
@@ -277,7 +281,7 @@ def _registers(drawn: MultirateLoop, names: set[str], rest: RestEquations) -> di
     it."""
     in_every_tick = {placed.block.name for placed in drawn.placed if placed.every == 1}
     wires = {**drawn.sums, **rest.wires}
-    found = {}
+    registers_of = {}
     for impulse in names:
         register = f"prev({impulse}.sum)"
         if register not in names & in_every_tick:
@@ -290,8 +294,8 @@ def _registers(drawn: MultirateLoop, names: set[str], rest: RestEquations) -> di
             before = sum(row.get(f"{name}.y", 0) for name in registers)
             pairs.append((row.get(f"{impulse}.sum", 0), before))
         if all(total == -before for total, before in pairs):
-            found[impulse] = registers
-    return found
+            registers_of[impulse] = registers
+    return registers_of
 
 
 def _held(signal: str) -> str:

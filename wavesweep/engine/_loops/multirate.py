@@ -146,14 +146,14 @@ class MultirateLoop:
         strong components of the graph of what signals depend on."""
         blocks = [self.placed[index].block for index in running]
         reads = self._direct_reads(blocks)
-        place = {signal: at for at, signal in enumerate(reads)}
+        place = {signal: number for number, signal in enumerate(reads)}
         direct = np.zeros((len(reads), len(reads)), bool)
         for signal, sources in reads.items():
             direct[place[signal], [place[source] for source in sources if source in place]] = True
         owners = [signal.rpartition(".")[0] for signal in reads]
         for ring in sorted(strong_components(direct)):
             if len(ring) > 1 or direct[ring[0], ring[0]]:
-                inside = {owners[at] for at in ring}
+                inside = {owners[number] for number in ring}
                 yield [block.name for block in blocks if block.name in inside]
 
     def _direct_reads(self, blocks: list[Block]) -> dict[str, list[str]]:
@@ -164,7 +164,7 @@ class MultirateLoop:
         for block in blocks:
             direct = np.any(block.D, axis=tuple(range(block.D.ndim - 2)))
             for port, row in zip(block.outputs, direct, strict=True):
-                inputs = [block.inputs[at] for at in np.flatnonzero(row)]
+                inputs = [block.inputs[index] for index in np.flatnonzero(row)]
                 reads[f"{block.name}.{port}"] = [f"{block.name}.{name}" for name in inputs]
         return reads
 
@@ -204,16 +204,16 @@ class MultirateLoop:
             block = scheduled.block
             for port in block.inputs:
                 readings.append((runs[block.name], f"{block.name}.{port}"))
-        held = set()
+        held_signals = set()
         for is_read, signal in readings:
             for source in self.sources(signal):
                 name = source.rpartition(".")[0]
                 if name in runs and np.any(is_read & ~runs[name]):
-                    held.add(source)
+                    held_signals.add(source)
         held_ports = {}
         for scheduled in self.placed:
             block = scheduled.block
-            ports = [port for port in block.outputs if f"{block.name}.{port}" in held]
+            ports = [port for port in block.outputs if f"{block.name}.{port}" in held_signals]
             held_ports[block.name] = ports
         return held_ports
 

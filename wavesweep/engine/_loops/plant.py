@@ -20,7 +20,7 @@ def plant_of(
     keys: Mapping[str, dict[str, Any]],
     gains: Mapping[str, Mapping[str, np.ndarray | float]],
     period: np.ndarray | float,
-    known: dict[str, np.ndarray | int],
+    constants: dict[str, np.ndarray | int],
     shares: dict[str, np.ndarray],
 ) -> Block:
     """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e
@@ -88,7 +88,7 @@ def plant_of(
     )
     if not (plant.arriving or plant.sensed):
         return made
-    return with_ports(made, plant, rates, known, shares)
+    return with_ports(made, plant, rates, constants, shares)
 
 
 LABELS = {"v": "velocity", "x": "position"}  # of states of masses, for messages

@@ -89,12 +89,12 @@ class Resolution:
     def unresolved(self, box: np.ndarray) -> np.ndarray:
         """Return along which sides a box `(2, sides)` may have to be divided before it is
         resolved, a mask `(sides,)`."""
-        along = np.zeros(len(self.sides), bool)
+        sides = np.zeros(len(self.sides), bool)
         for expression in self.parts:
             before = expression.used
-            along |= expression.unresolved(box)
+            sides |= expression.unresolved(box)
             self.used += expression.used - before
-        return along
+        return sides
 
     def extremes(self, box: np.ndarray) -> np.ndarray:
         """Return points of a box, `(points, sides)`, at which an expression is about least or

@@ -116,7 +116,7 @@ class LinearFractional:
         single = self.at(np.newaxis)
         return single if size == 1 else single.at(np.zeros(size, int))
 
-    def open_in(self, along: str, fixed: np.ndarray) -> StateSpace:
+    def open_in(self, open_number: str, fixed: np.ndarray) -> StateSpace:
         """Return the loop with one number closed and the other open, from the open number's product
         u to its factor y.
 
@@ -130,7 +130,7 @@ class LinearFractional:
         E, B, x, v = self.with_integrator()
         D_x = self.D[..., OFFSET, 0]
         D_v = self.D[..., VELOCITY, 0]
-        if along == SECOND:
+        if open_number == SECOND:
             closed = x
             D_closed = D_x
             opened = v
@@ -150,14 +150,14 @@ class LinearFractional:
             D=D_opened / return_difference,
         )
 
-    def open_late(self, along: str) -> StateSpace:
+    def open_late(self, open_number: str) -> StateSpace:
         """Return the loop with both numbers open, and not late, to the signal of the one that is
         looked for, and then that of the other one."""
         E, B, x, v = self.with_integrator()
         D_x = self.D[..., OFFSET : OFFSET + 1, :]
         D_v = self.D[..., VELOCITY : VELOCITY + 1, :]
-        rows = [x, v] if along == FIRST else [v, x]
-        direct = [D_x, D_v] if along == FIRST else [D_v, D_x]
+        rows = [x, v] if open_number == FIRST else [v, x]
+        direct = [D_x, D_v] if open_number == FIRST else [D_v, D_x]
         C = np.concatenate(np.broadcast_arrays(*rows), axis=-2)
         D = np.concatenate(np.broadcast_arrays(*direct), axis=-2)
         return StateSpace(E, B, C, D)
@@ -177,12 +177,12 @@ class LinearFractional:
             return SignalRows(self.E, self.B, x, v)
         advance = self.C[..., ADVANCE : ADVANCE + 1, :]
         advance_direct = self.D[..., ADVANCE : ADVANCE + 1, :]
-        one = np.ones((*self.batch, 1, 1))
-        zero = 0 * one  # added to a row, it gives one to each loop of the batch
+        ones = np.ones((*self.batch, 1, 1))
+        zero = 0 * ones  # added to a row, it gives one to each loop of the batch
         E = np.concatenate([self.E, advance], axis=-2)
         E = np.concatenate([E, np.zeros((*E.shape[:-1], 1))], axis=-1)
         B = np.concatenate([self.B, advance_direct], axis=-2)
-        x = np.concatenate([x + zero, one], axis=-1)
+        x = np.concatenate([x + zero, ones], axis=-1)
         v = np.concatenate([v + zero, zero], axis=-1)
         return SignalRows(E, B, x, v)
 
@@ -221,8 +221,10 @@ class LinearFractional:
             else:
                 A = E + B * (read / (1 - through))
             if self.integrates:
-                at = E.shape[-1] - 1
-                A[..., at, at] = np.where(K[..., 0, 0] == 0, -1.0, A[..., at, at])
+                integrator = E.shape[-1] - 1
+                A[..., integrator, integrator] = np.where(
+                    K[..., 0, 0] == 0, -1.0, A[..., integrator, integrator]
+                )
         return A
 
     def errors_of_closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
@@ -290,9 +292,9 @@ class CutColumns:
 
     def apart(self, rows: np.ndarray | slice) -> "CutColumns":
         """Return some of the columns, each with a loop of its own."""
-        own = self.loops(rows)
+        loops = self.loops(rows)
         fixed = self.fixed[rows]
-        return CutColumns(own, np.arange(fixed.size), self.along, fixed)
+        return CutColumns(loops, np.arange(fixed.size), self.along, fixed)
 
     def loops(self, column: np.ndarray | slice | int) -> LinearFractional:
         """Return the loops of these columns, one for each."""

@@ -91,19 +91,19 @@ class MarginalModes:
         They are among those whose shapes depend on numbers, but nothing is known of them in single
         ticks.
         """
-        found, alive, pairs = MarginalModes._of(drawn, twin, watched)
+        of_structure, alive, pairs = MarginalModes._of(drawn, twin, watched)
         lasting = [
-            lasting_modes(each, alive, [pair[side] for pair in pairs], side)
-            for side, each in enumerate((drawn, twin))
+            lasting_modes(drawing, alive, [pair[side] for pair in pairs], side)
+            for side, drawing in enumerate((drawn, twin))
         ]
-        return _with_more(found, drawn, watched, min(lasting) - len(pairs))
+        return _with_more(of_structure, drawn, watched, min(lasting) - len(pairs))
 
     @staticmethod
     def _of(
         drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str]
     ) -> tuple[MarginalModes, set[str], list[tuple[Any, ...]]]:
         """The drift, the blocks that it is of, and its shifts in both drawings."""
-        held = drawn.held(watched)
+        held_ports = drawn.held(watched)
         alive = living_blocks(drawn, watched)
         names = []
         idle = []
@@ -111,22 +111,22 @@ class MarginalModes:
             block = scheduled.block
             for state in block.states:
                 names.append(f"{block.name}.{state}")
-            for port in held[block.name]:
+            for port in held_ports[block.name]:
                 names.append(f"{block.name}.{port} held")
             if block.name not in alive:
                 idle += [f"{block.name}.{state}" for state in _idle(block)]
-        at = {name: i for i, name in enumerate(names)}
+        index = {name: i for i, name in enumerate(names)}
         constant = []
         varying = []
         pairs = _shifts_of_both(drawn, twin, alive)
         for shift, other_shift in pairs:
             lead, *rest = shift
             if _same_shape(shift, other_shift):
-                followers = tuple((at[name], shift[name]) for name in rest if name in at)
-                constant.append((at[lead], followers))
+                followers = tuple((index[name], shift[name]) for name in rest if name in index)
+                constant.append((index[lead], followers))
             else:
-                varying.append(at[lead])
-        unobserved = tuple(at[name] for name in idle)
+                varying.append(index[lead])
+        unobserved = tuple(index[name] for name in idle)
         found = MarginalModes(tuple(names), tuple(constant), tuple(varying), unobserved)
         return found, alive, pairs
 
@@ -206,7 +206,7 @@ class MarginalModes:
 
 
 def _with_more(
-    found: MarginalModes, drawn: MultirateLoop, watched: Sequence[str], count: int
+    marginal: MarginalModes, drawn: MultirateLoop, watched: Sequence[str], count: int
 ) -> MarginalModes:
     """Marginal modes with so many more, which the frame of a loop shows.
 
@@ -214,17 +214,17 @@ def _with_more(
     and columns of E similar sizes.
     """
     if count <= 0:
-        return found
-    E = without_drift(frame_of(Ticks.of(drawn, watched, alone=True)), found)
+        return marginal
+    E = without_drift(frame_of(Ticks.of(drawn, watched, alone=True)), marginal)
     if not np.isfinite(E).all():
-        return found
+        return marginal
     from scipy.linalg import qr
 
     balanced, _ = balance(E[None])
     *_, shapes = np.linalg.svd(balanced[0])
     _, leads = qr(shapes[-count:], mode="r", pivoting=True)
-    more = np.array(found.remaining)[leads[:count]].tolist()
-    return replace(found, varying=(*found.varying, *more))
+    more = np.array(marginal.remaining)[leads[:count]].tolist()
+    return replace(marginal, varying=(*marginal.varying, *more))
 
 
 def _shifts_of_both(
@@ -243,13 +243,13 @@ def _shifts_of_both(
     return list(zip(first, second, strict=True))
 
 
-def _same_shape(shift: dict[str, float], other: dict[str, float]) -> bool:
+def _same_shape(shift: dict[str, float], second: dict[str, float]) -> bool:
     """Whether two shifts move the same states by the same factors."""
-    if shift.keys() != other.keys():
+    if shift.keys() != second.keys():
         return False
     for name, factor in shift.items():
-        largest = max(abs(factor), abs(other[name]))
-        if abs(factor - other[name]) > SAME_FACTOR * largest:
+        largest = max(abs(factor), abs(second[name]))
+        if abs(factor - second[name]) > SAME_FACTOR * largest:
             return False
     return True
 
@@ -271,13 +271,13 @@ def living_blocks(drawn: MultirateLoop, watched: Sequence[str]) -> set[str]:
     alive = {scheduled.block.name for scheduled in drawn.living((*watched, *shown)).placed}
     moved = {name for name, read in sources.items() if not read.isdisjoint(drawn.inputs)}
     alive |= moved
-    found = set(alive)
-    while found:
+    reached = set(alive)
+    while reached:
         acting: set[str] = set()
-        for name in found:
+        for name in reached:
             acting.update(source.rpartition(".")[0] for source in sources[name])
-        found = acting & sources.keys() - alive
-        alive |= found
+        reached = acting & sources.keys() - alive
+        alive |= reached
     return alive
 
 
@@ -399,10 +399,14 @@ def _copied(state: int, rows: list[np.ndarray | None]) -> int | None:
         taking_over = row
     if taking_over is None or taking_over[state] != -1.0:
         return None
-    others = [at for at in np.flatnonzero(taking_over).tolist() if at != state]
-    if len(others) != 1 or taking_over[others[0]] != 1.0:
+    sources = [
+        state_before
+        for state_before in np.flatnonzero(taking_over).tolist()
+        if state_before != state
+    ]
+    if len(sources) != 1 or taking_over[sources[0]] != 1.0:
         return None
-    return others[0]
+    return sources[0]
 
 
 def relative_to_leads(
@@ -466,8 +470,8 @@ def _errors_without(E: Bounded, V: np.ndarray, leads: np.ndarray, rest: np.ndarr
     size = np.where(size > 0, size, 1.0)
     inverse = np.linalg.pinv(np.nan_to_num(R.value / size)) / size.mT
     factors = Bounded(V, np.abs(inverse) @ missed)
-    kept = E.part(..., rest[:, None], rest)
-    return (kept - factors @ E.part(..., leads[:, None], rest)).error
+    remaining = E.part(..., rest[:, None], rest)
+    return (remaining - factors @ E.part(..., leads[:, None], rest)).error
 
 
 def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -485,12 +489,12 @@ def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
         Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
         adjoint = Q.conj().mT
         x = solve(R, adjoint @ np.where(finite, weighted, 0.0))
-        left = np.abs(A @ x - b) * weight
+        residual = np.abs(A @ x - b) * weight
         terms = (np.abs(A) @ np.abs(x) + np.abs(b)) * weight
         largest_x = np.abs(x).max((-1, -2), initial=0.0, keepdims=True)
         largest_b = np.abs(weighted).max((-1, -2), initial=0.0, keepdims=True)
         rounding = ROUNDINGS_LEFT * EPS * np.maximum(largest_x, largest_b)
-        finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
+        finite &= ~(residual > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
     return np.where(finite, x, np.nan)
 
 

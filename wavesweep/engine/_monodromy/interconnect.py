@@ -241,8 +241,8 @@ class _Ports:
                 value = inverse @ right
                 # Refined, they are as uncertain as rounding of their equations (R. D. Skeel, 1980).
                 if rows.size > 1:
-                    left = right - (value - inside @ value)
-                    value = value + inverse @ left
+                    residual = right - (value - inside @ value)
+                    value = value + inverse @ residual
                 size_of_value = np.abs(value)
                 terms = size_of_value + sizes + of_inside @ size_of_value
                 sizes = np.abs(inverse) @ terms
@@ -318,15 +318,15 @@ def _traced(
 def _matrix(rows: Sequence[Gains], columns: Sequence[str]) -> np.ndarray:
     """Return gains `(..., rows, columns)` of rows that have them by column; other columns are
     left out."""
-    at = {column: k for k, column in enumerate(columns)}
+    column_of = {column: k for k, column in enumerate(columns)}
     gains = {}
     for i, row in enumerate(rows):
         for column, gain in row.items():
-            if column in at:
-                gains[i, at[column]] = numbers(gain)
+            if column in column_of:
+                gains[i, column_of[column]] = numbers(gain)
     batch = np.broadcast_shapes(*(gain.shape for gain in gains.values()))
     kind = np.result_type(float, *gains.values())
-    out = np.zeros((*batch, len(rows), len(at)), kind)
+    out = np.zeros((*batch, len(rows), len(column_of)), kind)
     for (i, k), gain in gains.items():
         out[..., i, k] = gain
     return out

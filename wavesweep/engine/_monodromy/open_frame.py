@@ -69,7 +69,7 @@ def open_frame(
     of the same sum multiplies. hand: another input. shown: more signals, which need no state that
     would hold them. per_loop: see `product_with_errors`.
     """
-    ticks = Ticks.of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
+    ticks = Ticks.of(drawn, (*read, *shown), held_ports=drawn.held(read), terms=True)
     product_input = drawn.inputs.index(force)
     begin = _only_tick(ticks, product_input, len(read))
     if begin is None:
@@ -236,8 +236,8 @@ def _without_integrator(cut: LinearFractional) -> LinearFractional | None:
     them is left to the closed loop depends on the number.
     """
     back = inverse(cut.E)
-    left = np.abs(back @ cut.E - np.eye(cut.E.shape[-1]))
-    if not (left <= WORST_INVERSE).all():
+    missed = np.abs(back @ cut.E - np.eye(cut.E.shape[-1]))
+    if not (missed <= WORST_INVERSE).all():
         return None
     l = cut.C[..., ADVANCE : ADVANCE + 1, :] @ back
     unsure = (cut.dC[..., ADVANCE : ADVANCE + 1, :] + np.abs(l) @ cut.dE) @ np.abs(back)

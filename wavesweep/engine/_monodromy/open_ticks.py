@@ -42,7 +42,7 @@ class OpenTicks:
         without a solution.
         """
         ticks = Ticks.of(
-            drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True
+            drawn, (factor,), alone=True, through=product, held_ports=closed.held(), terms=True
         )
         readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
         with np.errstate(all="ignore"):
@@ -50,40 +50,40 @@ class OpenTicks:
             frame = _OpenFrame.of(ticks) if readings <= 8 else None
         return OpenTicks(ticks, frame)
 
-    def closed(self, at: np.ndarray | int, p: np.ndarray, *, terms: bool = False) -> Ticks:
-        """Return the ticks of the loops `at` of the batch at values p of the number; at and p
+    def closed(self, loops: np.ndarray | int, p: np.ndarray, *, terms: bool = False) -> Ticks:
+        """Return the ticks of the loops `loops` of the batch at values p of the number; at and p
         broadcast together.
 
         terms: whether they have the sizes of their terms; the number's loop is as uncertain as its
         direct term lets it be.
         """
         with np.errstate(all="ignore"):
-            maps = tuple(_closed(block, at, p, terms) for block in self.ticks.maps)
+            maps = tuple(_closed(block, loops, p, terms) for block in self.ticks.maps)
         return replace(self.ticks, maps=maps)
 
     def frames(
-        self, at: np.ndarray | int, p: np.ndarray
+        self, loops: np.ndarray | int, p: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray | complex, np.ndarray | float]:
         """Return frames less identity `(..., n, n)`, and their pivots and conditions; see
         `closed` and `Block`."""
         with np.errstate(all="ignore"):
             frame = self.frame
             if frame is None:
-                ticks = self.closed(at, p)
+                ticks = self.closed(loops, p)
                 return frame_of(ticks), *ticks.facts
-            at, p = np.broadcast_arrays(at, p)
-            closures = [_closure(block, at, p) for block in self.ticks.maps]
+            loops, p = np.broadcast_arrays(loops, p)
+            closures = [_closure(block, loops, p) for block in self.ticks.maps]
             pivot = reduce(np.multiply, [closure.pivot for closure in closures])
             condition = reduce(np.multiply, [closure.condition for closure in closures])
             read = [closures[kind].gain for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
 
             def frames(index: Any) -> np.ndarray:
                 gains = [gain[index] for gain in read]
-                E, lost = frame.closed(at[index], gains)
+                E, lost = frame.closed(loops[index], gains)
                 if (
                     lost.any()
                 ):  # those that would lose digits at their readings are closed in their ticks
-                    E[lost] = frame_of(self.closed(at[index][lost], p[index][lost]))
+                    E[lost] = frame_of(self.closed(loops[index][lost], p[index][lost]))
                 return E
 
             n = frame.E.shape[-1]
@@ -99,28 +99,28 @@ class _Closure(NamedTuple):
     condition: np.ndarray | float
 
 
-def _closure(block: Block, at: np.ndarray | int, p: np.ndarray) -> _Closure:
+def _closure(block: Block, loops: np.ndarray | int, p: np.ndarray) -> _Closure:
     """Close a tick at values of the number."""
-    pivot = np.asarray(block.pivot)[at] if np.ndim(block.pivot) else block.pivot
-    condition = np.asarray(block.condition)[at] if np.ndim(block.condition) else block.condition
+    pivot = np.asarray(block.pivot)[loops] if np.ndim(block.pivot) else block.pivot
+    condition = np.asarray(block.condition)[loops] if np.ndim(block.condition) else block.condition
     if not block.inputs:
         return _Closure(p, pivot, condition)
-    through = p * _of_loops(block.D, at)[..., 0, 0]
-    left = 1 - through
-    pivot = pivot * left
-    condition = condition * (1 + np.abs(through)) / np.abs(left)
-    gain = np.where(condition <= WORST_CONDITION, p / left, np.nan)
+    through = p * _of_loops(block.D, loops)[..., 0, 0]
+    returned = 1 - through
+    pivot = pivot * returned
+    condition = condition * (1 + np.abs(through)) / np.abs(returned)
+    gain = np.where(condition <= WORST_CONDITION, p / returned, np.nan)
     return _Closure(gain, pivot, condition)
 
 
-def _closed(block: Block, at: np.ndarray | int, p: np.ndarray, terms: bool) -> Block:
+def _closed(block: Block, loops: np.ndarray | int, p: np.ndarray, terms: bool) -> Block:
     """A tick with the number in place, without inputs and outputs."""
-    closure = _closure(block, at, p)
-    E = _with_gain(block.E, block.B, block.C, at, closure.gain)
+    closure = _closure(block, loops, p)
+    E = _with_gain(block.E, block.B, block.C, loops, closure.gain)
     B = E[..., :0]
     C = E[..., :0, :]
     D = E[..., :0, :0]
-    sizes = (_sizes_closed(block, at, p, closure.gain), B, C, D) if terms else ()
+    sizes = (_sizes_closed(block, loops, p, closure.gain), B, C, D) if terms else ()
     return replace(
         block,
         inputs=(),
@@ -136,33 +136,33 @@ def _closed(block: Block, at: np.ndarray | int, p: np.ndarray, terms: bool) -> B
 
 
 def _sizes_closed(
-    block: Block, at: np.ndarray | int, p: np.ndarray, gain: np.ndarray
+    block: Block, loops: np.ndarray | int, p: np.ndarray, gain: np.ndarray
 ) -> np.ndarray:
     """The sizes of the terms of a tick with the number in place."""
     E, B, C, direct = block.terms
     if not block.inputs:
-        return _with_gain(E, B, C, at, gain)
+        return _with_gain(E, B, C, loops, gain)
     direct = np.where(block.D == 0, 0.0, direct)  # what cancels to nothing is nothing
-    through = np.abs(p) * _of_loops(direct, at)[..., 0, 0]
-    left = np.abs(1 - p * _of_loops(block.D, at)[..., 0, 0])
-    unsure = np.abs(gain) * ((1 + through) / left)
-    return _with_gain(E, B, C, at, unsure)
+    through = np.abs(p) * _of_loops(direct, loops)[..., 0, 0]
+    returned = np.abs(1 - p * _of_loops(block.D, loops)[..., 0, 0])
+    unsure = np.abs(gain) * ((1 + through) / returned)
+    return _with_gain(E, B, C, loops, unsure)
 
 
 def _with_gain(
-    E: np.ndarray, B: np.ndarray, C: np.ndarray, at: np.ndarray | int, gain: np.ndarray
+    E: np.ndarray, B: np.ndarray, C: np.ndarray, loops: np.ndarray | int, gain: np.ndarray
 ) -> np.ndarray:
-    """`E + B gain C` of the loops `at`."""
-    E = _of_loops(E, at)
+    """`E + B gain C` of the loops `loops`."""
+    E = _of_loops(E, loops)
     if not B.shape[-1]:
         return E
-    return E + _of_loops(B, at) * gain[..., None, None] * _of_loops(C, at)
+    return E + _of_loops(B, loops) * gain[..., None, None] * _of_loops(C, loops)
 
 
-def _of_loops(matrix: np.ndarray, at: np.ndarray | int) -> np.ndarray:
-    """A matrix of the loops `at` of the batch; one that all loops have alike has no axis for
+def _of_loops(matrix: np.ndarray, loops: np.ndarray | int) -> np.ndarray:
+    """A matrix of the loops `loops` of the batch; one that all loops have alike has no axis for
     them."""
-    return matrix[at] if matrix.ndim > 2 else matrix
+    return matrix[loops] if matrix.ndim > 2 else matrix
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,16 +185,16 @@ class _OpenFrame:
         maps = [_OpenFrame(tick.E, tick.B, tick.C, 0 * tick.D) for tick in ticks.maps]
         return in_a_row(ticks.kind.tolist(), maps, _joined)
 
-    def closed(self, at: np.ndarray, gains: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def closed(self, loops: np.ndarray, gains: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the frames with these gains at the readings, `(readings, ...)`, and which have
         lost digits as terms cancel.
 
         A reading is known from the state and from those before it, so this is forward substitution.
         """
-        E = _of_loops(self.E, at)
-        B = _of_loops(self.B, at)
-        C = _of_loops(self.C, at)
-        D = _of_loops(self.D, at)
+        E = _of_loops(self.E, loops)
+        B = _of_loops(self.B, loops)
+        C = _of_loops(self.C, loops)
+        D = _of_loops(self.D, loops)
         eye = np.eye(E.shape[-1])
         rows: list[np.ndarray] = []
         row_sizes: list[np.ndarray] = []
@@ -208,7 +208,7 @@ class _OpenFrame:
             rows.append(gain[..., None] * row)
             row_sizes.append(np.abs(gain)[..., None] * size)
         if not rows:
-            return np.broadcast_to(E, (*at.shape, *eye.shape)), np.zeros(at.shape, bool)
+            return np.broadcast_to(E, (*loops.shape, *eye.shape)), np.zeros(loops.shape, bool)
         sizes = np.abs(eye + E) + np.abs(B) @ np.stack(row_sizes, axis=-2)
         E = E + B @ np.stack(rows, axis=-2)
         largest = np.maximum(1.0, size_of(eye + E))

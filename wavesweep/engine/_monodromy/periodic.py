@@ -39,9 +39,9 @@ class Ticks:
         condition = reduce(np.multiply, [block.condition for block in self.maps])
         return pivot, condition
 
-    def of_loop(self, at: int) -> "Ticks":
+    def of_loop(self, index: int) -> "Ticks":
         """The ticks of one loop of a batch."""
-        return replace(self, maps=tuple(block.of_loop(at) for block in self.maps))
+        return replace(self, maps=tuple(block.of_loop(index) for block in self.maps))
 
     @staticmethod
     def of(
@@ -49,7 +49,7 @@ class Ticks:
         outputs: Sequence[str] = (),
         alone: bool = False,
         through: str = "",
-        held: Mapping[str, Sequence[str]] | None = None,
+        held_ports: Mapping[str, Sequence[str]] | None = None,
         terms: bool = False,
         places: Sequence[int] | np.ndarray | None = None,
     ) -> "Ticks":
@@ -65,8 +65,8 @@ class Ticks:
         if places is not None:
             used, kind = np.unique(kind[places], return_inverse=True)
             sets = [sets[index] for index in used]
-        if held is None:
-            held = drawn.held(outputs)
+        if held_ports is None:
+            held_ports = drawn.held(outputs)
         blocks = [scheduled.block for scheduled in drawn.placed]
         sums = all_sums(blocks, drawn.sums)
         silent = sums | {name: {} for name in drawn.inputs}
@@ -82,7 +82,7 @@ class Ticks:
         for runs in map(set, sets):
             in_tick = []
             for index, block in enumerate(blocks):
-                in_tick.append(_in_tick(block, index in runs, held[block.name]))
+                in_tick.append(_in_tick(block, index in runs, held_ports[block.name]))
             if through and not _reaches(drawn, runs, through):
                 maps.append(connect("tick", in_tick, silent, (), (), terms))
             else:
@@ -100,19 +100,19 @@ def _reaches(drawn: MultirateLoop, runs: set[int], signal: str) -> bool:
     return False
 
 
-def _in_tick(block: Block, runs: bool, held: Sequence[str]) -> Block:
+def _in_tick(block: Block, runs: bool, held_ports: Sequence[str]) -> Block:
     """Return the block with states for the outputs that it holds.
 
     If it does not run, none of its states changes, and its outputs are the held ones.
     """
-    if runs and not held:
+    if runs and not held_ports:
         return block
-    rows = [block.outputs.index(port) for port in held]
+    rows = [block.outputs.index(port) for port in held_ports]
     system = _holding(StateSpace(block.E, block.B, block.C, block.D), rows, runs, -1.0)
     terms: tuple[np.ndarray, ...] = ()
     if block.terms and runs:
         terms = _holding(StateSpace(*block.terms), rows, runs, 1.0)
-    held_states = [f"{port} held" for port in held]
+    held_states = [f"{port} held" for port in held_ports]
     states = (*block.states, *held_states)
     return replace(block, states=states, **system._asdict(), labels=(), terms=terms)
 
@@ -206,8 +206,8 @@ def known_frames(E: np.ndarray, growth: np.ndarray) -> np.ndarray:
     """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
     if not np.any(growth > LOST_GROWTH):
         return E
-    known = growth <= LOST_GROWTH
-    return np.where(known[..., None, None], E, np.nan)
+    kept_digits = growth <= LOST_GROWTH
+    return np.where(kept_digits[..., None, None], E, np.nan)
 
 
 def _with_identity(E: np.ndarray) -> np.ndarray:
@@ -251,13 +251,13 @@ def products_of_rows(
     in one call, in whatever row they are, so that rows which have much in common cost little more
     than one of them. Overflow gives infinities or NaN without a warning.
     """
-    steps, own = _pairs_of_rows(tuple(map(tuple, rows)), len(maps[0]))
+    steps, of_rows = _pairs_of_rows(tuple(map(tuple, rows)), len(maps[0]))
     for first, second in steps:
-        pairs = [tuple(each[some] for each in maps) for some in (first, second)]
+        pairs = [tuple(entries[some] for entries in maps) for some in (first, second)]
         with np.errstate(all="ignore"):
-            found = joined(*pairs)
-        maps = tuple(np.concatenate(each) for each in zip(maps, found, strict=True))
-    return tuple(each[own] for each in maps)
+            products = joined(*pairs)
+        maps = tuple(np.concatenate(entries) for entries in zip(maps, products, strict=True))
+    return tuple(entries[of_rows] for entries in maps)
 
 
 @lru_cache(maxsize=64)
@@ -321,11 +321,11 @@ def _most_frequent(sequence: list[int]) -> tuple[tuple[int, int], int]:
     several, and its count."""
     counts: dict[tuple[int, int], int] = {}
     last: dict[tuple[int, int], int] = {}
-    for at, pair in enumerate(pairwise(sequence)):
-        if last.get(pair) == at - 1 and pair[0] == pair[1]:
+    for place, pair in enumerate(pairwise(sequence)):
+        if last.get(pair) == place - 1 and pair[0] == pair[1]:
             last.pop(pair)
             continue
-        last[pair] = at
+        last[pair] = place
         counts[pair] = counts.get(pair, 0) + 1
     pair = max(counts, key=counts.__getitem__)
     return pair, counts[pair]
@@ -334,14 +334,14 @@ def _most_frequent(sequence: list[int]) -> tuple[tuple[int, int], int]:
 def _replaced(sequence: list[int], pair: tuple[int, int], name: int) -> list[int]:
     """The sequence with a name in place of a pair of neighbours."""
     replaced = []
-    at = 0
-    while at < len(sequence):
-        if at + 1 < len(sequence) and (sequence[at], sequence[at + 1]) == pair:
+    place = 0
+    while place < len(sequence):
+        if place + 1 < len(sequence) and (sequence[place], sequence[place + 1]) == pair:
             replaced.append(name)
-            at += 2
+            place += 2
         else:
-            replaced.append(sequence[at])
-            at += 1
+            replaced.append(sequence[place])
+            place += 1
     return replaced
 
 

@@ -128,13 +128,13 @@ def _narrowed(steps: tuple[_Step, ...]) -> tuple[_Step, ...]:
 
 
 def _of_steps(
-    steps: _Step, known: dict[_Step, tuple[np.ndarray, np.ndarray]]
+    steps: _Step, products: dict[_Step, tuple[np.ndarray, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """The product of steps and the bound on its error; known: those of steps that were
     multiplied before."""
-    if isinstance(steps, tuple) and steps not in known:
-        known[steps] = _in_sequence([_of_steps(step, known) for step in steps])
-    return known[steps]
+    if isinstance(steps, tuple) and steps not in products:
+        products[steps] = _in_sequence([_of_steps(step, products) for step in steps])
+    return products[steps]
 
 
 def _in_sequence(factors: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
@@ -152,8 +152,8 @@ def _in_sequence(factors: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarr
     for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
         size = np.abs(E)
         of_E = error + rounding * size
-        own = of_E @ np.abs(eye + ahead) + rounding * (2 * size + np.abs(ahead))
-        total = total + np.abs(eye + behind) @ own
+        of_factor = of_E @ np.abs(eye + ahead) + rounding * (2 * size + np.abs(ahead))
+        total = total + np.abs(eye + behind) @ of_factor
         behind = behind + E + behind @ E
     return before[-1], total
 

@@ -13,7 +13,7 @@ def within(E: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity;
     radius: `(...)`, up to 1."""
     r = np.asarray(radius)[..., None]
-    at = np.arange(E.shape[-1])
+    diagonal_places = np.arange(E.shape[-1])
     diagonal = np.diagonal(E, axis1=-2, axis2=-1)
     with np.errstate(
         over="ignore", invalid="ignore"
@@ -21,7 +21,9 @@ def within(E: np.ndarray, radius: np.ndarray) -> np.ndarray:
         scaled = E / r[..., None]
         small = (1 + diagonal) / r - 1  # each without cancellation where it is taken
         near_one = (diagonal + (1 - r)) / r
-        scaled[..., at, at] = np.where(diagonal.real < -0.5, small, near_one)
+        scaled[..., diagonal_places, diagonal_places] = np.where(
+            diagonal.real < -0.5, small, near_one
+        )
     return scaled
 
 

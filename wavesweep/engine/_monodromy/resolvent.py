@@ -99,7 +99,7 @@ class DelayLines:
     @property
     def longest(self) -> int:
         """Steps of the longest line."""
-        return max((int(self.steps[at].sum()) for at in self._places()), default=0)
+        return max((int(self.steps[places].sum()) for places in self._places()), default=0)
 
     def along(self, added: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return the delayed states, `(..., delayed, k)`, if all others are 0; added: the same, to
@@ -121,15 +121,15 @@ class DelayLines:
         nonzero = np.flatnonzero(inputs.mT.any(tuple(range(inputs.ndim - 1))))
         if not nonzero.size:
             return result
-        for at in self._places():
-            of_state = z[..., 0] ** self.steps[at]
+        for places in self._places():
+            of_state = z[..., 0] ** self.steps[places]
             behind = np.cumprod(of_state, axis=-1)
             before = (behind / of_state)[..., None, :]
             behind = behind[..., None, :]
             forward, back = (before, 1 / behind) if step > 0 else (1 / behind, before)
-            sums = inputs[..., nonzero, at] * forward
+            sums = inputs[..., nonzero, places] * forward
             np.cumsum(sums[..., ::step], -1, out=sums[..., ::step])
-            result[..., nonzero, at] = sums * back
+            result[..., nonzero, places] = sums * back
         return result
 
     def _places(self) -> list[slice]:
@@ -159,9 +159,9 @@ class DelayLines:
         k = self.solved
         d = self.delayed
         w = w[..., None, None]
-        left = np.broadcast_to(E[..., k[:, None], d], (*w.shape[:-2], k.size, d.size))
+        rows = np.broadcast_to(E[..., k[:, None], d], (*w.shape[:-2], k.size, d.size))
         alone = np.broadcast_to(C[..., d], (*w.shape[:-2], 1, d.size))
-        out = self.read(np.concatenate([left, alone], -2), 1 + w)
+        out = self.read(np.concatenate([rows, alone], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
         A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
         solved = solve(A.mT, (C[..., k] + gained[..., -1:, :]).mT).mT
@@ -241,10 +241,10 @@ class TriangularForm:
 
     def row(self, E: np.ndarray, C: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return `C (w I - E)^-1`, `(..., n)`."""
-        left = C[..., 0, :]
+        row = C[..., 0, :]
         if self.diagonal:
-            return left / (w[..., None] - E[..., 0, :])
-        return _forward(E.mT, left, w)
+            return row / (w[..., None] - E[..., 0, :])
+        return _forward(E.mT, row, w)
 
 
 def _forward(T: np.ndarray, right: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -74,9 +74,9 @@ class Gain:
         gain = np.full((*self.lost.shape, frequency.size), np.nan)
         relative = np.zeros((*self.lost.shape, frequency.size))
         bounded = np.flatnonzero(~unbounded)
-        each = ticks * (ticks if ticks <= DENSE_TICKS else self.n)
+        size_of_point = ticks * (ticks if ticks <= DENSE_TICKS else self.n)
         # Entries of one batch of matrices.
-        width = max(1, 2_000_000 // (max(1, self.lost.size) * each))
+        width = max(1, 2_000_000 // (max(1, self.lost.size) * size_of_point))
         with np.errstate(all="ignore"):
             for start in range(0, bounded.size, width):
                 index = bounded[start : start + width]
@@ -104,12 +104,12 @@ class Gain:
         core = self.corner[..., None, :, :] @ X
         finite = np.isfinite(core).all((-1, -2))
         core = np.where(finite[..., None, None], core, 0)
-        left = self.left[..., None, :, :]
+        rows = self.left[..., None, :, :]
         right = self.right.mT[..., None, :, :]
-        size = norm_of_product(np.abs(left), np.abs(core) @ np.abs(right))
+        size = norm_of_product(np.abs(rows), np.abs(core) @ np.abs(right))
         error = error + sum_rounding(2 * n + 1, of_complex=True) * size
         if self.frame.ticks <= DENSE_TICKS:
-            H = left @ core @ right
+            H = rows @ core @ right
             H += self.frame.impulse_map()[..., None, :, :]
             value = _largest_singular_value(H)
         else:
@@ -121,7 +121,7 @@ class Gain:
         shape = core.shape[:-2]
         ticks = self.frame.ticks
         loop = np.repeat(np.arange(int(np.prod(shape[:-1], dtype=int))), shape[-1])
-        left = self.left.reshape(-1, *self.left.shape[-2:])[loop]
+        rows = self.left.reshape(-1, *self.left.shape[-2:])[loop]
         right = self.right.reshape(-1, *self.right.shape[-2:])[loop]
         core = core.reshape(-1, *core.shape[-2:])
         turned = core.conj().mT
@@ -130,7 +130,7 @@ class Gain:
             direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(
                 complex
             )[..., 0]
-            into, out, middle = (left, right, turned) if back else (right, left, core)
+            into, out, middle = (rows, right, turned) if back else (right, rows, core)
             through_state = out @ (middle @ (into.mT @ v[..., None]))
             return direct + through_state[..., 0]
 

@@ -130,14 +130,14 @@ class Stretch:
 
 def _joined(first: Stretch, second: Stretch) -> Stretch:
     """Return one stretch after the other."""
-    one = Bounded.exact(np.eye(first.E.value.shape[-1]))
-    before = one + first.E
+    identity = Bounded.exact(np.eye(first.E.value.shape[-1]))
+    before = identity + first.E
     E = first.E.then(second.E)._replace(value=then(first.E.value, second.E.value))
     outputs = second.observability
     inputs = first.controllability
     carried = outputs @ before.part(..., None, slice(None), slice(None))
     observability = Bounded.joined((first.observability, carried), -2)
-    controllability = Bounded.joined(((one + second.E) @ inputs, second.controllability), -1)
+    controllability = Bounded.joined(((identity + second.E) @ inputs, second.controllability), -1)
     if first.ticks + second.ticks > LEAF:
         return Stretch(E, observability, controllability, None, None, first, second)
     later = outputs @ inputs.part(..., None, slice(None), slice(None))
@@ -255,24 +255,29 @@ def _of_halves(stretch: Stretch, points: Any, memo: dict[int, Sums]) -> Sums:
     a = Sums.of(first, points, memo)
     b = Sums.of(second, points, memo)
     n = first.E.value.shape[-1]
-    one = Bounded.exact(np.eye(n))
+    identity = Bounded.exact(np.eye(n))
     terms = n + TURN_ROUNDINGS
-    dbefore = (one + first.E).with_rounding(terms)
-    dafter = (one + second.E).with_rounding(terms)
+    dbefore = (identity + first.E).with_rounding(terms)
+    dafter = (identity + second.E).with_rounding(terms)
     before = np.eye(n) + first.E.value
     after = np.eye(n) + second.E.value
     rounding = sum_rounding(terms, of_complex=True)
     size = second.sizes[0]
-    most = first.sizes[1]
+    largest_input = first.sizes[1]
     turn = points.turn(first.ticks)
     back = turn.conj()
     carried = (b.rows * a.driven.mT[..., None, :, :]).sum(-1)
     rows = a.rows + back[:, None] * (b.rows @ before[..., None, :, :])
     drows = a.drows + b.drows @ np.abs(before) + size @ dbefore
     forced = a.forced + b.forced + back * carried
-    dforced = a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + rounding * most)
+    dforced = (
+        a.dforced
+        + b.dforced
+        + b.drows @ largest_input
+        + size @ (a.ddriven + rounding * largest_input)
+    )
     driven = after @ a.driven + turn * b.driven
-    ddriven = np.abs(after) @ a.ddriven + b.ddriven + dafter @ most
+    ddriven = np.abs(after) @ a.ddriven + b.ddriven + dafter @ largest_input
     states = slice(None) if stretch.state_index is None else stretch.state_index
     outputs = stretch.rows
     of_rows, of_driven = (sum_rounding(TURN_ROUNDINGS) * sizes for sizes in stretch.sizes)

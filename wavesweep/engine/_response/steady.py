@@ -52,10 +52,10 @@ def respond(
         np.empty(shape, complex), np.empty(shape, complex), np.empty(shape), np.empty(shape)
     )
     with np.errstate(all="ignore"):
-        for at in _portions(loop, np.flatnonzero(~still)):
-            moving = _responses(loop, loop.circle(frequency[at]), good)
+        for portion in _portions(loop, np.flatnonzero(~still)):
+            moving = _responses(loop, loop.circle(frequency[portion]), good)
             for array, values in zip(response, moving, strict=True):
-                array[..., at] = values
+                array[..., portion] = values
         if still.any():
             limits = static_response(loop)
             for array, limit in zip(response, limits, strict=True):
@@ -92,8 +92,8 @@ def transfer(
         to_output = frame.sizes[0]
         through_states = (to_output @ to_state)[..., :1, 0]
         terms = (frame.forced_size[..., :1] + through_states) / frame.ticks
-        for at in _portions(loop, np.flatnonzero(~still)):
-            points = loop.circle(frequency[at])
+        for portion in _portions(loop, np.flatnonzero(~still)):
+            points = loop.circle(frequency[portion])
             quantities, errors = _quantities(loop, points, good)
             signal = quantities[..., 0, :]
             error = errors[..., 0, :]
@@ -104,8 +104,8 @@ def transfer(
             error = np.where(none, 0.0, error)
             relative = np.where(error == 0, 0.0, error / np.abs(signal)) + FEW_ROUNDINGS
             relative = np.where(relative < LOST_DIGITS, relative, np.nan)
-            unsure[..., at] = relative
-            value[..., at] = np.where(np.isnan(relative), np.nan, signal)
+            unsure[..., portion] = relative
+            value[..., portion] = np.where(np.isnan(relative), np.nan, signal)
         if still.any():
             limit, of_limit = dcgain_between(loop)
             value[..., still] = limit[..., None]
@@ -143,9 +143,9 @@ def static_response(loop: Lifted) -> Response:
                 low[...] = _from_low_frequencies(loop, limits)
             error = np.where(rough & (limits != 0), np.fmin(error, low), error)
         error += np.where(limits == 0, 0.0, FEW_ROUNDINGS)
-        known = error < LOST_DIGITS
-        limits = np.where(known, limits, np.nan)
-        error = np.where(known, error, np.nan)
+        resolved = error < LOST_DIGITS
+        limits = np.where(resolved, limits, np.nan)
+        error = np.where(resolved, error, np.nan)
         admittance, impedance = limits
         of_admittance, of_impedance = error
         # A constant force moves the position without end: there is no admittance.

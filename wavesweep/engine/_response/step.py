@@ -39,7 +39,7 @@ class Step:
     tail: float
 
     @staticmethod
-    def of(port: Port, most: int = MOST_SAMPLED_STATES) -> "Step":
+    def of(port: Port, most_states: int = MOST_SAMPLED_STATES) -> "Step":
         """Return the step response of a single loop, given by its port between an input and a
         signal (see `Port.between`).
 
@@ -49,7 +49,7 @@ class Step:
         between the last two frames moves no later sample by more than `S |d|`, and a residual r of
         the recursion, which has the rounding and the errors of A and g, no sample by more than `S
         |r|`. Errors: UsageError for a loop that is not stable, or that does not come to rest within
-        `most` samples times states, and for a signal that a constant input moves without end.
+        `most_states` samples times states, and for a signal that a constant input moves without end.
         Accuracy: as bounded; the bounds themselves are computed to first order.
         """
         loop = Lifted.of(port)
@@ -67,7 +67,7 @@ class Step:
         E = frame.E.part(moved[:, None], moved)
         C = frame.observability.part(0).part(slice(None), moved)
         g = g.part(moved)
-        rest = _until_rest(E.value, g.value, C.value, D.value, most)
+        rest = _until_rest(E.value, g.value, C.value, D.value, most_states)
         X = Bounded.exact(rest.states)
         later = Bounded.exact(np.vstack([rest.states[1:], rest.after]))
         residual = (later - X - (X @ E.mT + g)).size
@@ -141,8 +141,8 @@ class Step:
 
     def _first_at(self, share: float) -> float:
         """The time of the first sample that reaches a share of the final value; NaN without one."""
-        at = np.flatnonzero(self.value / self.final >= share)
-        return float(self.time_s[at[0]]) if at.size else np.nan
+        samples = np.flatnonzero(self.value / self.final >= share)
+        return float(self.time_s[samples[0]]) if samples.size else np.nan
 
 
 class _Rest(NamedTuple):
@@ -162,7 +162,9 @@ class _Rest(NamedTuple):
     tail: float
 
 
-def _until_rest(E: np.ndarray, g: np.ndarray, C: np.ndarray, D: np.ndarray, most: int) -> _Rest:
+def _until_rest(
+    E: np.ndarray, g: np.ndarray, C: np.ndarray, D: np.ndarray, most_states: int
+) -> _Rest:
     """Return the frames of `x[j+1] - x[j] = E x[j] + g`, samples `C x[j] + D`, by doubling their
     number until they are at rest; see `Step.of`."""
     power = E  # A^n - 1
@@ -180,7 +182,7 @@ def _until_rest(E: np.ndarray, g: np.ndarray, C: np.ndarray, D: np.ndarray, most
             # A power of the frame of this size proves that a response comes to rest.
             if size <= 0.5 and tail <= REST * np.abs(value).max():
                 return _Rest(X, after, value, unit, gain, tail)
-            if not np.isfinite(largest).all() or 2 * rows.size > most:
+            if not np.isfinite(largest).all() or 2 * rows.size > most_states:
                 raise UsageError(
                     "step: expected a loop that comes to rest, found one that is unstable, or too slow to tell"
                 )

@@ -35,7 +35,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     from wavesweep.engine._stability.along_any import FROM_ZERO, stable_along_any
 
     loops = slices.loops
-    along = question.along
+    number = question.along
     span = question.span
     bound = question.bound
     frames = FramesAlong.of(question, loops, slices.size)
@@ -45,14 +45,14 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     variable = _variable(question, frames, stops_a_drift)
     balls = None
     if question.prover and not bound:
-        balls = question.prover(loops, along, frames.period)
+        balls = question.prover(loops, number, frames.period)
     from_one = stops_a_drift and span[0] == 0 and variable != FROM_ZERO
     intervals = stable_along_any(
         frames.family, span, variable=variable, balls=balls, from_one=from_one
     )
     if stops_a_drift:
         intervals = _meeting_one_at_zero(span, intervals)
-    return in_own_time(intervals, loops, along)
+    return in_own_time(intervals, loops, number)
 
 
 def _variable(question: Question, frames: FramesAlong, stops_a_drift: bool) -> str:
@@ -76,9 +76,9 @@ def _variable(question: Question, frames: FramesAlong, stops_a_drift: bool) -> s
 def _drifts_at_zero_alone(question: Question, loops: Loops) -> bool:
     """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1
     where the number is 0."""
-    held = loops.changed({question.along: np.array(question.span)}).drift_of_frames()
+    at_ends = loops.changed({question.along: np.array(question.span)}).drift_of_frames()
     free = loops.changed({question.along: 0.0}).drift_of_frames()
-    return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
+    return len(free.constant) + len(free.varying) > len(at_ends.constant) + len(at_ends.varying)
 
 
 def _several_are_one_at_zero(frames: FramesAlong, size: int) -> bool:

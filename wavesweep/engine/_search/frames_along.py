@@ -52,27 +52,27 @@ class FramesAlong:
     def of(question: Question, loops: Loops, size: int) -> "FramesAlong":
         """The loops of `size` slices within the span, without the number in their ticks if it is
         one scalar gain of them."""
-        along = question.along
+        path_of_number = question.along
         drawn = loops.drawn()
         open_ticks = None
         if loops.drawing.scalar_place(question.number):
             with suppress(IllPosedLoopError), np.errstate(all="ignore"):
-                at_one = loops.changed({along: 1.0})
+                at_one = loops.changed({path_of_number: 1.0})
                 opened = at_one.drawn(question.number)
                 open_ticks = OpenTicks.of(opened, at_one.drawn(), PRODUCT, FACTOR)
         scalars = []
         for path, value in loops.values.items():
-            is_other = np.ndim(value) and path != along
+            is_other = np.ndim(value) and path != path_of_number
             if is_other and open_ticks is None and loops.drawing.scalar_place(name_of(path)):
                 scalars.append(path)
         return FramesAlong(
             loops=loops,
-            along=along,
+            along=path_of_number,
             ticks=drawn.ticks,
             period=np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,)),
-            bounds=domains(*loops, along, question.span, size),
-            resolved=ResolvedAlong(*loops, along),
-            drift=loops.changed({along: np.array(question.span)}).drift_of_frames(),
+            bounds=domains(*loops, path_of_number, question.span, size),
+            resolved=ResolvedAlong(*loops, path_of_number),
+            drift=loops.changed({path_of_number: np.array(question.span)}).drift_of_frames(),
             open_ticks=open_ticks,
             shared=scalars[0] if scalars else "",
         )
@@ -116,12 +116,12 @@ class FramesAlong:
         """The frames from ticks without the shared number; None if too few loops share them, or
         some have no solution."""
         number, p = (array.ravel() for array in np.broadcast_arrays(number, p))
-        others = {
+        other_numbers = {
             path: v[number]
             for path, v in self.loops.values.items()
             if np.ndim(v) and path != self.shared
         }
-        first, label = distinct_rows(others | {"real": p.real, "imag": p.imag}, p.size)
+        first, label = distinct_rows(other_numbers | {"real": p.real, "imag": p.imag}, p.size)
         if 2 * first.size > p.size:
             return None
         at_one = self._at(number[first], p[first]).changed({self.shared: 1.0})
@@ -181,8 +181,8 @@ class FramesAlong:
                 return unknown, unknown
             frames = []
             bounds = []
-            for one, value in zip(*np.broadcast_arrays(number, p), strict=True):
-                E, dE = self.errors(one[None], value[None], tight=tight)
+            for index, value in zip(*np.broadcast_arrays(number, p), strict=True):
+                E, dE = self.errors(index[None], value[None], tight=tight)
                 frames.append(E)
                 bounds.append(dE)
             return np.concatenate(frames), np.concatenate(bounds)
@@ -242,14 +242,14 @@ def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, 
     return Frames.join(parts)
 
 
-def in_own_time(intervals: Intervals, loops: Loops, along: str) -> Intervals:
+def in_own_time(intervals: Intervals, loops: Loops, path: str) -> Intervals:
     """Intervals whose omegas are of the rate at their ends, if the number is one that the rate
     of the tick follows from."""
-    if name_of(along) not in loops.drawing.rating:
+    if name_of(path) not in loops.drawing.rating:
         return intervals
     of_rows = loops.some(intervals.column)
     omegas = {}
     for end in ("low", "high"):
-        rate = of_rows.changed({along: getattr(intervals, end)}).rate
+        rate = of_rows.changed({path: getattr(intervals, end)}).rate
         omegas[f"{end}_omega"] = getattr(intervals, f"{end}_omega") * (rate / of_rows.rate)
     return replace(intervals, **omegas)

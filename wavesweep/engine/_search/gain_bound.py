@@ -24,20 +24,20 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
 
     loops = slices.loops
     bound: RequiredRegion = question.bound  # type: ignore[assignment]  # else it does not apply
-    found = rest(replace(question, bound=bound.of_modes), slices)
+    stable = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
     for number, gain in enumerate(bound.gains, start=1):
-        within = bound.within_gain(gain, frames, question.span, found)
+        within = bound.within_gain(gain, frames, question.span, stable)
         causes = {}
         for end in ("low", "high"):
-            own = np.signbit(getattr(within, f"{end}_omega"))
+            by_gain = np.signbit(getattr(within, f"{end}_omega"))
             before = getattr(within, f"{end}_cause")
-            causes[f"{end}_cause"] = np.where(own & (before == 0), number, before)
-        found = common([found, replace(within, **causes)])
+            causes[f"{end}_cause"] = np.where(by_gain & (before == 0), number, before)
+        stable = common([stable, replace(within, **causes)])
     # Ends of stability are in their own time already; those of gains have a minus.
-    timed = in_own_time(found, loops, question.along)
+    timed = in_own_time(stable, loops, question.along)
     omegas = {}
     for name in ("low_omega", "high_omega"):
-        omega = getattr(found, name)
+        omega = getattr(stable, name)
         omegas[name] = np.where(omega < 0, getattr(timed, name), omega)
-    return replace(found, **omegas)
+    return replace(stable, **omegas)

@@ -27,9 +27,9 @@ LINES = ("low_hz", "high_hz")
 OPEN = (("open_places", "<i4"), ("open_low", "<f8"), ("open_high", "<f8"))
 
 
-def record_type(*own: tuple[str, str]) -> np.dtype:
+def record_type(*fields: tuple[str, str]) -> np.dtype:
     """The type of records of intervals, with fields of one's own: pairs of a name and a type."""
-    return np.dtype([*FIELDS, *((name, "<f8") for name in LINES), *own, *OPEN])
+    return np.dtype([*FIELDS, *((name, "<f8") for name in LINES), *fields, *OPEN])
 
 
 RECORD = record_type()

@@ -118,8 +118,8 @@ class Search:
 
         def opened(members: np.ndarray, loops: Loops) -> Slices:
             size = members.size
-            found = Opened.of(loops, question.number, size, find_port=question.find_port)
-            return Slices(loops, size, found)
+            opened_loops = Opened.of(loops, question.number, size, find_port=question.find_port)
+            return Slices(loops, size, opened_loops)
 
         for pair in combinations(range(len(groups)), 2):
             both = paired.isdisjoint(pair) and self._with_zeros(*(groups[index] for index in pair))
@@ -135,27 +135,32 @@ class Search:
         return batches
 
     def _with_zeros(
-        self, group: tuple[np.ndarray, Loops], other: tuple[np.ndarray, Loops]
+        self, group: tuple[np.ndarray, Loops], second_group: tuple[np.ndarray, Loops]
     ) -> tuple[np.ndarray, Loops] | None:
         """Two groups as one, that are apart since a number which loops may be without is 0 in
         one of them; else None."""
-        (first, loops), (second, others) = group, other
+        (first, loops), (second, second_loops) = group, second_group
         arrays = [path for path, v in loops.values.items() if np.ndim(v)]
         zero = [
-            path for path in arrays if np.any(loops.values[path]) != np.any(others.values[path])
+            path
+            for path in arrays
+            if np.any(loops.values[path]) != np.any(second_loops.values[path])
         ]
         alike = all(
-            loops.values[path] == others.values[path] for path in loops.values.keys() - {*arrays}
+            loops.values[path] == second_loops.values[path]
+            for path in loops.values.keys() - {*arrays}
         )
         question = self.question
         if not alike or zero != [varied_beside(loops, question.number)]:
             return None
-        if any(len(subloops.subloops_along(question, group)) > 1 for group in (loops, others)):
+        if any(
+            len(subloops.subloops_along(question, group)) > 1 for group in (loops, second_loops)
+        ):
             return None
         members = np.concatenate([first, second])
         order = np.argsort(members)
         values = {
-            path: np.concatenate([loops.values[path], others.values[path]])[order]
+            path: np.concatenate([loops.values[path], second_loops.values[path]])[order]
             for path in arrays
         }
         return members[order], loops.changed(values)

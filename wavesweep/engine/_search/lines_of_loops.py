@@ -134,12 +134,12 @@ def lines_in_discs(
         disc = delta[:, mode], away[:, mode], margin
         of_modes.append(_vectors_in_disc(frames.E, frames.dE, *disc))
     right, off, takes, differs, in_disc = (
-        np.stack(each, -1) for each in zip(*of_modes, strict=True)
+        np.stack(by_mode, -1) for by_mode in zip(*of_modes, strict=True)
     )
     least = np.maximum(takes - differs, 0.0)
-    most = takes + differs
-    known = np.isfinite(most).all(1)
-    taking = frames.taking_part(least, most)
+    upper = takes + differs
+    bounded = np.isfinite(upper).all(1)
+    taking = frames.taking_part(least, upper)
     rows, (sure, possible) = _shown_by(drawing, ticks.states, drift, taking)
     unclear = (sure & ~possible).any(-1, keepdims=True)  # whether a plant takes part
     possible = np.where(unclear, possible | taking[1], possible)
@@ -153,24 +153,28 @@ def lines_in_discs(
     )
     off_by = differ / np.linalg.norm(shown, axis=-1)
     off_by = np.where(off_by < 1, off_by, 1.0)
-    off_by = np.where(known[..., None], off_by, np.inf)
+    off_by = np.where(bounded[..., None], off_by, np.inf)
     moved = -np.log1p(-np.abs(radius / z))
     share = _share_in_each(shown, np.zeros(delta.shape))
     s_middle = np.log1p(delta)
-    found = _turns_of(share, off_by, sure[..., some], possible[..., some], s_middle, moved)
+    bounds_of_turns = _turns_of(
+        share, off_by, sure[..., some], possible[..., some], s_middle, moved
+    )
     if points == 1:
-        return found
+        return bounds_of_turns
 
     # A pair that meets on the negative real axis may have any vectors of a plane there.
     theta = s_middle.imag
-    meeting = (np.abs(theta) >= np.pi - moved - REAL_ANGLE) & (found[..., 1] < found[..., 2])
+    meeting = (np.abs(theta) >= np.pi - moved - REAL_ANGLE) & (
+        bounds_of_turns[..., 1] < bounds_of_turns[..., 2]
+    )
     everything = np.ones((1, 1, len(ticks.states)), bool)
     rows, (shows,) = _shown_by(drawing, ticks.states, drift, everything)
     pairs, turns = _turns_of_meeting(
         frames, np.argwhere(meeting), rows[shows[0]], delta, away, s, margin
     )
-    found[*pairs.T] = turns
-    return found
+    bounds_of_turns[*pairs.T] = turns
+    return bounds_of_turns
 
 
 class _FramesOnPanels(NamedTuple):
@@ -201,8 +205,8 @@ class _FramesOnPanels(NamedTuple):
         E, dE = product_with_errors(relative.kind, changes, terms, per_loop=True)
         E = _with_lower_half(E, n, points)
         dE = np.abs(_with_lower_half(dE, n, points)[:, 0])
-        kept = np.delete(np.arange(size), drift.unobserved)
-        inner = kept[:, None], kept
+        observed = np.delete(np.arange(size), drift.unobserved)
+        inner = observed[:, None], observed
         connected = ((E != 0).any((0, 1)) | (dE != 0).any(0))[inner]
         units = balance(np.nan_to_num(E[:, 0].real)[:, *inner])[1]
         in_units = units[:, None, :] / units[:, :, None]
@@ -216,7 +220,7 @@ class _FramesOnPanels(NamedTuple):
             relative.kind.tolist(),
             maps,
             sizes,
-            kept,
+            observed,
             E[:, :, *inner] * in_units[:, None],
             dE[:, *inner] * in_units,
             units,
@@ -233,22 +237,22 @@ class _FramesOnPanels(NamedTuple):
             units=self.units[panels],
         )
 
-    def taking_part(self, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+    def taking_part(self, least: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """Which of all states take part in modes for sure, and which may, `(2, n, modes, size)`.
 
         least, most: how much they do, `(n, k, modes)`. States of other diagonal blocks take no
         part: one of the two vectors is 0 there, if none is somewhere in its own block.
         """
         label = np.zeros(self.kept.size, int)
-        for at, block in enumerate(blocks_of(self.connected)):
-            label[block] = at
-        others = label[:, None] != label[least.argmax(1)][:, None]
-        most = np.where(others & (least.max(1) > 0)[:, None], 0.0, most)
-        least = np.where(others, 0.0, least)
+        for index, block in enumerate(blocks_of(self.connected)):
+            label[block] = index
+        other_blocks = label[:, None] != label[least.argmax(1)][:, None]
+        upper = np.where(other_blocks & (least.max(1) > 0)[:, None], 0.0, upper)
+        least = np.where(other_blocks, 0.0, least)
         n, _, modes = least.shape
         taking = np.zeros((2, n, modes, self.maps[0].shape[-1]), bool)
-        sure = least > NO_PARTICIPATION * most.max(1, keepdims=True)
-        possible = most > NO_PARTICIPATION * least.max(1, keepdims=True)
+        sure = least > NO_PARTICIPATION * upper.max(1, keepdims=True)
+        possible = upper > NO_PARTICIPATION * least.max(1, keepdims=True)
         taking[0][..., self.kept] = sure.mT
         taking[1][..., self.kept] = possible.mT
         return taking
@@ -301,9 +305,9 @@ def _turns_of_meeting(
             )
             told += map(_turns_of_pair, columns, differ, theta[panel, mode])
         turns = np.array(told).reshape(-1, 3)
-        known = ~np.isnan(turns).any(-1)
-        pairs = pairs[known]
-        turns = turns[known]
+        resolved = ~np.isnan(turns).any(-1)
+        pairs = pairs[resolved]
+        turns = turns[resolved]
     return pairs, turns
 
 
@@ -333,13 +337,13 @@ def _turns_of(
     """
     theta = s.imag[..., None]
     reach = moved[..., None] + REAL_ANGLE
-    turns, own = _turns_and_conjugate(s, share.shape[-1])
+    turns, conjugate_turns = _turns_and_conjugate(s, share.shape[-1])
     some = np.any(sure, -1)[..., None]
     counting = np.where(some, sure, possible)[..., None]
     optional = (possible & ~sure)[..., None]
     pairs = (
-        (True, np.broadcast_to(np.arange(turns.size), own.shape)),
-        (np.abs(theta) <= reach, np.broadcast_to(-turns % turns.size, own.shape)),
+        (True, np.broadcast_to(np.arange(turns.size), conjugate_turns.shape)),
+        (np.abs(theta) <= reach, np.broadcast_to(-turns % turns.size, conjugate_turns.shape)),
         (np.abs(theta) >= np.pi - reach, (-turns - np.where(theta < 0, -1, 1)) % turns.size),
     )
     near = False
@@ -352,7 +356,7 @@ def _turns_of(
         least_of_one = np.where(optional, ahead, np.inf).min(2, initial=np.inf)
         least = np.where(some, least, np.where(least_of_one < np.inf, least_of_one, -np.inf))
         near = near | may_be & ~(least > SHARE_ROUNDING * share.shape[2])
-    strongest = _with_conjugate((counting * share).sum(2), own)
+    strongest = _with_conjugate((counting * share).sum(2), conjugate_turns)
     w = np.abs(theta + 2 * np.pi * turns)
     first = np.take_along_axis(w, np.argmax(strongest, -1)[..., None], -1)
     lowest = np.minimum(first, np.where(near, w, np.inf).min(-1, keepdims=True))
@@ -383,13 +387,13 @@ def _turns_of_pair(columns: np.ndarray, differ: np.ndarray, theta: float) -> np.
     conjugate = (-turns - (1 if theta > 0 else -1)) % ticks
     energy = np.trace(K, axis1=-2, axis2=-1).real.sum(0)
     best = int(np.argmax(energy + energy[conjugate]))
-    own = [best] if conjugate[best] == best else [best, int(conjugate[best])]
-    others = np.delete(np.arange(ticks), own)
-    ahead = K[:, own].sum(1, keepdims=True) / 2 - K[:, others]
+    of_mode = [best] if conjugate[best] == best else [best, int(conjugate[best])]
+    competing = np.delete(np.arange(ticks), of_mode)
+    ahead = K[:, of_mode].sum(1, keepdims=True) / 2 - K[:, competing]
     ahead = np.linalg.eigvalsh((ahead + ahead.conj().mT) / 2)[..., 0] - 2 * off_by[:, None]
     if not (ahead > SHARE_ROUNDING).all():
         return np.full(3, np.nan)
-    w = np.abs(theta + 2 * np.pi * turns[own])
+    w = np.abs(theta + 2 * np.pi * turns[of_mode])
     return np.array([w[0], w.min(), w.max()])
 
 
@@ -437,17 +441,17 @@ class _Bordered(NamedTuple):
         C = self.inverses[:, 0, 0]
         missing = np.abs(np.eye(C.shape[-1]) - C @ self.middle) + np.abs(C) @ self.change
         columns = range(first, C.shape[-1])
-        left = [
+        residuals = [
             _residual(self.middle, C[:, :, column], column, self.rounding) for column in columns
         ]
-        return [_enclosed(missing, np.abs(C) @ each) for each in left]
+        return [_enclosed(missing, np.abs(C) @ residual) for residual in residuals]
 
     def last_row_off(self) -> np.ndarray:
         """The same of the last row."""
         C = self.inverses[:, 0, 0]
         missing = np.abs(np.eye(C.shape[-1]) - self.middle @ C) + self.change @ np.abs(C)
-        left = _residual(self.middle.mT, C[:, -1], -1, self.rounding.mT)
-        return _enclosed(missing.mT, np.abs(C).mT @ left)
+        residual = _residual(self.middle.mT, C[:, -1], -1, self.rounding.mT)
+        return _enclosed(missing.mT, np.abs(C).mT @ residual)
 
 
 def _plane_in_disc(
@@ -513,8 +517,8 @@ def _vectors_in_disc(
 def _residual(B: np.ndarray, x: np.ndarray, row: int, rounding: np.ndarray) -> np.ndarray:
     """What is left of `B x = e`, e the unit vector of a row, at most."""
     right_side = np.eye(B.shape[-1])[row]
-    left = np.abs(right_side - (B @ x[..., None])[..., 0])
-    return (left + (rounding @ np.abs(x)[..., None])[..., 0])[..., None]
+    residual = np.abs(right_side - (B @ x[..., None])[..., 0])
+    return (residual + (rounding @ np.abs(x)[..., None])[..., 0])[..., None]
 
 
 def _enclosed(M: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -622,10 +626,12 @@ def _in_ticks(
 
     kinds: of each tick. changes: per kind, the matrix, and what is added to each column, or None.
     """
-    at = rows.argmax(-1)
-    picked = (rows == np.eye(rows.shape[-1])[at]).all()  # which takes a tenth of a product's time
+    column = rows.argmax(-1)
+    picked = (
+        rows == np.eye(rows.shape[-1])[column]
+    ).all()  # which takes a tenth of a product's time
     for kind in kinds:
-        yield state[..., at, :] if picked else times(rows, state)
+        yield state[..., column, :] if picked else times(rows, state)
         matrix, added = changes[kind]
         state = times(matrix, state)
         if added is not None:
@@ -850,10 +856,10 @@ def range_of_lines(moved: np.ndarray, s: np.ndarray, period: np.ndarray) -> np.n
     strongest = np.argmax(share, -1)[..., None]
     largest = np.take_along_axis(share, strongest, -1)
     tied = (share >= largest - TIE) & (share > 0) | unknown
-    own = np.take_along_axis(hz, strongest, -1)
-    lowest = np.minimum(own, np.where(tied, hz, np.inf).min(-1, keepdims=True))
-    highest = np.maximum(own, np.where(tied, hz, 0.0).max(-1, keepdims=True))
-    return np.concatenate([own, lowest, highest], -1)
+    strongest_hz = np.take_along_axis(hz, strongest, -1)
+    lowest = np.minimum(strongest_hz, np.where(tied, hz, np.inf).min(-1, keepdims=True))
+    highest = np.maximum(strongest_hz, np.where(tied, hz, 0.0).max(-1, keepdims=True))
+    return np.concatenate([strongest_hz, lowest, highest], -1)
 
 
 def _shares_of_lines(moved: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

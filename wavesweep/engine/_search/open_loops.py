@@ -238,9 +238,9 @@ def _fixed_beside(loops: Loops, number: str) -> str:
     if varied:
         return varied
     for path in loops.values:
-        other = name_of(path)
-        shares_wire = other != number and loops.drawing.shares_wire(number, other)
-        if shares_wire and late(number, other):
+        second_number = name_of(path)
+        shares_wire = second_number != number and loops.drawing.shares_wire(number, second_number)
+        if shares_wire and late(number, second_number):
             return path
     return ""
 

@@ -140,10 +140,10 @@ def silent(
     values: flat numbers, or arrays over a batch.
     """
     numbers = numbers_of(values)
-    acting, others = _terms(drawing, number)
+    acting, remaining_terms = _terms(drawing, number)
     zero = set()
     with np.errstate(all="ignore"):
-        for place, gain in others:
+        for place, gain in remaining_terms:
             if np.any(gain.values(numbers)):
                 acting = acting | {place}
             else:
@@ -158,14 +158,14 @@ def _terms(
     """Ports and signals of the terms that read a number, and those of the others, each with its
     gain."""
     reading = set()
-    others = []
+    remaining_terms = []
     for port, terms in (*drawing.wires, *drawing.couplings):
         for signal, gain in terms:
             if gain.reads(number):
                 reading.add((port, signal))
             else:
-                others.append(((port, signal), gain))
-    return frozenset(reading), others
+                remaining_terms.append(((port, signal), gain))
+    return frozenset(reading), remaining_terms
 
 
 def _reached(feeds: dict[str, set[str]], name: str) -> set[str]:
@@ -188,11 +188,11 @@ def _part(drawing: Drawing, names: frozenset[str]) -> Drawing:
     def within(
         wires: tuple[tuple[str, tuple[Any, ...]], ...],
     ) -> tuple[tuple[str, tuple[Any, ...]], ...]:
-        kept = []
+        ports = []
         for port, terms in wires:
             if is_within(port):
-                kept.append((port, tuple(term for term in terms if is_within(term[0]))))
-        return tuple(kept)
+                ports.append((port, tuple(term for term in terms if is_within(term[0]))))
+        return tuple(ports)
 
     blocks = tuple(block for block in drawing.blocks if block.name in names)
     wires = within(drawing.wires)

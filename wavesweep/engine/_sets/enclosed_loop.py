@@ -169,24 +169,24 @@ class LoopModel:
         out = 0
         for scheduled in loop.placed:
             block = scheduled.block
-            own = slice(state, state + len(block.states))
+            of_block = slice(state, state + len(block.states))
             into = slice(entry, entry + len(block.inputs))
             shown = slice(out, out + len(block.outputs))
             rows = [block.outputs.index(port) for port in held[block.name]]
-            holding = np.arange(own.stop, own.stop + len(rows))
+            holding = np.arange(of_block.stop, of_block.stop + len(rows))
             if scheduled.runs(place + 1)[place]:
                 is_exact = block.name in exact or block.name not in self.blocks
                 model = self._exactly(block) if is_exact else self.blocks[block.name]
-                A.put((own, own), model.E)
-                B.put((own, into), model.B)
-                C.put((shown, own), model.C)
+                A.put((of_block, of_block), model.E)
+                B.put((of_block, into), model.B)
+                C.put((shown, of_block), model.C)
                 D.put((shown, into), model.D)
-                A.put((holding, own), model.C.at(rows, range(len(block.states))))
+                A.put((holding, of_block), model.C.at(rows, range(len(block.states))))
                 B.put((holding, into), model.D.at(rows, range(len(block.inputs))))
                 A.terms[0, ..., holding, holding] = -1.0
             else:
                 C.terms[0, ..., [out + row for row in rows], holding] = 1.0
-            state = own.stop + len(rows)
+            state = of_block.stop + len(rows)
             entry = into.stop
             out = shown.stop
         K = self._wires(loop, ports, made)
@@ -237,17 +237,19 @@ class LoopModel:
             steps += 1
             reached = (reached.astype(float) @ acts) > 0
         if steps <= len(acts):
-            found = R
+            solution = R
             for _ in range(steps - 1):
-                found = R + L @ found
-            return found
+                solution = R + L @ solution
+            return solution
         ring = np.flatnonzero((acts | acts.T).any(0))
-        own = L.at(ring, ring)
-        solved = (own.identity() - own).inverse() @ R.at(ring, range(R.rest.shape[-1]))
-        found = Polynomials(R.terms.copy(), R.rest.copy(), self.numbers, self.order)
-        found.terms[..., ring, :] = solved.terms
-        found.rest[..., ring, :] = solved.rest
-        return found
+        loop_matrix = L.at(ring, ring)
+        solved = (loop_matrix.identity() - loop_matrix).inverse() @ R.at(
+            ring, range(R.rest.shape[-1])
+        )
+        solution = Polynomials(R.terms.copy(), R.rest.copy(), self.numbers, self.order)
+        solution.terms[..., ring, :] = solved.terms
+        solution.rest[..., ring, :] = solved.rest
+        return solution
 
 
 def exactly(block: Any, numbers: int, order: int, axes: int) -> BlockModel:
@@ -264,20 +266,20 @@ class _Evaluation:
     """Some cells of a loop: the values of its expressions, and the blocks that these make."""
 
     def __init__(self, loop: EnclosedLoop, cells: np.ndarray, known: dict[Any, BlockModel]) -> None:
-        one = cells.reshape(-1, *cells.shape[-2:])[0]
-        wide = np.flatnonzero(one[0] < one[1])
+        first_cell = cells.reshape(-1, *cells.shape[-2:])[0]
+        wide = np.flatnonzero(first_cell[0] < first_cell[1])
         self.loop = loop
         self.numbers = wide.size
         self.order = loop.order
         self.known = known
         self.cells = cells.shape[:-2]
         self.values = {}
-        for at, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
-            low = cells[..., 0, at]
-            high = cells[..., 1, at]
+        for index, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
+            low = cells[..., 0, index]
+            high = cells[..., 1, index]
             value: TaylorModel | arb
-            if at in wide:
-                number = int(np.searchsorted(wide, at))
+            if index in wide:
+                number = int(np.searchsorted(wide, index))
                 value = TaylorModel.side(number, low, high, wide.size, loop.order)
             else:
                 value = arb(float(low.flat[0]))
@@ -317,20 +319,20 @@ class _Evaluation:
         another one may come before it.
         """
         drawing = self.loop.drawing
-        known = self.loop.known
+        constants = self.loop.known
         shares = {}
         for name, tree in drawing.dead_times.items():
-            shares[name] = known[f"block.{name}.ticks"] - self.value(tree) * rate
+            shares[name] = constants[f"block.{name}.ticks"] - self.value(tree) * rate
         for path, names in drawing.building.items():
             total = sum(shares[name] for name in names)
-            low = 1 if len(names) == 2 and known[path] else 0  # ticks
-            most = dead_time.WHOLE_TICK * (1 + known[f"block.{names[0]}.ticks"])
+            low = 1 if len(names) == 2 and constants[path] else 0  # ticks
+            most_late = dead_time.WHOLE_TICK * (1 + constants[f"block.{names[0]}.ticks"])
             for beyond in (low - total, total - (low + 1)):
                 if isinstance(beyond, TaylorModel):
-                    late = beyond.ends()[1] > most
+                    late = beyond.ends()[1] > most_late
                     number = beyond.widest()
                 else:
-                    late = float(arb(beyond).upper()) > most
+                    late = float(arb(beyond).upper()) > most_late
                     number = -1
                 if np.any(late):
                     raise UnresolvedError(late, number)
@@ -343,14 +345,14 @@ class _Evaluation:
         if isinstance(block, Plant):
             timed = {name for _, name in (*block.arriving, *block.sensed)}
             trees += [tree for name, tree in self.loop.drawing.dead_times.items() if name in timed]
-        kept: dict[Any, Any] = self.loop.kept
+        models: dict[Any, Any] = self.loop.kept
         key: Any = block.name, self.numbers, len(self.cells)
         if any(self.reads(tree) for tree in trees):
-            kept = self.known
+            models = self.known
             key = block
-        if key not in kept:
-            kept[key] = make(*arguments)
-        return kept[key]
+        if key not in models:
+            models[key] = make(*arguments)
+        return models[key]
 
     def reads(self, tree: Tree) -> bool:
         """Whether a tree reads a number of the sides."""
@@ -557,10 +559,10 @@ class _Evaluation:
             sensed |= {signal for signal, delay in plant.sensed if delay == name}
             arriving |= name in [delay for _, delay in plant.arriving]
         read = [signal for signal, _ in dict(drawing.wires).get(f"{name}.u", ())]
-        others = not sensed.issuperset(read)
+        reads_plain = not sensed.issuperset(read)
         ticks = self.loop.known[f"block.{name}.ticks"]
         block = dead_time.block_of(
-            name, ticks, sensed=bool(sensed), others=others, arriving=arriving
+            name, ticks, sensed=bool(sensed), plain=reads_plain, arriving=arriving
         )
         return exactly(block, self.numbers, self.order, len(self.cells))
 

@@ -63,13 +63,17 @@ def monomials(numbers: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndar
     The plan: indices of pairs of monomials whose product is kept, sorted by that product, and the
     product of each pair.
     """
-    exponents = [each for each in product(range(order + 1), repeat=numbers) if sum(each) <= order]
-    exponents.sort(key=lambda each: (sum(each), tuple(-part for part in each)))
-    at = {each: i for i, each in enumerate(exponents)}
+    exponents = [
+        exponent for exponent in product(range(order + 1), repeat=numbers) if sum(exponent) <= order
+    ]
+    exponents.sort(key=lambda exponent: (sum(exponent), tuple(-part for part in exponent)))
+    index_of = {exponent: i for i, exponent in enumerate(exponents)}
     table = np.array(exponents, int).reshape(len(exponents), numbers)
     total = table.sum(1)
     first, second = np.nonzero(total[:, None] + total <= order)
-    target = np.array([at[tuple(each)] for each in (table[first] + table[second]).tolist()])
+    target = np.array(
+        [index_of[tuple(exponent)] for exponent in (table[first] + table[second]).tolist()]
+    )
     by_target = np.argsort(target, kind="stable")
     return table, first[by_target], second[by_target], target[by_target]
 
@@ -106,12 +110,12 @@ class _Piece(NamedTuple):
         rounds = []
         places = []
         begun = 0
-        for at in range(counts.max()):
-            own = begins[by_count[counts[by_count] > at]] + at
-            if at:
-                rounds.append((own.size, begun))
-            places.append(own)
-            begun += own.size
+        for round_number in range(counts.max()):
+            index = begins[by_count[counts[by_count] > round_number]] + round_number
+            if round_number:
+                rounds.append((index.size, begun))
+            places.append(index)
+            begun += index.size
         place = np.concatenate(places)
         return _Piece(first[place], second[place], targets[by_count], None, rounds)
 
@@ -127,30 +131,30 @@ def _pairs(
     degree are wanted.
     """
     table, first, second, target = monomials(numbers, order)
-    kept = np.frombuffer(one, bool)[first] & np.frombuffer(two, bool)[second]
+    used = np.frombuffer(one, bool)[first] & np.frombuffer(two, bool)[second]
     if degree is not None:
-        kept &= table.sum(1)[target] == degree
-    first = first[kept]
-    second = second[kept]
-    target = target[kept]
+        used &= table.sum(1)[target] == degree
+    first = first[used]
+    second = second[used]
+    target = target[used]
     starts = np.flatnonzero(np.diff(target, prepend=-1))
     ends = np.append(starts[1:], target.size)
     pieces = []
     begun = 0
-    for at in range(len(starts)):
-        if at + 1 == len(starts) or ends[at + 1] - starts[begun] > at_once:
-            pairs = slice(starts[begun], ends[at])
-            own = slice(begun, at + 1)
-            targets = target[starts[own]]
-            counts = ends[own] - starts[own]
+    for end_of_piece in range(len(starts)):
+        if end_of_piece + 1 == len(starts) or ends[end_of_piece + 1] - starts[begun] > at_once:
+            pairs = slice(starts[begun], ends[end_of_piece])
+            of_piece = slice(begun, end_of_piece + 1)
+            targets = target[starts[of_piece]]
+            counts = ends[of_piece] - starts[of_piece]
             if at_once < MANY_PAIRS:
                 piece = _Piece.in_rounds(first[pairs], second[pairs], targets, counts)
             else:
                 piece = _Piece(
-                    first[pairs], second[pairs], targets, starts[own] - starts[begun], []
+                    first[pairs], second[pairs], targets, starts[of_piece] - starts[begun], []
                 )
             pieces.append(piece)
-            begun = at + 1
+            begun = end_of_piece + 1
     return pieces
 
 
@@ -224,12 +228,12 @@ class TaylorModel:
         self.inverted: TaylorModel | None = None  # once it is known
 
     @staticmethod
-    def side(at: int, low: Any, high: Any, numbers: int, order: int) -> TaylorModel:
+    def side(index: int, low: Any, high: Any, numbers: int, order: int) -> TaylorModel:
         """Return the number with this index, from low to high as s goes from -1 to 1; low, high:
         of all cells."""
         terms = np.zeros((len(monomials(numbers, order)[0]), *np.shape(low)))
         terms[0] = (low + high) / 2
-        terms[1 + at] = np.maximum(high - terms[0], terms[0] - low) * (1 + 4 * UNIT_ROUNDING)
+        terms[1 + index] = np.maximum(high - terms[0], terms[0] - low) * (1 + 4 * UNIT_ROUNDING)
         return TaylorModel(terms, np.zeros(np.shape(low)), numbers, order, (low, high))
 
     def _like(
@@ -242,10 +246,10 @@ class TaylorModel:
 
     def _constant(self, middle: float, radius: float = 0.0) -> TaylorModel:
         """The same number in all cells, or one for each; as far as this radius from it."""
-        one = np.ones((1,) * np.ndim(self.rest))
-        terms = np.zeros((len(self.terms), *np.shape(middle * one)))
+        ones = np.ones((1,) * np.ndim(self.rest))
+        terms = np.zeros((len(self.terms), *np.shape(middle * ones)))
         terms[0] = middle
-        return self._like(terms, radius * one, _outward(middle - radius, middle + radius))
+        return self._like(terms, radius * ones, _outward(middle - radius, middle + radius))
 
     def size(self) -> Any:
         """Return a bound on its size."""
@@ -292,21 +296,23 @@ class TaylorModel:
     def times(self, other: TaylorModel, bounds: tuple[Any, Any] = (-np.inf, np.inf)) -> TaylorModel:
         """Return the product by its polynomial; bounds: what else is known of it."""
         shape = np.broadcast_shapes(np.shape(self.rest), np.shape(other.rest))
-        one = np.abs(self.terms)
+        first = np.abs(self.terms)
         two = np.abs(other.terms)
-        present = [each.reshape(len(each), -1).any(1) for each in (one, two)]
+        present = [terms_of.reshape(len(terms_of), -1).any(1) for terms_of in (first, two)]
         at_once = max(1, PIECE // max(1, int(np.prod(shape))))
         terms = np.zeros((len(self.terms), *shape))
-        plan = _pairs(self.numbers, self.order, *(each.tobytes() for each in present), at_once)
+        plan = _pairs(
+            self.numbers, self.order, *(terms_of.tobytes() for terms_of in present), at_once
+        )
         _multiply_into(terms, self.terms, other.terms, plan, np.multiply)
-        one, two = (_by_degree(each, self.numbers, self.order) for each in (one, two))
-        all_one = one.sum(0)
+        first, two = (_by_degree(terms_of, self.numbers, self.order) for terms_of in (first, two))
+        all_one = first.sum(0)
         all_two = two.sum(0)
         # of degrees above the index
         above = (
             np.maximum(all_two - np.cumsum(two, 0), 0.0) + 4 * len(two) * UNIT_ROUNDING * all_two
         )
-        beyond = (one[1:] * above[::-1][1:]).sum(0)
+        beyond = (first[1:] * above[::-1][1:]).sum(0)
         rest = self.rest * (all_two + other.rest) + all_one * other.rest + beyond
         added = min(present[0].sum(), present[1].sum())
         rounding = 2 * (added + 2) * UNIT_ROUNDING * all_one * all_two + NEXT_TO_ZERO
@@ -327,11 +333,11 @@ class TaylorModel:
         if exponent.is_integer():
             power = self._constant(1.0)
             base = self
-            left = abs(int(float(exponent)))
-            while left:
-                power = power * base if left % 2 else power
-                base = base * base if left > 1 else base
-                left //= 2
+            exponent_left = abs(int(float(exponent)))
+            while exponent_left:
+                power = power * base if exponent_left % 2 else power
+                base = base * base if exponent_left > 1 else base
+                exponent_left //= 2
             return power if exponent >= 0 else power.inverse()
         return (self.log() * exponent).exp()
 
@@ -344,7 +350,12 @@ class TaylorModel:
         terms = self.terms.copy()
         terms[0] = 0.0
         difference = self._like(terms, self.rest)
-        balls = np.array([[midpoint(each) for each in own] for own in coefficients])
+        balls = np.array(
+            [
+                [midpoint(coefficient) for coefficient in series_of_cell]
+                for series_of_cell in coefficients
+            ]
+        )
         balls = np.moveaxis(balls, 0, -1).reshape(balls.shape[1], 2, *np.shape(self.rest))
         total = self._constant(*balls[-1])
         for middle, radius in balls[-2::-1]:
@@ -360,9 +371,9 @@ class TaylorModel:
             return (wide < 2 * TIGHTER * away) & (self.rest <= KNOWN_REST * wide)
 
     def _bounded(
-        self, found: TaylorModel, low: np.ndarray | float, high: np.ndarray, informed: bool
+        self, series: TaylorModel, low: np.ndarray | float, high: np.ndarray, informed: bool
     ) -> TaylorModel:
-        """The model of a function f of it, in each cell the narrower of two: the series `found`, or
+        """The model of a function f of it, in each cell the narrower of two: the series `series`, or
         the interval of all values of f as a constant with a rest.
 
         low, high: ends of that interval, which hold for all arguments in the cell. informed: the
@@ -373,28 +384,28 @@ class TaylorModel:
         with np.errstate(invalid="ignore"):
             half = (low + high) / 2
             nearer = np.clip(
-                np.nan_to_num(found.terms[0]), np.minimum(half, 0), np.maximum(half, 0)
+                np.nan_to_num(series.terms[0]), np.minimum(half, 0), np.maximum(half, 0)
             )
             middle = np.clip(nearer, low, high)
             radius = np.maximum(high - middle, middle - low) * OUTWARD + NEXT_TO_ZERO
         bounded = informed & np.isfinite(radius)
-        worse = ~(found.rest <= np.where(bounded, WORSE * radius, LARGEST_DOUBLE))
+        worse = ~(series.rest <= np.where(bounded, WORSE * radius, LARGEST_DOUBLE))
         # Elsewhere they are those of the polynomial again, so that what only spans decades is
         # divided.
         bounds = np.where(informed, low, -np.inf), np.where(informed, high, np.inf)
         if not np.any(worse):
-            return self._like(found.terms, found.rest, bounds)
+            return self._like(series.terms, series.rest, bounds)
         if np.any(worse & ~bounded):
             raise UnresolvedError(worse & ~bounded, self.widest())
         # Its terms are as small as to change nothing, and say on which numbers it depends.
         moves = np.moveaxis(self._moves(), -1, 0)
         share = MARKED * radius / np.maximum(moves.sum(0), NEXT_TO_ZERO) * moves
-        terms = np.zeros_like(found.terms)
+        terms = np.zeros_like(series.terms)
         terms[0] = middle
         terms[1 : 1 + self.numbers] = share
         rest = radius + share.sum(0) * OUTWARD
         return self._like(
-            np.where(worse, terms, found.terms), np.where(worse, rest, found.rest), bounds
+            np.where(worse, terms, series.terms), np.where(worse, rest, series.rest), bounds
         )
 
     def _about(self) -> tuple[Any, Any]:
@@ -402,9 +413,9 @@ class TaylorModel:
         UnresolvedError for overflow."""
         centre = self.terms[0]
         radius = (np.abs(self.terms[1:]).sum(0) + self.rest) * OUTWARD
-        known = np.isfinite(centre) & np.isfinite(radius)
-        if not np.all(known):
-            raise UnresolvedError(~known, self.widest())
+        finite = np.isfinite(centre) & np.isfinite(radius)
+        if not np.all(finite):
+            raise UnresolvedError(~finite, self.widest())
         return centre, radius
 
     def _shares(self) -> tuple[Any, Any]:
@@ -428,18 +439,18 @@ class TaylorModel:
             centre, tail = self._shares()
             coefficients = []
             for c in _each(centre):
-                own = [1 / arb(c)]
+                series = [1 / arb(c)]
                 for _ in range(self.order):
-                    own.append(-own[-1] / c)
-                coefficients.append(own)
+                    series.append(-series[-1] / c)
+                coefficients.append(series)
             low, high = self.ends()
             sure = (low > 0) | (high < 0)
             with np.errstate(all="ignore"):
-                found = self._composed(coefficients, tail / np.abs(centre) * OUTWARD)
+                reciprocal = self._composed(coefficients, tail / np.abs(centre) * OUTWARD)
                 ends = _outward(1 / high, 1 / low)
             low = np.where(sure, ends[0], -np.inf)
             high = np.where(sure, ends[1], np.inf)
-            self.inverted = self._bounded(found, low, high, self._informed())
+            self.inverted = self._bounded(reciprocal, low, high, self._informed())
         return self.inverted
 
     def sqrt(self) -> TaylorModel:
@@ -449,29 +460,29 @@ class TaylorModel:
         coefficients = []
         sizes = []
         for c in _each(centre):
-            own = [arb(c).sqrt()]
+            series = [arb(c).sqrt()]
             for k in range(self.order + 1):
-                own.append(own[-1] * (0.5 - k) / (k + 1) / c)
-            sizes.append(float((abs(own.pop()) * arb(c) ** (self.order + 1)).abs_upper()))
-            coefficients.append(own)
+                series.append(series[-1] * (0.5 - k) / (k + 1) / c)
+            sizes.append(float((abs(series.pop()) * arb(c) ** (self.order + 1)).abs_upper()))
+            coefficients.append(series)
         size = np.reshape(sizes, np.shape(centre))
         with np.errstate(all="ignore"):
-            found = self._composed(coefficients, size * tail * OUTWARD)
+            root = self._composed(coefficients, size * tail * OUTWARD)
         low, high = self._monotonic(lambda x: x.sqrt(), 0.0)
-        return self._bounded(found, low, high, self._informed() | np.isinf(tail))
+        return self._bounded(root, low, high, self._informed() | np.isinf(tail))
 
     def log(self) -> TaylorModel:
         """Return the logarithm: `log(c) - sum_k (-d/c)^k/k`."""
         centre, tail = self._shares()
         coefficients = []
         for c in _each(centre):
-            own = [arb(c).log()]
-            own += [(-1) ** (k + 1) / (k * arb(c) ** k) for k in range(1, self.order + 1)]
-            coefficients.append(own)
+            series = [arb(c).log()]
+            series += [(-1) ** (k + 1) / (k * arb(c) ** k) for k in range(1, self.order + 1)]
+            coefficients.append(series)
         with np.errstate(all="ignore"):
-            found = self._composed(coefficients, tail / (self.order + 1) * OUTWARD)
+            logarithm = self._composed(coefficients, tail / (self.order + 1) * OUTWARD)
         return self._bounded(
-            found, *self._monotonic(lambda x: x.log(), NEXT_TO_ZERO), self._informed()
+            logarithm, *self._monotonic(lambda x: x.log(), NEXT_TO_ZERO), self._informed()
         )
 
     def exp(self) -> TaylorModel:
@@ -481,10 +492,10 @@ class TaylorModel:
         coefficients = []
         sizes = []
         for c, r in zip(_each(centre), _each(radius), strict=True):
-            own = [arb(c).exp()]
+            series_of_cell = [arb(c).exp()]
             for k in range(1, self.order + 1):
-                own.append(own[-1] / k)
-            coefficients.append(own)
+                series_of_cell.append(series_of_cell[-1] / k)
+            coefficients.append(series_of_cell)
             sizes.append(float((arb(c) + arb(r)).exp().abs_upper()) * OUTWARD)
         largest = np.reshape(sizes, np.shape(centre))
         rest = self._taylor_rest(radius)
@@ -530,8 +541,8 @@ class TaylorModel:
             sine = (arb(c) + angle).sin()
             cosine = (arb(c) + angle).cos()
             cycle = (sine, cosine, -sine, -cosine)
-            own = [cycle[k % len(cycle)] / factorial(k) for k in range(self.order + 1)]
-            coefficients.append(own)
+            series_of_cell = [cycle[k % len(cycle)] / factorial(k) for k in range(self.order + 1)]
+            coefficients.append(series_of_cell)
         rest = self._taylor_rest(radius)
         series = self._composed(coefficients, rest)
         highest = np.ones(np.shape(self.rest))
@@ -584,14 +595,14 @@ def _squares(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         return _outward(least, np.maximum(low * low, high * high))
 
 
-def _products_of(one: TaylorModel, other: TaylorModel) -> tuple[np.ndarray, np.ndarray]:
+def _products_of(first: TaylorModel, second: TaylorModel) -> tuple[np.ndarray, np.ndarray]:
     """Bounds on the products of two numbers; an end that is not known, 0 times infinity, bounds
     nothing."""
     with np.errstate(all="ignore"):
-        products = [a * b for a in (one.low, one.high) for b in (other.low, other.high)]
+        products = [a * b for a in (first.low, first.high) for b in (second.low, second.high)]
     ends = np.array(np.broadcast_arrays(*products))
-    known = ~np.isnan(ends)
-    return _outward(np.where(known, ends, -np.inf).min(0), np.where(known, ends, np.inf).max(0))
+    finite = ~np.isnan(ends)
+    return _outward(np.where(finite, ends, -np.inf).min(0), np.where(finite, ends, np.inf).max(0))
 
 
 def _by_degree(size: np.ndarray, numbers: int, order: int) -> np.ndarray:
@@ -650,7 +661,7 @@ class Polynomials:
     ) -> Polynomials:
         """Return the matrices of these entries, models, arbs or numbers: `(*cells, n, m)`, or
         more if the models have more."""
-        models = (each for row in rows for each in row if isinstance(each, TaylorModel))
+        models = (element for row in rows for element in row if isinstance(element, TaylorModel))
         shapes = [np.shape(model.rest) for model in models]
         cells = np.broadcast_shapes(cells, *shapes)
         terms = np.zeros((len(monomials(numbers, order)[0]), *cells, *shape))
@@ -729,26 +740,26 @@ class Polynomials:
     def _product(
         self, other: Polynomials, multiply: Callable[..., Any], summed: int
     ) -> Polynomials:
-        one = self.sizes
+        sizes = self.sizes
         two = other.sizes
         # No more terms make one of the product; `above` is a difference of sums over the degrees.
         roundings = (
-            2 * (summed + min(one.present.sum(), two.present.sum()) + self.order) * UNIT_ROUNDING
+            2 * (summed + min(sizes.present.sum(), two.present.sum()) + self.order) * UNIT_ROUNDING
         )
         rest = multiply(self.rest, two.whole + other.rest) + multiply(
-            one.whole, other.rest + roundings * two.whole
+            sizes.whole, other.rest + roundings * two.whole
         )
-        if one.present[1:].any() and two.present[1:].any():
-            rest = rest + multiply(one.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
+        if sizes.present[1:].any() and two.present[1:].any():
+            rest = rest + multiply(sizes.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
         at_once = _at_once(max(self.rest.size, other.rest.size, rest.size))
         terms = np.zeros((len(self.terms), *rest.shape))
-        if not one.present[1:].any():  # the same for all numbers
+        if not sizes.present[1:].any():  # the same for all numbers
             terms[two.present] = multiply(self.terms[0], other.terms[two.present])
         elif not two.present[1:].any():
-            terms[one.present] = multiply(self.terms[one.present], other.terms[0])
+            terms[sizes.present] = multiply(self.terms[sizes.present], other.terms[0])
         else:
             plan = _pairs(
-                self.numbers, self.order, one.present.tobytes(), two.present.tobytes(), at_once
+                self.numbers, self.order, sizes.present.tobytes(), two.present.tobytes(), at_once
             )
             _multiply_into(terms, self.terms, other.terms, plan, multiply)
         return self._like(terms, rest)
@@ -762,8 +773,8 @@ class Polynomials:
 
     def identity(self) -> Polynomials:
         """The identities of the size of square matrices."""
-        one = np.broadcast_to(np.eye(self.rest.shape[-1]), self.rest.shape)
-        return Polynomials.constant(one, self.numbers, self.order)
+        identities = np.broadcast_to(np.eye(self.rest.shape[-1]), self.rest.shape)
+        return Polynomials.constant(identities, self.numbers, self.order)
 
     def in_cells(self, cells: tuple[int, ...]) -> Polynomials:
         """The same matrices in all cells of a batch of this shape."""
@@ -795,8 +806,8 @@ class Polynomials:
         powers = np.arange(self.order + 1)
         less = np.maximum(powers - powers[:, None], 0)
         factor = np.ones((len(e), len(e)))  # [new, old]
-        for number, (at, wide) in enumerate(zip(middle, half, strict=True)):
-            table = _binomials(self.order).T * wide ** powers[:, None] * at**less
+        for number, (centre, wide) in enumerate(zip(middle, half, strict=True)):
+            table = _binomials(self.order).T * wide ** powers[:, None] * centre**less
             factor *= table[e[:, number, None], e[:, number]]
         terms = np.tensordot(factor, self.terms, (1, 0))
         rounding = 4 * (len(e) + self.order) * UNIT_ROUNDING * np.abs(self.terms).sum(0)
@@ -892,22 +903,22 @@ class Polynomials:
         """
         with np.errstate(all="ignore"):
             C = Polynomials.constant(_inverses(self.terms[0]), self.numbers, self.order)
-            one = self.identity()
-            D = one - C @ self
+            identity = self.identity()
+            D = identity - C @ self
             units = balanced(D.whole)
             ratio = units[..., None, :] / units[..., :, None]
             D = D.times(ratio)
-            X = self._like(one.terms.copy(), one.rest)
+            X = self._like(identity.terms.copy(), identity.rest)
             read = self.exponents[D.sizes.present].any(0)  # the numbers on which D depends
             reached = ~np.any(self.exponents[:, ~read], 1)
             for degree in range(1, self.order + 1 if read.any() else 1):
                 self.multiply_degree(
                     X.terms, D.terms, X.terms, self.numbers, self.order, degree, reached
                 )
-            R = one - X + D @ X
+            R = identity - X + D @ X
             size = R.whole
         D.refuse(~(size.sum(-1).max(-1, initial=0.0) < SHRINKS_BY))
-        left_out = X.whole @ size @ np.abs(np.linalg.inv(one.terms[0] - size)) * (1 + 1e-6)
+        left_out = X.whole @ size @ np.abs(np.linalg.inv(identity.terms[0] - size)) * (1 + 1e-6)
         return self._like(X.terms, left_out).times(1 / ratio) @ C
 
 
@@ -916,9 +927,9 @@ def _combined(matrices: list[Polynomials], factors: list[float]) -> Polynomials:
     roundings = (len(factors) + 2) * UNIT_ROUNDING
     terms = np.zeros_like(matrices[-1].terms)
     rest = np.zeros_like(matrices[-1].rest)
-    for each, factor in zip(matrices, factors, strict=True):
-        terms += factor * each.terms
-        rest += factor * (each.rest + roundings * each.whole)
+    for matrix, factor in zip(matrices, factors, strict=True):
+        terms += factor * matrix.terms
+        rest += factor * (matrix.rest + roundings * matrix.whole)
     return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
 
 
@@ -948,23 +959,23 @@ def _inverses(matrices: np.ndarray) -> np.ndarray:
     except np.linalg.LinAlgError:
         if matrices.ndim == 2:
             return np.full_like(matrices, np.nan)
-        return np.stack([_inverses(each) for each in matrices])
+        return np.stack([_inverses(matrix) for matrix in matrices])
 
 
 def balanced(size: np.ndarray) -> np.ndarray:
     """Powers of 2 for the states in which rows and columns of sizes are alike, `(*cells, n)`."""
     units = np.ones(size.shape[:-1])
-    own = np.diagonal(size, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(size, axis1=-2, axis2=-1)
     with np.errstate(all="ignore"):
         for _ in range(6):  # sweeps of balancing
             before = units.copy()
             for i in range(size.shape[-1]):
                 unit = units[..., i]
-                column = (size[..., :, i] / units).sum(-1) * unit - own[..., i]
-                row = (size[..., i, :] * units).sum(-1) / unit - own[..., i]
-                known = (column > 0) & (row > 0) & np.isfinite(column) & np.isfinite(row)
+                column = (size[..., :, i] / units).sum(-1) * unit - diagonal[..., i]
+                row = (size[..., i, :] * units).sum(-1) / unit - diagonal[..., i]
+                scalable = (column > 0) & (row > 0) & np.isfinite(column) & np.isfinite(row)
                 by = np.exp2(np.round(np.log2(row / column) / 2))
-                units[..., i] = np.where(known, unit * by, unit)
+                units[..., i] = np.where(scalable, unit * by, unit)
             if (units == before).all():
                 break
     return units

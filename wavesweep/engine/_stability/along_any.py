@@ -106,11 +106,11 @@ def regions_along_any(
     # 0 within the range is what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
 
-    def back(t: np.ndarray, end: float, given: float) -> np.ndarray:
+    def back(t: np.ndarray, end: float, end_of_range: float) -> np.ndarray:
         """The values of p at ends t of regions; the range's end is given back as it was, and not
         as it comes out."""
         p = chosen.out(t)
-        return np.where(t == end, given, np.where(np.abs(p) <= nothing, 0.0, p))
+        return np.where(t == end, end_of_range, np.where(np.abs(p) <= nothing, 0.0, p))
 
     lows = back(regions.low, search.span[0], span[0])
     highs = back(regions.high, search.span[1], span[1])
@@ -172,9 +172,9 @@ def _in_variable(
             return None
         exact = {a: low, b: high}
         in_variable = []
-        for first, last, *others in intervals:
+        for first, last, *rest in intervals:
             ends = [exact.get(end, float(into(end))) for end in (first, last)]
-            in_variable.append((*ends, *others))
+            in_variable.append((*ends, *rest))
         return in_variable
 
     return proved_there

@@ -134,9 +134,9 @@ def panel_roots(
 
     while column.size:
         reach = OVERLAP * (high - low)
-        left = low - reach
+        start = low - reach
         right = high + reach
-        panels = _Panels(column, (left + right) / 2, (right - left) / 2)
+        panels = _Panels(column, (start + right) / 2, (right - start) / 2)
         samples = _Samples(*sample(panels.column, panels.at(NODE)))
         tiles = _Tiles(column, low, high, samples.largest, np.zeros(column.size))
         leaves = Leaves.of(columns, _Tiles.join([*closed, tiles]), degree)
@@ -157,18 +157,18 @@ def panel_roots(
         split = open_ & ~hopeless
         closed.append(replace(tiles, allowed=judged.allowed).take(~split))
         column, low, high = _cut(column, low, high, judged.cut_at, split)
-    found = _Roots.join(roots)
+    roots_of_all = _Roots.join(roots)
     tiles = _Tiles.join(closed)
     leaves = Leaves.of(columns, tiles, degree)
     beyond = _shares(tiles, leaves).max(0) > tiles.allowed
     unsure = np.zeros(columns, bool)
     unsure[tiles.column[beyond]] = True
     return PanelRoots(
-        found.column,
-        found.function,
-        found.x,
-        found.within,
-        found.slope_sign,
+        roots_of_all.column,
+        roots_of_all.function,
+        roots_of_all.x,
+        roots_of_all.within,
+        roots_of_all.slope_sign,
         _joined(given_up["lost"]),
         _joined(given_up["overflown"]),
         _joined(given_up["settled"]),
@@ -273,14 +273,14 @@ def _judged(samples: _Samples, panels: _Panels, settling: int, shares: np.ndarra
     by_batch = []
     for rows, discs in _proved_roots(coefficients, noise):
         function = function_of[rows]
-        at = panel[rows]
-        sure[function, at] = True
+        panel_of_row = panel[rows]
+        sure[function, panel_of_row] = True
         settles = function == settling
-        settled[at[settles]] = ~discs.inside[settles].any(-1) & (
-            value[settling, at[settles]] > 0
+        settled[panel_of_row[settles]] = ~discs.inside[settles].any(-1) & (
+            value[settling, panel_of_row[settles]] > 0
         ).all(-1)
         row, root = np.nonzero(discs.inside & (function != settling)[:, None])
-        of_root = at[row]
+        of_root = panel_of_row[row]
         half = panels.half[of_root]
         x = panels.middle[of_root] + half * discs.value[row, root]
         within = half * discs.radius[row, root]
@@ -368,7 +368,7 @@ class Leaves(NamedTuple):
             (2 * np.pi - middle - high, 2 * np.pi - middle - low),
         ):
             near |= (begin - a < half) & (end > -a)
-            first, last = (np.clip(at - a, half, np.pi) for at in (begin, end))
+            first, last = (np.clip(ends - a, half, np.pi) for ends in (begin, end))
             weight += 1 / np.tan(first / 2) - 1 / np.tan(last / 2)
         beside = np.where(near, largest, -np.inf).max(-1)
         beyond = np.where(near, 0.0, np.maximum(largest - beside[..., None], 0.0))

@@ -94,18 +94,26 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         for first in range(0, column.size, step):
             chunk = slice(first, first + step)
             parts.append(sampled(column[chunk], theta[chunk]))
-        sign, log, error = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        sign, log, error = (
+            np.concatenate(parts_of_quantity, axis=1)
+            for parts_of_quantity in zip(*parts, strict=True)
+        )
         return sign, log, error
 
     limits = PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT)
     degree = opened.E.shape[-1] + cut.late + 1
     edges = np.linspace(0, np.pi, 5)
     roots = panel_roots(sample, edges, fixed.size, limits, settling=1, degree=degree)
-    at = np.flatnonzero(roots.open_low)
-    if at.size:
-        loops = StateSpace(*(matrix[at] for matrix in system))
-        roots.open_low[at] = ~_is_clear_next_to_one(
-            opened.E[at], loops, lines, poles[at], late((at, None)), partial(roots.leaves.bound, at)
+    open_roots = np.flatnonzero(roots.open_low)
+    if open_roots.size:
+        loops = StateSpace(*(matrix[open_roots] for matrix in system))
+        roots.open_low[open_roots] = ~_is_clear_next_to_one(
+            opened.E[open_roots],
+            loops,
+            lines,
+            poles[open_roots],
+            late((open_roots, None)),
+            partial(roots.leaves.bound, open_roots),
         )
 
     def boundary(theta: np.ndarray) -> np.ndarray:
@@ -246,12 +254,12 @@ def _response(
     E, B, C, D = opened
     C = C[..., row : row + 1, :]
     D = D[..., row, 0]
-    left = solver.row(E, C, on_circle(-theta))
-    terms = left * right
+    observed = solver.row(E, C, on_circle(-theta))
+    terms = observed * right
     size = np.abs(terms).sum(-1)
     # H at theta, by what B reaches, and at -theta, by what C reads.
     forward = C[..., 0, :] * right
-    back = left * B[..., 0]
+    back = observed * B[..., 0]
     size_forward = np.abs(forward).sum(-1) + np.abs(D)
     size_back = np.abs(back).sum(-1) + np.abs(D)
     if isinstance(solver, DelayLines):
@@ -267,7 +275,7 @@ def _response(
     else:
         roundings = CAUTION + E.shape[-1]
         some: np.ndarray = loops  # type: ignore[assignment]  # which a form always has
-        of_turning, of_gain = _errors_of_form(solver, some, left, right, theta)
+        of_turning, of_gain = _errors_of_form(solver, some, observed, right, theta)
     both = size_forward + size_back
     return _Response(
         forward=forward.sum(-1) + D,
@@ -419,11 +427,11 @@ def _collect(
     new = np.ones(order.size, bool)
     close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
     new[1:] = (np.diff(column[order]) != 0) | ~close_by
-    at = order[new]
-    column = column[at]
-    theta = polished.theta[at]
-    value = polished.value[at]
-    jump = jump[at]
+    order_of_new = order[new]
+    column = column[order_of_new]
+    theta = polished.theta[order_of_new]
+    value = polished.value[order_of_new]
+    jump = jump[order_of_new]
 
     first = np.full(fixed.size, np.pi)
     last = np.zeros(fixed.size)
@@ -441,7 +449,7 @@ def _collect(
         value=np.concatenate([value, ends.value]),
         theta=np.concatenate([theta, ends.theta]),
         jump=np.concatenate([jump, ends.jump]),
-        inverse=np.concatenate([at, len(inverses) + ends.inverse]),
+        inverse=np.concatenate([order_of_new, len(inverses) + ends.inverse]),
         inverses=np.concatenate([inverses, at_ends]),
         complete=complete,
         growth_to_infinity=np.full(fixed.size, np.nan),

@@ -164,7 +164,7 @@ class PolishedCrossings(NamedTuple):
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def polish(
-    cut: LinearFractional, along: str, fixed: np.ndarray, theta: np.ndarray, scale: float
+    cut: LinearFractional, parameter: str, fixed: np.ndarray, theta: np.ndarray, scale: float
 ) -> tuple[PolishedCrossings, np.ndarray]:
     """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the
     seeds theta.
@@ -187,7 +187,7 @@ def polish(
         loops = cut if active.size == theta.size else cut.at(active)
         w = on_circle(theta[active])
         resolvent = Inverse(inverse(_shifted(loops, w)))
-        curve, speed = _value_and_slope(loops, along, fixed[active], w, resolvent)
+        curve, speed = _value_and_slope(loops, parameter, fixed[active], w, resolvent)
         step = _newton(*curve, theta[active], scale)
         theta[active] = step.theta
         value[active] = step.value
@@ -205,7 +205,7 @@ def polish(
 def polish_of_many_states(
     cut: LinearFractional,
     states: ManyStates,
-    along: str,
+    parameter: str,
     fixed: float,
     theta: np.ndarray,
     scale: float,
@@ -220,7 +220,7 @@ def polish_of_many_states(
             if not active.size:
                 break
             w = on_circle(theta[active])
-            curve, _ = _value_and_slope(cut, along, fixed, w, states.at(w))
+            curve, _ = _value_and_slope(cut, parameter, fixed, w, states.at(w))
             step = _newton(*curve, theta[active], scale)
             theta[active] = step.theta
             value[active] = step.value
@@ -250,15 +250,17 @@ def _newton(now: np.ndarray, slope: np.ndarray, theta: np.ndarray, scale: float)
     size = np.abs(step)
     small = size <= LAST_STEP_OF_ANGLE * np.minimum(theta, np.pi - theta)
     least = NEAREST_END * theta
-    most = np.pi - NEAREST_END * (np.pi - theta)
+    highest = np.pi - NEAREST_END * (np.pi - theta)
     estimate = now.real + step * slope.real  # its error is the square of the step
     value = np.where(far, 1 / estimate, estimate)
-    return _Step(np.clip(theta + step, least, most), value, small & (slope.imag != 0), size, small)
+    return _Step(
+        np.clip(theta + step, least, highest), value, small & (slope.imag != 0), size, small
+    )
 
 
 def _value_and_slope(
     cut: LinearFractional,
-    along: str,
+    parameter: str,
     fixed: np.ndarray | float,
     w: np.ndarray,
     resolvent: Resolvent,
@@ -275,22 +277,22 @@ def _value_and_slope(
     if cut.integrates:
         of_x = dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET]
         slopes = Terms(np.ones(()), of_x, w * dG[..., VELOCITY] + G[..., VELOCITY])
-    found = terms_of(cut, w, G)
+    values = terms_of(cut, w, G)
     if cut.late:
         turn = turned_back(cut, w)
         by_turn = -cut.late / (1 + w)
         slopes = Terms(
-            slopes.unit, turn * slopes.x + by_turn * found.x, turn * slopes.v + by_turn * found.v
+            slopes.unit, turn * slopes.x + by_turn * values.x, turn * slopes.v + by_turn * values.v
         )
-    return _solved(found, slopes, along, fixed, w), speed
+    return _solved(values, slopes, parameter, fixed, w), speed
 
 
 def _solved(
-    t: Terms, slopes: Terms, along: str, fixed: np.ndarray | float, w: np.ndarray
+    t: Terms, slopes: Terms, parameter: str, fixed: np.ndarray | float, w: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the number that solves the equation, and its derivative by theta, complex."""
-    solved, fixed_term = t.along(along)
-    d_solved, d_fixed = slopes.along(along)
+    solved, fixed_term = t.along(parameter)
+    d_solved, d_fixed = slopes.along(parameter)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = (t.unit - fixed * fixed_term) / solved
         by_w = (slopes.unit - fixed * d_fixed - value * d_solved) / solved
@@ -299,7 +301,7 @@ def _solved(
 
 def end_errors(
     cut: LinearFractional,
-    along: str,
+    parameter: str,
     fixed: np.ndarray,
     value: np.ndarray,
     w: np.ndarray,
@@ -322,7 +324,7 @@ def end_errors(
     dK/Im K'`, which moves K by `Re K'` times as much.
     """
     w = np.asarray(w)
-    pair = (value, fixed) if along == FIRST else (fixed, value)
+    pair = (value, fixed) if parameter == FIRST else (fixed, value)
     if resolvent is None:
         resolvent = Inverse(inverse(_shifted(cut, w)))
     state = _states(cut, w, resolvent)
@@ -330,21 +332,21 @@ def end_errors(
     t = terms_of(cut, w, G)
     turn = turned_back(cut, w) if cut.late else 1.0
     turned = pair[0] * turn, pair[1] * turn
-    left = _adjoint(cut, w, _read_row(cut, w, turned, cut.C), resolvent)
-    slope = (left * state[..., 0]).sum(-1)
+    adjoint = _adjoint(cut, w, _read_row(cut, w, turned, cut.C), resolvent)
+    slope = (adjoint * state[..., 0]).sum(-1)
     if cut.integrates:
         slope = slope + 1 - turned[0] * G[..., OFFSET] - turned[1] * G[..., VELOCITY]
     if cut.late:
         slope = slope + cut.late / (1 + w) * (pair[0] * t.x + pair[1] * t.v)
     with np.errstate(all="ignore"):
-        solved, _ = t.along(along)
+        solved, _ = t.along(parameter)
         by_angle = slope / solved * (1j * (1 + w))
         grazing = np.where(on_axis, 1.0, np.abs(by_angle) / np.abs(by_angle.imag))
         further = least * np.abs(solved)
         size = np.abs(t.unit) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + further
         size = np.where(size > 0, size, 1)  # at K = 0 the equation is 0 = 0 by structure
         numbers = np.abs(pair[0]), np.abs(pair[1])
-        sizes = _Sizes(np.abs(w), numbers, np.abs(left), np.abs(state))
+        sizes = _Sizes(np.abs(w), numbers, np.abs(adjoint), np.abs(state))
         rounding, error = _errors_of_equation(cut, sizes, _left(cut, w, state))
         late_terms = np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v)
         of_turn = np.where(on_axis, 0.0, cut.late * EPS * late_terms)
@@ -370,13 +372,13 @@ def _adjoint(
     cut: LinearFractional, w: np.ndarray, row: np.ndarray, resolvent: Resolvent
 ) -> np.ndarray:
     """Return `row (w I - E)^-1`, `(..., n)`, refined."""
-    left = resolvent.row(row)
-    missed = row - w[..., None] * left + _moved(cut.E.mT, left[..., None])[..., 0]
+    adjoint = resolvent.row(row)
+    missed = row - w[..., None] * adjoint + _moved(cut.E.mT, adjoint[..., None])[..., 0]
     change = resolvent.row(missed)
-    smaller = np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True)
+    smaller = np.abs(change).max(-1, keepdims=True) < np.abs(adjoint).max(-1, keepdims=True)
     # Next to a pole of the loop itself, as a mode without damping is one, the change would be
     # rounding of another scale.
-    return left + np.where(smaller, change, 0.0)
+    return adjoint + np.where(smaller, change, 0.0)
 
 
 class _Sizes(NamedTuple):
@@ -402,15 +404,15 @@ class _Sizes(NamedTuple):
 
 
 def _errors_of_equation(
-    cut: LinearFractional, sizes: _Sizes, left: np.ndarray
+    cut: LinearFractional, sizes: _Sizes, adjoint: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what moves the characteristic equation, twice `(...)`: a rounding of every entry, and
     the bounds on the errors of the entries.
 
-    Both have with them what the solve leaves of `(w I - E) s = B`, which is `left`, `(..., n, 1)`:
+    Both have with them what the solve leaves of `(w I - E) s = B`, which is `adjoint`, `(..., n, 1)`:
     it moves the equation by `|l| |left|`.
     """
-    of_solve = (sizes.adjoint * np.abs(left)[..., 0]).sum(-1)
+    of_solve = (sizes.adjoint * np.abs(adjoint)[..., 0]).sum(-1)
     terms = sizes.moved_by(cut, np.abs(cut.E), np.abs(cut.B), np.abs(cut.C), np.abs(cut.D))
     rounding = EPS * terms + of_solve
     return rounding, rounding + sizes.moved_by(cut, cut.dE, cut.dB, cut.dC, cut.dD)

@@ -134,8 +134,8 @@ def _beside_one(
     begin = open_.low.copy()
     begin[first] = np.minimum(reached, open_.high[first])
     tiles = Tiles.of(panels.column[panel], np.full(panel.size, low), begin[first], outside)
-    left = replace(open_, low=begin, place=(begin + open_.high) / 2)
-    return tiles.take(proved), left.take(begin < open_.high)
+    beyond = replace(open_, low=begin, place=(begin + open_.high) / 2)
+    return tiles.take(proved), beyond.take(begin < open_.high)
 
 
 def _with_ends_in_gaps(tiles: Tiles, errors: FramesOf, slack: Slack) -> Tiles:
@@ -151,12 +151,12 @@ def _with_ends_in_gaps(tiles: Tiles, errors: FramesOf, slack: Slack) -> Tiles:
     same_column = np.diff(tiles.column) == 0
     ending = (np.minimum(before, after) == 0) & (np.maximum(before, after) > 0)
     narrow = (gap > 0) & (gap <= slack(tiles.high[:-1]))
-    at = np.flatnonzero(same_column & ending & narrow)
-    if not at.size:
+    gaps = np.flatnonzero(same_column & ending & narrow)
+    if not gaps.size:
         return tiles
-    column = tiles.column[at]
-    low = tiles.high[at]
-    high = tiles.low[at + 1]
+    column = tiles.column[gaps]
+    low = tiles.high[gaps]
+    high = tiles.low[gaps + 1]
     value = (low + high) / 2
     E, _ = errors(column, value)
     z = 1 + np.linalg.eigvals(np.nan_to_num(E))
@@ -209,11 +209,11 @@ def _unstable_by_traces(panels: Panels) -> tuple[Tiles, _OpenStretches]:
     low = edges[:, :-1][first]
     high = edges[:, 1:][last]
     done = proved[first] & (high > low)
-    left = ~proved[first] & (high > low)
+    undecided = ~proved[first] & (high > low)
     tiles = Tiles.of(panels.column[panel[done]], low[done], high[done], 1)
     none = 0 * panel
     open_ = _OpenStretches(panel, low, high, (low + high) / 2, none, none, none > 0)
-    return tiles, open_.take(left)
+    return tiles, open_.take(undecided)
 
 
 def _traces(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -457,13 +457,13 @@ class _Round:
         given_up = np.where(failed & ~halved, GIVEN_UP * width, 0.0)
         low = np.where(sides.proved[0], sides.reached[0], sides.reached[0] - given_up)
         high = np.where(sides.proved[1], sides.reached[1], sides.reached[1] + given_up)
-        left = (
+        undecided = (
             (a, low, -1),
             (high, b, 1),
             (below, np.where(halved, place, below), 0),
             (place, np.where(halved, above, place), 0),
         )
-        for begin, end, sign in left:
+        for begin, end, sign in undecided:
             long = np.flatnonzero((end - begin > self.short) & ~moving)
             proved_end = end if sign < 0 else begin
             gone = np.abs(proved_end - place)[long]
@@ -552,6 +552,6 @@ def _exact_frames(
     off = np.empty((tests.size, n, n))
     for function, chosen in zip(errors, (~tight, tight), strict=True):
         if chosen.any():
-            at = tests[chosen]
-            E[chosen], off[chosen] = function(column[at], open_.place[at])
+            tested = tests[chosen]
+            E[chosen], off[chosen] = function(column[tested], open_.place[tested])
     return ExactFrames(tests, E, off)

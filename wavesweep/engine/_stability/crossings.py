@@ -73,7 +73,12 @@ def warp_scale(cut: LinearFractional, *, alone: bool) -> np.ndarray:
 
 
 def sampled_polynomial(
-    cut: LinearFractional, along: str, scale: np.ndarray, rough: np.ndarray, *, alone: bool = False
+    cut: LinearFractional,
+    parameter: str,
+    scale: np.ndarray,
+    rough: np.ndarray,
+    *,
+    alone: bool = False,
 ) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
@@ -91,7 +96,7 @@ def sampled_polynomial(
     """
     count = cut.order + SPARE_COEFFICIENTS
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
-    solved, fixed, unit, w = _scaled(cut, np.exp(1j * phi), scale, along)
+    solved, fixed, unit, w = _scaled(cut, np.exp(1j * phi), scale, parameter)
     if alone:
         fixed = 0 * fixed
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
@@ -120,13 +125,19 @@ def sampled_polynomial(
     ]
     sizes = [largest(unit_part), largest(fixed_part), largest(solved) ** 2]
     value, value_noise = _sines(times_sine, sizes, transform, cut.order + 1)
-    at = np.flatnonzero(rough)
-    if at.size:
-        sizes = [np.abs(unit[0, at]), np.abs(fixed[0, at]), np.abs(solved[0, at])]
-        errors = np.stack(_errors_of_entries(cut.at(at), along, w[at], *sizes))
+    rough_columns = np.flatnonzero(rough)
+    if rough_columns.size:
+        sizes = [
+            np.abs(unit[0, rough_columns]),
+            np.abs(fixed[0, rough_columns]),
+            np.abs(solved[0, rough_columns]),
+        ]
+        errors = np.stack(
+            _errors_of_entries(cut.at(rough_columns), parameter, w[rough_columns], *sizes)
+        )
         weight = 1 / (1 - np.cos(phi)) ** factors
-        noise[at] += 2 * (errors[:2] * weight).max(-1).T  # a mean times 2 sin
-        value_noise[at] += 2 * errors.max(-1).T
+        noise[rough_columns] += 2 * (errors[:2] * weight).max(-1).T  # a mean times 2 sin
+        value_noise[rough_columns] += 2 * errors.max(-1).T
     return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
 
 
@@ -162,7 +173,7 @@ def _sines(
 
 
 def _scaled(
-    cut: LinearFractional, zeta: np.ndarray, scale: np.ndarray, along: str
+    cut: LinearFractional, zeta: np.ndarray, scale: np.ndarray, parameter: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the characteristic terms `solved`, `fixed` and `unit` times the warped pole polynomial:
     polynomials in zeta, `(2, loops, points)` each; and `w = z - 1`, `(loops, points)`.
@@ -192,13 +203,13 @@ def _scaled(
     pole = pole * size
     outputs = over * size[:, None] + cut.D * pole[:, :, None]
     terms = terms_of(cut, w, np.moveaxis(outputs, -2, -1), pole)
-    return *terms.along(along), terms.unit, w
+    return *terms.along(parameter), terms.unit, w
 
 
 @np.errstate(all="ignore")
 def _errors_of_entries(
     cut: LinearFractional,
-    along: str,
+    parameter: str,
     w: np.ndarray,
     unit: np.ndarray,
     fixed: np.ndarray,
@@ -221,27 +232,27 @@ def _errors_of_entries(
     same degree, so its coefficients are at most twice its largest sample.
     """
     dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
-    one = np.eye(cut.E.shape[-1])
-    R = inverse(w[..., None, None] * one - cut.E[:, None])
+    identity = np.eye(cut.E.shape[-1])
+    R = inverse(w[..., None, None] * identity - cut.E[:, None])
     RB = np.abs(R @ cut.B[:, None])
     CR = np.abs(cut.C[:, None] @ R)
     R = np.abs(R)
     reach = R @ dE
-    known = np.isfinite(reach).all((-1, -2))
-    reach = np.where(known[..., None, None], reach, 0.0)
-    known &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < RESOLVENT_CHANGE
-    reach = np.where(known[..., None, None], reach, 0.0)
-    NR = inverse(one - reach) @ R
+    bounded = np.isfinite(reach).all((-1, -2))
+    reach = np.where(bounded[..., None, None], reach, 0.0)
+    bounded &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < RESOLVENT_CHANGE
+    reach = np.where(bounded[..., None, None], reach, 0.0)
+    NR = inverse(identity - reach) @ R
     c = CR + CR @ dE @ NR
     entering = dE @ RB + dB
     dG = (c @ entering + dC @ (RB + NR @ entering) + dD)[..., 0]
     pole = unit / np.abs(w) if cut.integrates else unit
-    of_solved, of_fixed = terms_of(cut, np.abs(w), dG * pole[..., None], 0.0).along(along)
-    q = np.linalg.det(one - reach) ** -2.0
+    of_solved, of_fixed = terms_of(cut, np.abs(w), dG * pole[..., None], 0.0).along(parameter)
+    q = np.linalg.det(identity - reach) ** -2.0
     errors = []
     for size, error in ((unit, 0.0), (fixed, of_fixed), (solved, of_solved)):
         moved = size * of_solved + error * (solved + of_solved)
-        errors.append(np.where(known, moved * q + size * solved * (q - 1), np.inf))
+        errors.append(np.where(bounded, moved * q + size * solved * (q - 1), np.inf))
     return errors
 
 
@@ -340,7 +351,7 @@ def crossings(
     complete[_merged(column, seed, polished.theta)] = False
     ends, at_ends = at_both_ends(columns, roots.at_one, roots.at_minus_one)
     complete &= ~(roots.open_at_one | roots.open_at_minus_one)
-    at = np.concatenate([np.arange(column.size), len(inverses) + ends.inverse])
+    order = np.concatenate([np.arange(column.size), len(inverses) + ends.inverse])
     column = np.concatenate([column, ends.column])
     value = np.concatenate([polished.value, ends.value])
     theta = np.concatenate([polished.theta, ends.theta])
@@ -362,7 +373,7 @@ def crossings(
     growth_to_infinity = growth_to_infinity + np.bincount(column, growth, minlength=fixed.size)
     growth_to_infinity[~complete] = np.nan
     every_inverse = np.concatenate([inverses, at_ends])
-    return Crossings(column, value, theta, jump, at, every_inverse, complete, growth_to_infinity)
+    return Crossings(column, value, theta, jump, order, every_inverse, complete, growth_to_infinity)
 
 
 def _side(

@@ -77,8 +77,8 @@ def eigenbasis(E: np.ndarray) -> Eigenbasis:
         X, Z = _vectors(E)
     else:
         X, Z = np.full((2, *E.shape), np.inf, complex)
-    for at in _dependent(X, Z):
-        X[at], Z[at], block[at] = _with_block(E[at])
+    for group in _dependent(X, Z):
+        X[group], Z[group], block[group] = _with_block(E[group])
     for size in (1e-14, 1e-10):  # of the largest entry, how far the matrix next to it is from it
         dependent = _dependent(X, Z)
         if not dependent.size:
@@ -202,18 +202,18 @@ class Expansions(NamedTuple):
 
 
 def expansions(
-    panels: Panels, at: np.ndarray, x: np.ndarray, pad: np.ndarray, exact: ExactFrames
+    panels: Panels, panel: np.ndarray, x: np.ndarray, pad: np.ndarray, exact: ExactFrames
 ) -> Expansions:
     """Return the frames about places of panels; the arguments are those of `DominanceTests.of`."""
     n = panels.error.shape[-1]
-    m = at.size
-    bent = panels.coefficients[at, DEGREES[0] + 1 :].any()
+    m = panel.size
+    bent = panels.coefficients[panel, DEGREES[0] + 1 :].any()
     degree = DEGREES[1] if bent else DEGREES[0]
     T = taylor(x, degree)
-    c = panels.coefficients[at, : degree + 1].reshape(m, degree + 1, n * n)
+    c = panels.coefficients[panel, : degree + 1].reshape(m, degree + 1, n * n)
     D = (T @ c).reshape(m, TAYLOR_ORDER, n, n)
     sizes = (np.abs(T) @ np.abs(c)).reshape(m, TAYLOR_ORDER, n, n)
-    error = panels.error[at].copy()
+    error = panels.error[panel].copy()
     drift = np.zeros((m, n, n))
     if exact.tests.size:
         # The model's error e, which is known at the place itself, changes by |e'| <= 4 degree max
@@ -300,13 +300,13 @@ def _joined(
     So it is one more eigenvalue 0 with something off the diagonal, as far as dominance goes; others
     of them fill tests up.
     """
-    most = (~block).sum(1).max() + 1
-    place = np.where(block, most - 1, np.cumsum(~block, 1) - 1)
-    to = (place[:, None] == np.arange(most)[:, None]).astype(float)
+    size = (~block).sum(1).max() + 1
+    place = np.where(block, size - 1, np.cumsum(~block, 1) - 1)
+    to = (place[:, None] == np.arange(size)[:, None]).astype(float)
     parts = parts.joined(to)
-    for at in np.flatnonzero(block.any(1)):
-        N = B0[at][np.ix_(block[at], block[at])] + np.eye(block[at].sum())
-        parts.C0[at, -1, -1] = np.linalg.norm(np.nan_to_num(N), 2) * (1 + DOMINANT_BY)
+    for index in np.flatnonzero(block.any(1)):
+        N = B0[index][np.ix_(block[index], block[index])] + np.eye(block[index].sum())
+        parts.C0[index, -1, -1] = np.linalg.norm(np.nan_to_num(N), 2) * (1 + DOMINANT_BY)
     return mu.joined(to * ~block[:, None]), parts
 
 
@@ -344,7 +344,7 @@ class DominanceTests:
     def of(
         cls,
         panels: Panels,
-        at: np.ndarray,
+        panel: np.ndarray,
         x: np.ndarray,
         pad: np.ndarray,
         wanted: np.ndarray,
@@ -352,7 +352,7 @@ class DominanceTests:
     ) -> DominanceTests:
         """at: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half
         of what is to be proved."""
-        D, sizes, error, drift = expansions(panels, at, x, pad, exact)
+        D, sizes, error, drift = expansions(panels, panel, x, pad, exact)
         n = panels.error.shape[-1]
         X, Z, block = eigenbasis(D[:, 0])
         B = Z[:, None] @ D @ X[:, None]
@@ -384,7 +384,7 @@ class DominanceTests:
             G=np.abs(Z @ X - np.eye(n)) + rounding * size_Z @ size_X,
             e0=size_Z @ (error + rounding * np.abs(D[:, 0])) @ size_X,
             e1=size_Z @ (drift + rounding * sizes[:, 1:].sum(1)) @ size_X,
-            e2=size_Z @ panels.rest[at] @ size_X,
+            e2=size_Z @ panels.rest[panel] @ size_X,
         )
         if block.any():
             mu, parts = _joined(mu, parts, block, B0)
@@ -462,7 +462,7 @@ class DominanceTests:
         w = np.abs(mu.w)
         b = np.abs(mu.b)
         c = np.abs(mu.c)
-        most = np.maximum(np.abs(start), np.abs(stop))[:, None]
+        farthest = np.maximum(np.abs(start), np.abs(stop))[:, None]
         r = radius[:, None]
         excess = self.excess[tests] + (1 - r**2)
         outside = excess + (start + stop)[:, None] / 2 * slope > 0
@@ -470,18 +470,23 @@ class DominanceTests:
         # (3): side (|1 + mu|^2 - r^2) is at least side (excess + h slope) - h^2 (bends + |h|
         # cubic).
         bends = np.maximum(0, -side * self.curve[tests])
-        cubic = 2 * b * c + most * c**2
-        largest = self.size[tests] + most * b + most**2 * c + r  # of |1 + mu| + r
+        cubic = 2 * b * c + farthest * c**2
+        largest = self.size[tests] + farthest * b + farthest**2 * c + r  # of |1 + mu| + r
         # |z - 1| is at most this where |z - 1 - mu| is least.
-        reach = w + most * b + most**2 * c + (np.abs(excess) + most * np.abs(slope)) / largest
+        reach = (
+            w
+            + farthest * b
+            + farthest**2 * c
+            + (np.abs(excess) + farthest * np.abs(slope)) / largest
+        )
         reach = reach[:, :, None]
 
         def ratios(h: np.ndarray) -> np.ndarray:
             """What is off the diagonal over what is left of it, at h; infinite if nothing is
             left."""
             a = np.abs(h)[:, None]
-            left = 1 - mu.k2 * a**2
-            safe = np.maximum(left, 0.1)
+            slack = 1 - mu.k2 * a**2
+            safe = np.maximum(slack, 0.1)
             if h.any():
                 off = _entries_at(a[:, :, None], parts, KBK, reach)
             else:
@@ -493,7 +498,7 @@ class DominanceTests:
             d -= (
                 a**3 * mu.k2 * (b + a * mu.d2) + a**4 * mu.k2**2 * (w + a * b + a**2 * mu.d2) / safe
             )
-            d = np.where(left > 0.1, d, -1.0)[:, :, None]
+            d = np.where(slack > 0.1, d, -1.0)[:, :, None]
             n = w.shape[1]
             off[:, range(n), range(n)] = 0
             with np.errstate(all="ignore"):

@@ -62,9 +62,12 @@ class Panels(Rows):
     def joined(cls, batches: list[Panels]) -> Panels:
         """Return the panels of all batches, filled up to as many states as the largest has;
         those added have z = 0."""
-        most = max(batch.error.shape[-1] for batch in batches)
+        states = max(batch.error.shape[-1] for batch in batches)
         return cls.join(
-            [batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches]
+            [
+                batch if batch.error.shape[-1] == states else batch.filled(states)
+                for batch in batches
+            ]
         )
 
     def filled(self, order: int) -> Panels:
@@ -122,8 +125,8 @@ class Panels(Rows):
                 remembered[kind] = tuple(_remembered(entries))
             groups.setdefault(remembered[kind], []).append(panel)
         results = []
-        for left, of_group in groups.items():
-            states = np.array(left)
+        for kept_states, of_group in groups.items():
+            states = np.array(kept_states)
             results.append((self.take(np.array(of_group)).of_states(states), states))
         return results
 
@@ -183,23 +186,23 @@ def panels_of(
         over = OVERLAP * (high - low)
         lowest = bounds[0][column]
         highest = bounds[1][column]
-        left = np.maximum(low - over, lowest)
+        low_ends = np.maximum(low - over, lowest)
         right = np.minimum(high + over, highest)
-        middle = (left + right) / 2
-        half = (right - left) / 2
+        middle = (low_ends + right) / 2
+        half = (right - low_ends) / 2
         inside = (middle - EXTENT * half >= lowest) & (middle + EXTENT * half <= highest)
         good = np.zeros(column.size, bool)
         overflown = np.zeros(column.size, bool)
         hopeless = np.zeros(column.size, bool)
         chosen = np.flatnonzero(inside)
         if resolved is not None and chosen.size:
-            chosen = chosen[resolved(column[chosen], left[chosen], right[chosen])]
+            chosen = chosen[resolved(column[chosen], low_ends[chosen], right[chosen])]
         for first in range(0, chosen.size, few):
             portion = chosen[first : first + few]
             places = (fact[portion] for fact in (column, low, high, middle, half))
             with np.errstate(all="ignore"):
-                followed, at, finite = _followed(_Spans(frames, errors, *places))
-            good[portion[at]] = True
+                followed, node_angles, finite = _followed(_Spans(frames, errors, *places))
+            good[portion[node_angles]] = True
             overflown[portion] = ~finite.all(1)
             hopeless[portion] = ~finite.any(1)
             done += followed
@@ -261,14 +264,14 @@ class _Spans(NamedTuple):
         x, _ = nodes(degree)
         rim, pivots = self.sample(index, RIM)
         # Quarters of a panel, times two, at which errors of entries are bounded.
-        at = np.array((0, 1, 2)) * (degree // 2)
-        exact, off = self.errors(self.column[index, None], self.places(index, x[at]))
+        quarters = np.array((0, 1, 2)) * (degree // 2)
+        exact, off = self.errors(self.column[index, None], self.places(index, x[quarters]))
         if not rim.shape[2:] == exact.shape[1:] == (n, n):
             return None
         basis, vanishing = _rim(degree)
         on_rim = np.einsum("rk,pkmn->prmn", basis, c, optimize=True)
         missed = 2 * np.abs(rim - on_rim).max(1) / vanishing
-        off = off + np.abs(exact - A[:, at].reshape(exact.shape))
+        off = off + np.abs(exact - A[:, quarters].reshape(exact.shape))
         off = off.reshape(index.size, -1, n, n).max(1)
         return missed, off, pivots
 

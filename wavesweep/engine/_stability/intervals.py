@@ -183,11 +183,11 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     of these is not its end. An open place between unstable values belongs to the interval below, or
     else above, or to the empty row of its column.
     """
-    at = np.arange(intervals.column.size)
+    index = np.arange(intervals.column.size)
     stable = intervals.index >= 0
     open_ = ~stable & ~np.isnan(intervals.low)
     if not open_.any():
-        return intervals, OpenPlaces(0 * at, *np.full((2, at.size), np.nan))
+        return intervals, OpenPlaces(0 * index, *np.full((2, index.size), np.nan))
     linked = _touching(intervals) & (open_[:-1] | open_[1:])
     chain = np.append(0, np.cumsum(~linked))
     begin = np.flatnonzero(np.diff(chain, prepend=-1))
@@ -200,9 +200,11 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     for neighbour in (above, below):
         owner = np.where(is_stable[neighbour] & (of[neighbour] == of), neighbour, owner)
     begin = np.flatnonzero(np.diff(owner[chain], prepend=-1))
-    last = np.maximum.reduceat(np.where(stable, at, -1), begin)
+    last = np.maximum.reduceat(np.where(stable, index, -1), begin)
     has_stable = last >= 0
-    first = np.where(has_stable, np.minimum.reduceat(np.where(stable, at, at.size), begin), begin)
+    first = np.where(
+        has_stable, np.minimum.reduceat(np.where(stable, index, index.size), begin), begin
+    )
     last = np.where(has_stable, last, begin)
     ended = ~(np.append(False, linked)[first] | np.append(linked, False)[last]) | ~has_stable
     rows = intervals.take(first)
@@ -249,10 +251,10 @@ def by_slice(batches: Sequence[Intervals]) -> Intervals:
     return joined.take(np.argsort(joined.column, kind="stable"))
 
 
-def in_place(intervals: Intervals, columns: np.ndarray, others: Intervals) -> Intervals:
-    """Intervals with others in place of those of some columns, which `others` numbers from 0."""
-    kept = intervals.take(~np.isin(intervals.column, columns))
-    return by_slice([kept, replace(others, column=columns[others.column])])
+def in_place(intervals: Intervals, columns: np.ndarray, replacements: Intervals) -> Intervals:
+    """Intervals with others in place of those of some columns, which `replacements` numbers from 0."""
+    unchanged = intervals.take(~np.isin(intervals.column, columns))
+    return by_slice([unchanged, replace(replacements, column=columns[replacements.column])])
 
 
 def common(loops: Sequence[Intervals]) -> Intervals:

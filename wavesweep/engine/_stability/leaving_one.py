@@ -50,25 +50,25 @@ WITHIN = 3.0
 
 
 def proved_from_one(
-    panels: Panels, at: np.ndarray, errors: Callable[..., Any], low: float
+    panels: Panels, panel: np.ndarray, errors: Callable[..., Any], low: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how far from `low` on no eigenvalue is on the unit circle, and how many are outside,
-    of each panel of `at`.
+    of each panel of `panel`.
 
     low: the low end of these panels, where the frame has the eigenvalue 1 exactly; it is returned
     where nothing is proved. errors: see `regions_along_any`.
     """
-    reached = np.zeros(at.size)
-    todo = np.arange(at.size)
+    reached = np.zeros(panel.size)
+    todo = np.arange(panel.size)
     with np.errstate(all="ignore"):
-        beside = _BesideOne.of(panels, at, errors, low)
+        beside = _BesideOne.of(panels, panel, errors, low)
         for h in REACHES:
             proved = beside.proved(todo, h)
             reached[todo[proved]] = h
             todo = todo[~proved]
             if not todo.size:
                 break
-    high = np.minimum(low + panels.half[at] * reached, panels.high[at])
+    high = np.minimum(low + panels.half[panel] * reached, panels.high[panel])
     return np.where(reached > 0, high, low), beside.outside
 
 
@@ -100,12 +100,14 @@ class _BesideOne:
 
     @classmethod
     def of(
-        cls, panels: Panels, at: np.ndarray, errors: Callable[..., Any], low: float
+        cls, panels: Panels, panel: np.ndarray, errors: Callable[..., Any], low: float
     ) -> "_BesideOne":
-        exact = ExactFrames(np.arange(at.size), *errors(panels.column[at], np.full(at.size, low)))
-        x = (low - panels.middle[at]) / panels.half[at]
+        exact = ExactFrames(
+            np.arange(panel.size), *errors(panels.column[panel], np.full(panel.size, low))
+        )
+        x = (low - panels.middle[panel]) / panels.half[panel]
         n = panels.error.shape[-1]
-        D, sizes, error, drift = expansions(panels, at, x, np.zeros(at.size), exact)
+        D, sizes, error, drift = expansions(panels, panel, x, np.zeros(panel.size), exact)
         X, Z, block = eigenbasis(D[:, 0])
         # Eigenvectors of a frame with uneven entries are known to a few digits before.
         for _ in range(2):
@@ -115,23 +117,23 @@ class _BesideOne:
         B0[:, range(n), range(n)] = 0.0
         w = np.diagonal(B[:, 0], axis1=1, axis2=2)
         order = np.argsort(np.abs(w), 1)
-        one = order[:, 0]
-        others = np.take_along_axis(w, order[:, 1:], 1)
-        speed = B[np.arange(at.size), 1, one, one]
+        nearest = order[:, 0]
+        remaining = np.take_along_axis(w, order[:, 1:], 1)
+        speed = B[np.arange(panel.size), 1, nearest, nearest]
         size_X = np.abs(X)
         size_Z = np.abs(Z)
         rounding = rounding_of(n)
         return cls(
-            one=one,
+            one=nearest,
             others=order[:, 1:],
-            far=np.where(block.any(1, keepdims=True), 0.0, np.abs(np.abs(1 + others) - 1)),
+            far=np.where(block.any(1, keepdims=True), 0.0, np.abs(np.abs(1 + remaining) - 1)),
             speed=speed.real,
             unsure=np.abs(speed.imag),
-            outside=(2 * others.real + np.abs(others) ** 2 > 0).sum(1) + (speed.real > 0),
+            outside=(2 * remaining.real + np.abs(remaining) ** 2 > 0).sum(1) + (speed.real > 0),
             G=np.abs(Z @ X - np.eye(n)) + rounding * size_Z @ size_X,
             e0=size_Z @ (error + rounding * np.abs(D[:, 0])) @ size_X,
             e1=size_Z @ (drift + rounding * sizes[:, 1:].sum(1)) @ size_X,
-            e2=size_Z @ panels.rest[at] @ size_X,
+            e2=size_Z @ panels.rest[panel] @ size_X,
             B0=B0,
             B1=B1,
             B2=B2,
@@ -188,11 +190,14 @@ class _BesideOne:
         G = self.G[index]
         G_ii, G_iR, G_Ri, G_RR = self._parts(G, index)
         _, M_iR, M_Ri, _ = self._parts(entries + 2 * G, index)
-        left = M_iR @ inverse
+        row_factor = M_iR @ inverse
         right = inverse @ M_Ri
-        return (G_ii + G_iR @ right + left @ G_Ri + left @ (np.eye(G_RR.shape[-1]) + G_RR) @ right)[
-            :, 0, 0
-        ]
+        return (
+            G_ii
+            + G_iR @ right
+            + row_factor @ G_Ri
+            + row_factor @ (np.eye(G_RR.shape[-1]) + G_RR) @ right
+        )[:, 0, 0]
 
     def _of_h(
         self, index: np.ndarray, M: np.ndarray, slopes: np.ndarray, inverse: np.ndarray
@@ -200,22 +205,22 @@ class _BesideOne:
         """The most of `dS/dh` without the derivative of M_ii."""
         _, M_iR, M_Ri, _ = self._parts(M, index)
         _, d_iR, d_Ri, d_RR = self._parts(slopes, index)
-        left = M_iR @ inverse
+        row_factor = M_iR @ inverse
         right = inverse @ M_Ri
-        return (left @ d_Ri + d_iR @ right + left @ d_RR @ right)[:, 0, 0]
+        return (row_factor @ d_Ri + d_iR @ right + row_factor @ d_RR @ right)[:, 0, 0]
 
     def _parts(
         self, array: np.ndarray, index: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The entry of the eigenvalue, its row, its column, and the rest."""
         number = np.arange(index.size)[:, None, None]
-        one = self.one[index, None, None]
+        nearest = self.one[index, None, None]
         across = self.others[index][:, None, :]
         down = self.others[index][:, :, None]
         return (
-            array[number, one, one],
-            array[number, one, across],
-            array[number, down, one],
+            array[number, nearest, nearest],
+            array[number, nearest, across],
+            array[number, down, nearest],
             array[number, down, across],
         )
 
@@ -226,16 +231,18 @@ def _refined(X: np.ndarray, Z: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, n
     B = Z @ E @ X
     order = np.argsort(np.abs(np.diagonal(B, axis1=1, axis2=2)), 1)
     number = np.arange(len(B))[:, None]
-    one = order[:, :1]
-    others = order[:, 1:]
-    value = B[number, one, one][:, :, None]
-    rest = B[number[:, :, None], others[:, :, None], others[:, None, :]] - value * np.eye(
-        others.shape[1]
+    nearest = order[:, :1]
+    remaining = order[:, 1:]
+    value = B[number, nearest, nearest][:, :, None]
+    rest = B[number[:, :, None], remaining[:, :, None], remaining[:, None, :]] - value * np.eye(
+        remaining.shape[1]
     )
     turn = np.zeros_like(B)
-    turn[number, one, others] = solve(rest.swapaxes(1, 2), B[number, one, others][:, :, None])[
+    turn[number, nearest, remaining] = solve(
+        rest.swapaxes(1, 2), B[number, nearest, remaining][:, :, None]
+    )[:, :, 0]
+    turn[number, remaining, nearest] = -solve(rest, B[number, remaining, nearest][:, :, None])[
         :, :, 0
     ]
-    turn[number, others, one] = -solve(rest, B[number, others, one][:, :, None])[:, :, 0]
     turn = np.nan_to_num(turn, nan=0.0, posinf=0.0, neginf=0.0)
     return X + X @ turn, Z - turn @ Z

@@ -37,13 +37,15 @@ def modes_of(E: np.ndarray) -> Modes:
     delta = np.zeros(n, complex)
     shares = np.zeros((n, n))
     first = 0
-    for at in states_of_blocks(E):
-        values, right = np.linalg.eig(E[np.ix_(at, at)])
+    for block in states_of_blocks(E):
+        values, right = np.linalg.eig(E[np.ix_(block, block)])
         left = _left_eigenvectors(right)
         participation = np.abs(right.T * left)
-        delta[first : first + at.size] = values
-        shares[first : first + at.size, at] = participation / participation.sum(1, keepdims=True)
-        first += at.size
+        delta[first : first + block.size] = values
+        shares[first : first + block.size, block] = participation / participation.sum(
+            1, keepdims=True
+        )
+        first += block.size
     order = np.lexsort((-delta.imag, -np.round(np.abs(1 + delta), 12)))
     return Modes(delta[order], shares[order])
 
@@ -52,9 +54,9 @@ def _left_eigenvectors(right: np.ndarray) -> np.ndarray:
     """Return the inverse of the right eigenvectors, or what is nearest to it: of a double
     eigenvalue there is none."""
     if len(right) >= BOUNDED_STATES:
-        left = inverse(right)  # in a tenth of the time
-        if np.abs(left @ right - np.eye(len(right))).max() < INVERTED_MODES:
-            return left
+        rows = inverse(right)  # in a tenth of the time
+        if np.abs(rows @ right - np.eye(len(right))).max() < INVERTED_MODES:
+            return rows
     return np.linalg.pinv(right)
 
 

@@ -99,7 +99,7 @@ def positive(
     box: Box,
     limits: tuple[float, float],
     resolved: Callable[[float, float], bool],
-    most: int,
+    most_boxes: int,
 ) -> Cover:
     """Prove that functions are positive on a box; a number whose two ends are equal does not vary.
 
@@ -112,18 +112,18 @@ def positive(
     units = functions.units(box.mean(0))
     queue = [box]
     used = 0
-    while queue and used < most:
+    while queue and used < most_boxes:
         together = max(1, AT_ONCE // per_box)
         boxes = np.array(queue[:together])
         queue = queue[together:]
         low, high = boxes[..., 0].T
         reach = RADIUS * (high - low) / 2
         middle = (low + high) / 2
-        known = (low == high) | (middle - reach >= limits[0]) & (middle + reach <= limits[1])
-        known[known] = [resolved(*ends) for ends in boxes[known][..., 0].tolist()]
-        for ends in boxes[~known]:
+        inside = (low == high) | (middle - reach >= limits[0]) & (middle + reach <= limits[1])
+        inside[inside] = [resolved(*ends) for ends in boxes[inside][..., 0].tolist()]
+        for ends in boxes[~inside]:
             queue += _halves(ends, 0)
-        boxes = boxes[known]
+        boxes = boxes[inside]
         if not len(boxes):
             continue
         used += per_box * len(boxes)
@@ -131,8 +131,8 @@ def positive(
             judged = _judged(functions, units, boxes, wide)
         if judged.negative.any():
             return Cover(np.array([*queue, *boxes]), boxes.mean(1)[judged.negative])
-        for at in np.flatnonzero(~judged.positive):
-            queue += _halves(boxes[at], wide[judged.number[at]])
+        for index in np.flatnonzero(~judged.positive):
+            queue += _halves(boxes[index], wide[judged.number[index]])
     return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])))
 
 
@@ -153,9 +153,9 @@ def _judged(
     half = (boxes[:, 1] - boxes[:, 0]) / 2
     points = np.repeat(boxes.mean(1)[:, None], 1 + len(t), 1).astype(complex)
     points[:, 1:, wide] += half[:, None, wide] * t
-    found = functions.values(points.reshape(-1, points.shape[-1]), units)
-    phase, log, error = (each.reshape(-1, *points.shape[:2]) for each in found[:3])
-    pivots = found.pivots.reshape(*points.shape[:2], -1)
+    sampled = functions.values(points.reshape(-1, points.shape[-1]), units)
+    phase, log, error = (entries.reshape(-1, *points.shape[:2]) for entries in sampled[:3])
+    pivots = sampled.pivots.reshape(*points.shape[:2], -1)
 
     negative = (phase[..., 0].real < 0) & (EPS * error[..., 0] < 1)
     finite = np.isfinite(log).all((0, 2)) & np.isfinite(pivots).all((1, 2))

@@ -177,10 +177,10 @@ class ReducedEquation:
         value = series.constant[panel].copy()
         slope = np.zeros((panel.size, series.constant.shape[1]))
         for number in np.unique(panel).tolist():
-            at = np.flatnonzero(panel == number)
-            sums = both[at] @ series.c[number]
-            value[at[:, None], series.varies] += sums[:, 0] - series.c[number, 0]
-            slope[at[:, None], series.varies] = sums[:, 1]
+            of_panel = np.flatnonzero(panel == number)
+            sums = both[of_panel] @ series.c[number]
+            value[of_panel[:, None], series.varies] += sums[:, 0] - series.c[number, 0]
+            slope[of_panel[:, None], series.varies] = sums[:, 1]
         return value, slope
 
     def bounds(
@@ -240,10 +240,10 @@ class ReducedEquation:
     def _judged_at_once(self, boxes: _Boxes, radius: float) -> tuple[np.ndarray, np.ndarray]:
         # Boxes of different angles share the entries of the frame.
         facts = np.stack([boxes.panel, boxes.x, boxes.wide])
-        _, at, of = np.unique(facts, axis=1, return_index=True, return_inverse=True)
+        _, distinct, of = np.unique(facts, axis=1, return_index=True, return_inverse=True)
         of = of.reshape(-1)
-        value, slope = self.entries(boxes.panel[at], boxes.x[at])
-        bounds = self.bounds(boxes.panel[at], value, slope, boxes.wide[at])
+        value, slope = self.entries(boxes.panel[distinct], boxes.x[distinct])
+        bounds = self.bounds(boxes.panel[distinct], value, slope, boxes.wide[distinct])
         R_tt, R_tx, R_xx, rounding = (bound[of] for bound in bounds)
         rounding = rounding + self.rounding_at(boxes.theta, radius)
         S, S_theta, S_x = self.around(value[of], slope[of], boxes.theta, radius)
@@ -389,8 +389,8 @@ def tiles_by_lines(
     windows = _windows(panels, equation.crossings(boxes), span, slack)
     for column, low, high in zip(windows.column, windows.low, windows.high, strict=True):
         boxes = _without(boxes, panels, column, low, high, pad)
-    left = _left_open(equation, boxes, MOST_SPLITS)
-    if left is None or left.x.size:
+    undecided = _left_open(equation, boxes, MOST_SPLITS)
+    if undecided is None or undecided.x.size:
         return None
     stretches = _counted(_stretches(panels, windows), errors)
     return Tiles.join([stretches, _labelled(windows, stretches, equation, errors)])
@@ -429,7 +429,7 @@ def _left_open(
 ) -> _Boxes | None:
     """The boxes that are halved so often and not proved; None if there are too many."""
     columns = np.unique(equation.panels.column).size
-    left = []
+    undecided = []
     used = 0
     while boxes.x.size:
         used += boxes.x.size
@@ -440,9 +440,9 @@ def _left_open(
         open_ = ~good
         boxes = halved(boxes.take(open_), by_x[open_])
         last = boxes.splits >= splits
-        left.append(boxes.take(last))
+        undecided.append(boxes.take(last))
         boxes = boxes.take(~last)
-    return _Boxes.join([*left, boxes])
+    return _Boxes.join([*undecided, boxes])
 
 
 def _windows(
@@ -458,21 +458,23 @@ def _windows(
     low = np.maximum(value - half, span[0])
     high = np.minimum(value + half, span[1])
     order = np.flatnonzero(inside)[np.lexsort((low[inside], column[inside]))]
-    value, low, high, column = (each[order] for each in (value, low, high, column))
-    kept: list[int] = []  # the first of those that meet, which reaches as far as any of them
-    for at in range(order.size):
-        last = kept[-1] if kept else at
-        if kept and column[last] == column[at] and low[at] <= high[last]:
-            high[last] = max(high[last], high[at])
+    value, low, high, column = (ordered[order] for ordered in (value, low, high, column))
+    first_of_joined: list[
+        int
+    ] = []  # the first of those that meet, which reaches as far as any of them
+    for index in range(order.size):
+        last = first_of_joined[-1] if first_of_joined else index
+        if first_of_joined and column[last] == column[index] and low[index] <= high[last]:
+            high[last] = max(high[last], high[index])
         else:
-            kept.append(at)
+            first_of_joined.append(index)
     windows = np.full(order.size, WINDOW)
     theta = crossings.theta[order]
     miss = EPS * np.abs(value)
     wide = high - low > 2 * WINDOW_OF_ERRORS * slack(value)
     doubt = np.where(wide, Doubt.ROUNDING, Doubt.NONE)
     found = Tiles(column, low, high, windows, value, theta, miss, doubt)
-    return found.take(np.array(kept, int))
+    return found.take(np.array(first_of_joined, int))
 
 
 def _without(
@@ -484,15 +486,15 @@ def _without(
     a = middle + half * (boxes.x - boxes.wide)
     b = middle + half * (boxes.x + boxes.wide)
     meets = (panels.column[boxes.panel] == column) & (a < high) & (b > low)
-    left = [boxes.take(~meets)]
+    remaining = [boxes.take(~meets)]
     for start, stop in ((a, np.full(b.size, low)), (np.full(a.size, high), b)):
-        at = np.flatnonzero(meets & (stop > start))
-        cut = boxes.take(at)
+        cut_boxes = np.flatnonzero(meets & (stop > start))
+        cut = boxes.take(cut_boxes)
         margin = pad[cut.panel]
-        begin = (start[at] - middle[at]) / half[at] - margin
-        end = (stop[at] - middle[at]) / half[at] + margin
-        left.append(replace(cut, x=(begin + end) / 2, wide=(end - begin) / 2))
-    return _Boxes.join(left)
+        begin = (start[cut_boxes] - middle[cut_boxes]) / half[cut_boxes] - margin
+        end = (stop[cut_boxes] - middle[cut_boxes]) / half[cut_boxes] + margin
+        remaining.append(replace(cut, x=(begin + end) / 2, wide=(end - begin) / 2))
+    return _Boxes.join(remaining)
 
 
 def _stretches(panels: Panels, windows: Tiles) -> list[np.ndarray]:
@@ -504,15 +506,15 @@ def _stretches(panels: Panels, windows: Tiles) -> list[np.ndarray]:
         order = order[np.argsort(panels.low[order])]
         runs = np.split(order, np.flatnonzero(panels.low[order[1:]] > panels.high[order[:-1]]) + 1)
         for run in runs:
-            at = float(panels.low[run[0]])
+            begin = float(panels.low[run[0]])
             for low, high in zip(
                 windows.low[inside].tolist(), windows.high[inside].tolist(), strict=True
             ):
-                if at < low < panels.high[run[-1]]:
-                    rows.append((column, at, low))
-                at = max(at, high)
-            if at < panels.high[run[-1]]:
-                rows.append((column, at, float(panels.high[run[-1]])))
+                if begin < low < panels.high[run[-1]]:
+                    rows.append((column, begin, low))
+                begin = max(begin, high)
+            if begin < panels.high[run[-1]]:
+                rows.append((column, begin, float(panels.high[run[-1]])))
     return [np.array(fact) for fact in zip(*rows, strict=True)]
 
 
@@ -522,11 +524,13 @@ def _counted(stretches: list[np.ndarray], errors: Callable[..., Any]) -> Tiles:
     column, low, high = stretches
     outside = np.full(column.size, -1)
     for share in (0.5, 0.37, 0.71, 0.13, 0.91):  # of a stretch, where eigenvalues are counted
-        at = np.flatnonzero(outside < 0)
-        if not at.size:
+        uncounted = np.flatnonzero(outside < 0)
+        if not uncounted.size:
             break
-        count, clear = count_outside(*errors(column[at], low[at] + share * (high - low)[at]))
-        outside[at] = np.where(clear, count, -1)
+        count, clear = count_outside(
+            *errors(column[uncounted], low[uncounted] + share * (high - low)[uncounted])
+        )
+        outside[uncounted] = np.where(clear, count, -1)
     return Tiles.of(column, low, high, outside).take(outside >= 0)
 
 
@@ -537,7 +541,7 @@ def _labelled(
     the while."""
     panels = equation.panels
     label = windows.outside.copy()
-    for at, (column, low, high) in enumerate(
+    for index, (column, low, high) in enumerate(
         zip(windows.column, windows.low, windows.high, strict=True)
     ):
         neighbours = (stretches.column == column) & (
@@ -549,12 +553,12 @@ def _labelled(
             (panels.column == column) & (panels.low <= high) & (panels.high >= low)
         )
         ends = [(end - panels.middle[meeting]) / panels.half[meeting] for end in (low, high)]
-        left = _left_open(
+        undecided = _left_open(
             equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + LARGER_CIRCLE
         )
-        E, dE = errors(np.array([column]), windows.value[at : at + 1])
+        E, dE = errors(np.array([column]), windows.value[index : index + 1])
         smaller = (E - LARGER_CIRCLE * np.eye(E.shape[-1])) / (1 + LARGER_CIRCLE)
         count, clear = count_outside(smaller, dE)
-        if left is not None and not left.x.size and clear[0] and count[0] > 0:
-            label[at] = OVERLAID
+        if undecided is not None and not undecided.x.size and clear[0] and count[0] > 0:
+            label[index] = OVERLAID
     return replace(windows, outside=label)

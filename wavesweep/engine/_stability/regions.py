@@ -299,9 +299,9 @@ def _counts_at_zero(columns: CutColumns) -> np.ndarray:
         outside, sure = count_outside(alone.closed(*numbers), alone.errors_of_closed(*numbers))
         return np.where(sure, outside, -1)
     cut = columns.cut
-    other = SECOND if columns.along == FIRST else FIRST
-    cut = replace(cut, integrates=cut.integrates and other == FIRST)
-    beside = CutColumns(cut, columns.owner, other, 0 * fixed).apart(every)
+    other_number = SECOND if columns.along == FIRST else FIRST
+    cut = replace(cut, integrates=cut.integrates and other_number == FIRST)
+    beside = CutColumns(cut, columns.owner, other_number, 0 * fixed).apart(every)
     span = min(0.0, fixed.min()), max(0.0, fixed.max())
     crossings = arc_crossings(beside, span)
     counts = _counts_from_zero(beside, fixed, SLIVER * (span[1] - span[0]), crossings)
@@ -332,15 +332,15 @@ def _judged_ends(
     least = SHARE_OF_SPAN * (span[1] - span[0])
     if crossings.many is None:
         resolvent = Inverse(crossings.inverses.take(crossings.inverse[ends], axis=0))
-        left, moved, usual = end_errors(
+        residual, moved, usual = end_errors(
             columns.loops(column), columns.along, *places, resolvent, least
         )
     else:
-        left, moved, usual = _errors_of_many_states(
+        residual, moved, usual = _errors_of_many_states(
             columns.loops(0), columns.along, places, crossings.many, least
         )
     # At z = 1 an integrating loop meets the equation 0 = 0 at K = 0, by structure.
-    error[of_stable] = np.where(columns.cut.integrates & (theta == 0.0), 0.0, left)
+    error[of_stable] = np.where(columns.cut.integrates & (theta == 0.0), 0.0, residual)
     clear = error[of_stable] <= USUAL * (usual + EPS)
     firm = moved <= FIRM * (np.abs(value) + least)
     doubt[of_stable] = np.where(clear & firm, Doubt.NONE, Doubt.ROUNDING)
@@ -349,7 +349,7 @@ def _judged_ends(
 
 def _errors_of_many_states(
     loop: LinearFractional,
-    along: str,
+    parameter: str,
     places: tuple[np.ndarray, ...],
     many: ManyStates,
     least: float,
@@ -359,7 +359,9 @@ def _errors_of_many_states(
     for first in range(0, places[0].size, many.most):
         portion = slice(first, first + many.most)
         fixed, value, w, on_axis = (array[portion] for array in places)
-        errors[:, portion] = end_errors(loop, along, fixed, value, w, on_axis, many.at(w), least)
+        errors[:, portion] = end_errors(
+            loop, parameter, fixed, value, w, on_axis, many.at(w), least
+        )
     return errors
 
 

@@ -85,7 +85,7 @@ def diagonal_blocks(E: np.ndarray, fewest: int = 2) -> list[AlikeBlocks]:
     for number, (several, alone) in enumerate(groups):
         index = np.flatnonzero(kind == number)
         matrices = E.reshape(-1, n, n)[index]
-        of_several = [matrices[:, at[:, None], at] for at in several]
+        of_several = [matrices[:, states[:, None], states] for states in several]
         blocks.append(AlikeBlocks(index, of_several, matrices[:, alone[:, None], alone]))
     return blocks
 
@@ -260,8 +260,8 @@ def _sure_radius(
     balanced, units = balance(E)  # whose entries are often much smaller
     size = np.abs(balanced).max((-1, -2))
     matrix, eigenvalue = np.nonzero(_outgrows(delta, size, sure[index]))
-    own = sure[index[matrix]]
-    further = own + TELLING * np.maximum(own, 1)
+    spectral = sure[index[matrix]]
+    further = spectral + TELLING * np.maximum(spectral, 1)
     angle = np.abs(np.angle(1 + delta[matrix, eigenvalue]))  # E is real
     points = further * np.exp(1j * angle) - 1
     rounding = BACKWARD * EPS * size
@@ -269,10 +269,16 @@ def _sure_radius(
         reached = _smallest(balanced[matrix], points[:, None])[:, 0] <= rounding[matrix]
         sure[index[matrix[reached]]] = np.nan
         return sure.reshape(np.shape(radius))
-    for at in np.unique(matrix):
-        w = np.unique(points[matrix == at])
-        if _may_reach(E[at], balanced[at], units[at], w, rounding[at]):
-            sure[index[at]] = np.nan
+    for index_of_matrix in np.unique(matrix):
+        w = np.unique(points[matrix == index_of_matrix])
+        if _may_reach(
+            E[index_of_matrix],
+            balanced[index_of_matrix],
+            units[index_of_matrix],
+            w,
+            rounding[index_of_matrix],
+        ):
+            sure[index[index_of_matrix]] = np.nan
     return sure.reshape(np.shape(radius))
 
 
@@ -450,18 +456,20 @@ def _count_outside(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         far = np.take_along_axis(distance[near] >= NEIGHBOURHOOD, order, axis=-1)
         # Of the nearest ones four are examined, and all others in the neighbourhood.
         far[:, :4] = False
-        most = (~far).sum(-1).max()
-        far = far[:, :most]
+        near_modes = (~far).sum(-1).max()
+        far = far[:, :near_modes]
         balanced, units = balance(E[near])
         rounding = BACKWARD * EPS * np.abs(balanced).max((-1, -2))
-        points = on_circle(np.abs(np.angle(1 + closest[:, :most])))
+        points = on_circle(np.abs(np.angle(1 + closest[:, :near_modes])))
         if E.shape[-1] < BOUNDED_STATES:
             smallest = _smallest(balanced, points)
             clear[near] = np.where(far, np.inf, smallest).min(-1) > rounding
             return count, clear
-        for at, matrix in enumerate(near):
-            w = np.unique(points[at, ~far[at]])
-            clear[matrix] = not _may_reach(E[matrix], balanced[at], units[at], w, rounding[at])
+        for index_of_near, matrix in enumerate(near):
+            w = np.unique(points[index_of_near, ~far[index_of_near]])
+            clear[matrix] = not _may_reach(
+                E[matrix], balanced[index_of_near], units[index_of_near], w, rounding[index_of_near]
+            )
     return count, clear
 
 

@@ -55,12 +55,12 @@ ROUGH_FRAME = 1e-6  # of the entries of a frame, errors that may hide a crossing
 )  # results that are not finite show what overflowed
 def stable_intervals(
     cut: LinearFractional,
-    along: str,
+    parameter: str,
     span: tuple[float, float],
     fixed: np.ndarray,
     radius: np.ndarray | None = None,
 ) -> Intervals:
-    """Return all stable intervals of `along` (FIRST or SECOND) within `span`, for every loop and
+    """Return all stable intervals of `parameter` (FIRST or SECOND) within `span`, for every loop and
     every value of the other one.
 
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of
@@ -81,12 +81,12 @@ def stable_intervals(
     more; at the least 1e-9 of the end and a hundred-thousandth of the span together.
     """
     fixed = np.asarray(fixed, float)
-    if along != FIRST and cut.integrates and np.any(fixed == 0):
+    if parameter != FIRST and cut.integrates and np.any(fixed == 0):
         return _along_second(cut, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
     flat = fixed.reshape(-1)
     owner = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    columns = CutColumns(_in_even_units(cut), owner, along, flat)
+    columns = CutColumns(_in_even_units(cut), owner, parameter, flat)
     intervals = _by_each_method(columns, span)
     intervals = _with_uncontrolled(intervals, cut, owner, span)
     if not span[0] < 0 < span[1]:
@@ -299,6 +299,8 @@ def _along_second(
             continue
         index = loop_of[columns]
         radii = None if radius is None else radius[index]
-        found = stable_intervals(loops.at(index), SECOND, span, K[columns, None], radii)
-        intervals.append(replace(found, column=columns[found.column]))
+        intervals_of_group = stable_intervals(
+            loops.at(index), SECOND, span, K[columns, None], radii
+        )
+        intervals.append(replace(intervals_of_group, column=columns[intervals_of_group.column]))
     return by_slice(intervals)

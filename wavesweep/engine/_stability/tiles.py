@@ -205,15 +205,15 @@ def regions_of(
     # Inside a plain window all may be stable, also at an end of the span.
     doubted(tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, Doubt.NONE))
 
-    at = np.flatnonzero(~tiles.is_window)
-    regions = tiles.take(at)
+    plain = np.flatnonzero(~tiles.is_window)
+    regions = tiles.take(plain)
     column = regions.column
     label = np.sign(regions.outside)
     first = np.append(True, np.diff(column) != 0)
     last = np.append(first[1:], True)
     # The tile before each part, and that after it: of neighbours it is the same.
     neighbours = tiles.take(
-        np.clip(np.concatenate([at - 1, at[-1:] + 1]), 0, tiles.column.size - 1)
+        np.clip(np.concatenate([plain - 1, plain[-1:] + 1]), 0, tiles.column.size - 1)
     )
     is_window = neighbours.is_window
     before = neighbours.take(slice(None, -1))
@@ -254,14 +254,14 @@ def _gaps(
     every = np.arange(columns)
     low, high = (np.full(columns, float(end)) for end in span)
     column = np.concatenate([every, tiles.column, every])
-    left = np.concatenate([low, tiles.low, high])
+    begins = np.concatenate([low, tiles.low, high])
     right = np.concatenate([low, tiles.high, high])
-    order = np.lexsort((right, left, column))
+    order = np.lexsort((right, begins, column))
     column = column[order]
-    left = left[order]
+    begins = begins[order]
     right = right[order]
-    gap = np.flatnonzero((np.diff(column) == 0) & (left[1:] > right[:-1]))
-    gaps = Tiles.of(column[gap], right[gap], left[gap + 1], UNKNOWN)
+    gap = np.flatnonzero((np.diff(column) == 0) & (begins[1:] > right[:-1]))
+    gaps = Tiles.of(column[gap], right[gap], begins[gap + 1], UNKNOWN)
     everything = (gaps.low == span[0]) & (gaps.high == span[1])
     inside = (gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1])
     return gaps.take(everything | inside)

@@ -81,18 +81,18 @@ def decide(family: Family, x: float = 0.0, work: float = OPERATIONS_OF_SEARCH) -
     for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and words
     themselves are searched in plain doubles.
     """
-    known = Remembered.of(family, [x])
-    A = known.at(x)
-    centre, _ = first_centre(A, known.follows)
-    for word in growing(A, known.follows, centre.basis):
-        if is_refuted(known, word, x):
+    live = Remembered.of(family, [x])
+    A = live.at(x)
+    centre, _ = first_centre(A, live.follows)
+    for word in growing(A, live.follows, centre.basis):
+        if is_refuted(live, word, x):
             return Decision(Verdict.REFUTED, word=word)
-    centre, factor = find_norms(A, known.follows, work=work)
-    norms = known.proved((x, centre)) if factor == 1 else None
+    centre, factor = find_norms(A, live.follows, work=work)
+    norms = live.proved((x, centre)) if factor == 1 else None
     if norms:
         return Decision(Verdict.PROVED, norms[0])
-    for word in growing(A, known.follows, centre.basis, (), MORE, norms=centre.norms):
-        if is_refuted(known, word, x):
+    for word in growing(A, live.follows, centre.basis, (), MORE, norms=centre.norms):
+        if is_refuted(live, word, x):
             return Decision(Verdict.REFUTED, word=word)
     return Decision(Verdict.UNKNOWN)
 
@@ -118,21 +118,21 @@ def bracket(
     """
     # Of the way to the limits, where it is seen what frames forget.
     nearby = [start + 0.1 * (limit - start) for limit in limits]
-    known = Remembered.of(family, (start, *nearby))
-    A = known.at(start)
-    if growing_of(A, short_words(known.follows)):
+    live = Remembered.of(family, (start, *nearby))
+    A = live.at(start)
+    if growing_of(A, short_words(live.follows)):
         return Bracket(np.nan, np.nan)
-    first, factor = find_norms(A, known.follows, work=work)
+    first, factor = find_norms(A, live.follows, work=work)
     if factor < 1:
         return Bracket(np.nan, np.nan)
-    up = _Way(known, start, limits[1], tolerance, work, first, partial(report, start))
+    up = _Way(live, start, limits[1], tolerance, work, first, partial(report, start))
     high, above = up.side()
     near = tolerance**2 * abs(high - start)
 
     def told(reached: float, share: float) -> None:
         report(reached, high, share)
 
-    down = _Way(known, start, limits[0], tolerance, work, first, told, near)
+    down = _Way(live, start, limits[0], tolerance, work, first, told, near)
     low, below = down.side()
     stretches = sorted((*down.stretches, *up.stretches), key=lambda stretch: stretch.low)
     return Bracket(float(low), float(high), below, above, tuple(stretches))
@@ -212,8 +212,10 @@ class _Way:
             nearer = self.grown(aim, word)
             if not nearer.word:
                 # A quarter: a search for norms that do not exist ends soon.
-                most = (self.work - self.spent) / 4
-                self.centre, factor = find_norms(family.at(aim), family.follows, work=most)
+                work_of_search = (self.work - self.spent) / 4
+                self.centre, factor = find_norms(
+                    family.at(aim), family.follows, work=work_of_search
+                )
                 further, used = _back(
                     family, self.centre, factor, aim, reached, self.work - self.spent
                 )
@@ -296,32 +298,32 @@ def _back(
     if family.proved((aim, centre)) is None:
         return (), used  # rounding leaves no room, and a finer graph gives none
     stretches: tuple[ProvedStretch, ...] = ()
-    at = aim
+    end = aim
     fruitless = 0
     # Finer graphs without a longer stretch, after which rounding leaves no room.
     while factor == 1 and used < work and fruitless < 3:
         begun = replace(centre, work=0.0)
-        further, far, last = covered(family, begun, at, reached, LEAST_BACK, work - used)
+        further, far, last = covered(family, begun, end, reached, LEAST_BACK, work - used)
         stretches += further
         used += last.work
         if far == reached:
             return stretches, used
         fruitless = 0 if further else fruitless + 1
-        stalled = abs(far - at) <= LEAST_AGAIN * abs(far - reached)
-        at = far
+        stalled = abs(far - end) <= LEAST_AGAIN * abs(far - reached)
+        end = far
         try:
-            next_centre = finer(last, family.at(at), family.follows) if stalled else last
+            next_centre = finer(last, family.at(end), family.follows) if stalled else last
         except np.linalg.LinAlgError:
             break
         if next_centre is None:
             break
-        centre, factor = find_norms(family.at(at), family.follows, next_centre, (work - used) / 2)
+        centre, factor = find_norms(family.at(end), family.follows, next_centre, (work - used) / 2)
         used += centre.work
     return (), used
 
 
 def nearest_refuted(
-    family: Family, start: float, limit: float, tolerance: float, known: Sequence[Word] = ()
+    family: Family, start: float, limit: float, tolerance: float, words: Sequence[Word] = ()
 ) -> Refuted:
     """Return the refuted number closest to the start that a search finds, if it finds one.
 
@@ -329,7 +331,7 @@ def nearest_refuted(
     looked for from there.
     """
     follows = family.follows
-    short = list(dict.fromkeys((*known, *short_words(follows), *shortest_through(follows))))
+    short = list(dict.fromkeys((*words, *short_words(follows), *shortest_through(follows))))
 
     def grown(x: float, like: Word, many: bool) -> list[Word]:
         A = family.at(x)
@@ -344,7 +346,7 @@ def nearest_refuted(
 
     # Of a refuted number, how far back words are searched that may decay again next to it.
     back = (0.3, 0.1, 0.03, tolerance / 4)
-    found = nearest_of(family, start, limit, STEPS, grown, back)
-    if not found.word:
-        return found
-    return Refuted(nearest(family, found.word, start, found.x), found.word)
+    nearest_word = nearest_of(family, start, limit, STEPS, grown, back)
+    if not nearest_word.word:
+        return nearest_word
+    return Refuted(nearest(family, nearest_word.word, start, nearest_word.x), nearest_word.word)

@@ -73,10 +73,10 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
             A.multiply_degree(forms, after.mT, moved, A.numbers, A.order, order)
             forms[here] = _summed(powers, forms[here])
             moved[here] += forms[here] @ after[0]
-    for at, cell in enumerate(decaying.tolist()):
-        series = forms[:, at : at + 1]
+    for index, cell in enumerate(decaying.tolist()):
+        series = forms[:, index : index + 1]
         if np.isfinite(series).all():
-            forms_of_cells[cell] = Centre(series[0], ALONE, basis[at], to[at]), series[1:]
+            forms_of_cells[cell] = Centre(series[0], ALONE, basis[index], to[index]), series[1:]
     return forms_of_cells, work
 
 
@@ -154,6 +154,6 @@ def forms_on_average(
         changes.append(solved(right, forms=True))
     to = np.linalg.cholesky(P.mean(0)).mT
     basis = np.linalg.inv(to)
-    P, *changes = (basis.T @ each @ basis for each in (P, *changes))
+    P, *changes = (basis.T @ moment @ basis for moment in (P, *changes))
     centre = Centre((P + P.mT) / 2, graph, basis, to)
     return (centre, np.array(changes).reshape(A.numbers, *P.shape)), work

@@ -171,7 +171,7 @@ def cover(
     report: Callable[[float, float], None] | None = None,
     gain: float = 0.0,
     stretches: int = 1,
-    kept: Kept | None = None,
+    stored: Kept | None = None,
     search: float = OPERATIONS_OF_CENTRE,
 ) -> Covering:
     """Prove that all frames of a box shrink in every order, or on average, except in the parts that
@@ -188,7 +188,7 @@ def cover(
     Errors: RuntimeError if a part of the box is lost, which is neither proved nor open.
     """
     narrow = NARROWEST_SIDE * (box[1] - box[0])
-    queue = _Queue.of(box, up, stretches, kept)
+    queue = _Queue.of(box, up, stretches, stored)
     trials = _Trials(frames, follows, words, narrow, work, search)
     word: Word = ()  # that grows
     while queue.waiting and trials.used < work:
@@ -208,7 +208,7 @@ def cover(
         if report and queue.waiting:
             report(queue.end(), queue.proved)
     open_ = queue.open()
-    lost = 1 - queue.proved - sum(_share(each, box) for each in open_)
+    lost = 1 - queue.proved - sum(_share(piece, box) for piece in open_)
     if not abs(lost) <= VOLUME_ROUNDING * trials.used / ENCLOSED:
         raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
     point = part.box.mean(0) if word else None
@@ -237,14 +237,16 @@ class _Queue:
     proved: float = 0.0
 
     @staticmethod
-    def of(box: Box, up: bool, stretches: int, kept: Kept | None) -> "_Queue":
+    def of(box: Box, up: bool, stretches: int, stored: Kept | None) -> "_Queue":
         """The queue at the begin of a proof, of equal stretches of the first side."""
-        queue = _Queue(box, up, [], count(), kept)
+        queue = _Queue(box, up, [], count(), stored)
         ends = np.linspace(box[0, 0], box[1, 0], 1 + stretches).tolist()
         for low, high in pairwise(ends if up else ends[::-1]):
-            each = box.copy()
-            each[:, 0] = sorted((low, high))
-            queue.waiting.append(_Waiting(queue.order(each), next(queue.numbers), _Part(each)))
+            stretch = box.copy()
+            stretch[:, 0] = sorted((low, high))
+            queue.waiting.append(
+                _Waiting(queue.order(stretch), next(queue.numbers), _Part(stretch))
+            )
         return queue
 
     def front(self, box: Box) -> float:
@@ -380,16 +382,16 @@ class _Trials:
         self.used += _enclose(self.frames, ahead, self.enclosed)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
             if _alone(self.follows):
-                found = _tried_together(ahead, self.enclosed, self.narrow)
-                for number, outcome in found.items():
+                outcomes = _tried_together(ahead, self.enclosed, self.narrow)
+                for number, outcome in outcomes.items():
                     if outcome.parts and outcome.parts[0].known is None:
                         narrower = np.ptp(outcome.parts[0].box, 0) < np.ptp(ahead[number].box, 0)
                         self.sides[_shape(ahead[number])] = np.flatnonzero(narrower)
             else:
                 first = queue.waiting[0].number
-                found = {first: self._tried_alone(first, ahead[first])}
-        self.used += sum(outcome.used for outcome in found.values())
-        self.outcomes |= found
+                outcomes = {first: self._tried_alone(first, ahead[first])}
+        self.used += sum(outcome.used for outcome in outcomes.values())
+        self.outcomes |= outcomes
 
     def _tried_alone(self, number: int, part: _Part) -> _Outcome:
         """The outcome of a part, from the norms of the one before if it has none."""
@@ -439,12 +441,12 @@ def _enclose(frames: Frames, parts: dict[int, _Part], enclosed: dict[int, InBox 
     """Enclose the parts, by their numbers, of which no box around is known well enough; return
     the operations."""
     new = []
-    for at, part in parts.items():
-        if part.known is None and at not in enclosed:
-            new.append(at)
+    for number, part in parts.items():
+        if part.known is None and number not in enclosed:
+            new.append(number)
     if new:
-        found = frames.over(np.array([parts[at].box for at in new]))
-        enclosed |= zip(new, found, strict=True)
+        enclosures = frames.over(np.array([parts[number].box for number in new]))
+        enclosed |= zip(new, enclosures, strict=True)
     return ENCLOSED * len(new)
 
 
@@ -454,31 +456,31 @@ def _tried_together(
     """The outcomes of parts of single matrices, by their numbers."""
     outcomes = {}
     around = {}
-    for at, part in parts.items():
-        known = part.known or enclosed[at]
-        if isinstance(known, int):
-            outcomes[at] = _without_bound(part, known, narrow)
+    for number, part in parts.items():
+        enclosure = part.known or enclosed[number]
+        if isinstance(enclosure, int):
+            outcomes[number] = _without_bound(part, enclosure, narrow)
         else:
-            around[at] = known
+            around[number] = enclosure
     if not around:
         return outcomes
-    A = _side_by_side([known.within(parts[at].box) for at, known in around.items()])
-    found, spent = forms_of_each(A)
+    A = _side_by_side([enclosure.within(parts[number].box) for number, enclosure in around.items()])
+    forms_of_parts, spent = forms_of_each(A)
     decaying = []
-    for i, (at, known) in enumerate(around.items()):
-        own_forms = found[i]
+    for i, (number, enclosure) in enumerate(around.items()):
+        own_forms = forms_of_parts[i]
         if own_forms is None:
-            outcomes[at] = _Outcome(None, spent, (0,))
+            outcomes[number] = _Outcome(None, spent, (0,))
         else:
-            decaying.append((i, at, known, own_forms))
+            decaying.append((i, number, enclosure, own_forms))
     if not decaying:
         return outcomes
     seen = A.of([i for i, *_ in decaying])
     judged = _judged_each(seen, [forms for *_, forms in decaying])
-    for (i, at, known, forms), verdict in zip(decaying, judged, strict=True):
-        own = A.of([i])
-        outcome = _judgement(parts[at], known, own, forms, verdict, narrow, alone=True)
-        outcomes[at] = replace(outcome, used=outcome.used + spent)
+    for (i, number, enclosure, forms), verdict in zip(decaying, judged, strict=True):
+        of_part = A.of([i])
+        outcome = _judgement(parts[number], enclosure, of_part, forms, verdict, narrow, alone=True)
+        outcomes[number] = replace(outcome, used=outcome.used + spent)
     return outcomes
 
 
@@ -491,20 +493,20 @@ def _without_bound(part: _Part, side: int, narrow: np.ndarray) -> _Outcome:
 
 def _side_by_side(matrices: list[Polynomials]) -> Polynomials:
     """Single matrices `(1, n, n)` of several parts as one array of them, `(parts, n, n)`."""
-    terms = np.concatenate([each.terms for each in matrices], 1)
-    rest = np.concatenate([each.rest for each in matrices])
+    terms = np.concatenate([matrix.terms for matrix in matrices], 1)
+    rest = np.concatenate([matrix.rest for matrix in matrices])
     return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
 
 
-def _judged_each(A: Polynomials, found: list[Forms]) -> list[Judged]:
+def _judged_each(A: Polynomials, forms_of_parts: list[Forms]) -> list[Judged]:
     """`_judged` of single matrices `(parts, n, n)`, each with a form of its own."""
     of_each = []
-    for centre, further in found:
+    for centre, further in forms_of_parts:
         of_each.append(np.concatenate([centre.P[None], further]))
     P = np.concatenate(of_each, 1)
     forms = Polynomials((P + P.mT) / 2, np.zeros(P.shape[1:]), A.numbers, A.order)
-    basis = np.stack([centre.basis for centre, _ in found])
-    inverse = np.stack([centre.inverse for centre, _ in found])
+    basis = np.stack([centre.basis for centre, _ in forms_of_parts])
+    inverse = np.stack([centre.inverse for centre, _ in forms_of_parts])
     outside, slack = outside_each(forms, A.similar(basis, inverse))
     pairs = monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + 3 * EACH * pairs * P.shape[-1] ** 2
@@ -533,10 +535,10 @@ def _tried(
     search: float,
 ) -> _Outcome:
     """The outcome of a part of which several matrices occur."""
-    known: InBox | int = part.known or enclosed  # type: ignore[assignment]  # one is there
-    if isinstance(known, int):
-        return _without_bound(part, known, narrow)
-    A = known.within(part.box)
+    enclosure: InBox | int = part.known or enclosed  # type: ignore[assignment]  # one is there
+    if isinstance(enclosure, int):
+        return _without_bound(part, enclosure, narrow)
+    A = enclosure.within(part.box)
     wide = np.flatnonzero(part.box[0] < part.box[1])
     rule: OneRule
     if isinstance(follows, OnAverage):
@@ -544,11 +546,11 @@ def _tried(
     else:
         rule = follows
     try:
-        found, used = _forms(A, rule, part.start, work, words, search)
+        forms, used = _forms(A, rule, part.start, work, words, search)
     except np.linalg.LinAlgError:  # singular to rounding
-        found, used = None, CALLS
-    if found is not None:
-        outcome = _judgement(part, known, A, found, _judged(A, found, rule), narrow)
+        forms, used = None, CALLS
+    if forms is not None:
+        outcome = _judgement(part, enclosure, A, forms, _judged(A, forms, rule), narrow)
         return replace(outcome, used=outcome.used + used)
     if isinstance(follows, OnAverage):
         return _Outcome(None, used, (0,))
@@ -571,9 +573,9 @@ def _tried(
 
 def _judgement(
     part: _Part,
-    known: InBox,
+    enclosure: InBox,
     A: Polynomials,
-    found: Forms,
+    forms: Forms,
     judged: Judged,
     narrow: np.ndarray,
     *,
@@ -583,24 +585,26 @@ def _judgement(
     single matrix."""
     proved, moves, errors, used = judged
     if proved:
-        return _Outcome([], used, forms=found)
-    share, due = _left_out(A, found)
+        return _Outcome([], used, forms=forms)
+    share, due = _left_out(A, forms)
     keep = errors * (1 - share) < SHARED
     if errors > SLACK_OF_ERRORS:
         if share < 1 - SLACK_OF_ERRORS:  # the rest is that of A itself
-            due = share * due + (1 - share) * known.due / max(known.due.sum(), NEXT_TO_ZERO)
+            due = share * due + (1 - share) * enclosure.due / max(enclosure.due.sum(), NEXT_TO_ZERO)
         moves = moves + min(errors, 1 / NEXT_TO_ZERO) * due
-    part = replace(part, start=found[0], barren=0)
-    slopes = None if alone else found[1]
-    left = errors, 1 - due
-    return _Outcome(_parts_of(part, known if keep else None, moves, left, narrow, slopes), used)
+    part = replace(part, start=forms[0], barren=0)
+    slopes = None if alone else forms[1]
+    remainder = errors, 1 - due
+    return _Outcome(
+        _parts_of(part, enclosure if keep else None, moves, remainder, narrow, slopes), used
+    )
 
 
 def _parts_of(
     part: _Part,
-    known: InBox | None,
+    enclosure: InBox | None,
     moves: np.ndarray,
-    left: tuple[float, np.ndarray],
+    remainder: tuple[float, np.ndarray],
     narrow: np.ndarray,
     slopes: np.ndarray | None,
 ) -> list[_Part] | None:
@@ -611,8 +615,8 @@ def _parts_of(
     moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
     if not wide.size or moves.max() < 0:
         return None
-    pieces = [replace(part, known=known)]
-    for side in _divided(moves, left):
+    pieces = [replace(part, known=enclosure)]
+    for side in _divided(moves, remainder):
         halves = []
         for piece in pieces:
             for half, move in zip(_halves(piece.box, int(wide[side])), (-0.5, 0.5), strict=True):
@@ -624,14 +628,14 @@ def _parts_of(
     return pieces[::-1]
 
 
-def _divided(moves: np.ndarray, left: tuple[float, np.ndarray]) -> list[int]:
+def _divided(moves: np.ndarray, remainder: tuple[float, np.ndarray]) -> list[int]:
     """Return the sides along which a part is halved: the one that moves the slack most, and the
     next ones as long as the errors without those before would be far too large.
 
     left: the errors, as multiples of the slack, and the share of them that halves of each side
     have.
     """
-    errors, shares = left
+    errors, shares = remainder
     sides: list[int] = []
     for side in np.argsort(-moves).tolist():
         if sides and (errors < HOPELESS_ERRORS or moves[side] < 0 or shares[side] > OF_SIDE):
@@ -678,8 +682,8 @@ def _log_of_forms(A: Polynomials, follows: Rule) -> np.ndarray | None:
     """Half the logarithm of what forms for the middle of a box have on their diagonal; None
     without forms."""
     if isinstance(follows, OnAverage):
-        found = forms_on_average(A, follows.graph, follows.weight)[0]
-        centre = found and found[0]
+        forms = forms_on_average(A, follows.graph, follows.weight)[0]
+        centre = forms and forms[0]
     else:
         symbols: np.ndarray = follows  # type: ignore[assignment]  # what has forms itself has no units
         centre, factor = find_norms(A.terms[0], symbols, None, OPERATIONS_OF_CENTRE)
@@ -713,7 +717,7 @@ def _forms(
         return None, 0.0
     n = at_middle.shape[-1]
     size = len(np.unique(follows, axis=0)) * n * (n + 1) / 2
-    most = max(search, NEWTON_OF_GRAPH * (size**3 / 3 + CALLS))
+    most_work = max(search, NEWTON_OF_GRAPH * (size**3 / 3 + CALLS))
     most_room, least_room = (min(MARGIN, share * (1 / radius - 1)) for share in SHARES)
     grown = (1 + most_room) * at_middle
     enough = (1 + least_room) / (1 + most_room)
@@ -721,7 +725,7 @@ def _forms(
     if start and room:
         centre = replace(start, work=0.0)
     else:
-        centre, factor = find_norms(grown, follows, start, min(work, most), enough)
+        centre, factor = find_norms(grown, follows, start, min(work, most_work), enough)
         if factor < enough:
             return None, centre.work
         room = factor * (1 + most_room) - 1
@@ -733,10 +737,10 @@ def _forms(
     return (centre, slopes), spent + centre.work
 
 
-def _room_of(start: Centre, A: np.ndarray, least: float, most: float) -> float:
+def _room_of(start: Centre, A: np.ndarray, least: float, largest: float) -> float:
     """The margin that known norms have for matrices if they keep BACK of it, at most so much; 0 if
     it is below the least one."""
-    room = most
+    room = largest
     while room >= least:
         if start.shrinks((1 + BACK * room) * A):
             return room
@@ -744,10 +748,10 @@ def _room_of(start: Centre, A: np.ndarray, least: float, most: float) -> float:
     return 0.0
 
 
-def _judged(A: Polynomials, found: Forms, follows: OneRule) -> Judged:
+def _judged(A: Polynomials, forms_in_middle: Forms, follows: OneRule) -> Judged:
     """Whether a box is proved, how much each side moves the slack, the errors as shares of that,
     and the work."""
-    centre, slopes = found
+    centre, slopes = forms_in_middle
     seen = A.similar(centre.basis, centre.inverse)
     P = np.zeros((len(A.terms), *centre.P.shape))
     P[0] = centre.P
@@ -774,10 +778,10 @@ def _judged(A: Polynomials, found: Forms, follows: OneRule) -> Judged:
     return False, moves, float(errors.max()), spent
 
 
-def _left_out(A: Polynomials, found: Forms) -> tuple[float, np.ndarray]:
+def _left_out(A: Polynomials, forms: Forms) -> tuple[float, np.ndarray]:
     """Which part of the errors are terms of products beyond the order of A, and the shares of
     these that are gone if a side is halved."""
-    centre, further = found
+    centre, further = forms
     seen = A.similar(centre.basis, centre.inverse)
     size = np.abs(seen.terms).reshape(len(A.terms), -1).sum(1)
     of_forms = np.zeros(len(A.terms))
@@ -786,9 +790,9 @@ def _left_out(A: Polynomials, found: Forms) -> tuple[float, np.ndarray]:
     degree = A.exponents.sum(1)
     beyond = []
     for weight in (1.0, *(0.5**exponent for exponent in A.exponents.T)):
-        one = np.bincount(degree, size * weight, A.order + 1)
+        by_degree = np.bincount(degree, size * weight, A.order + 1)
         form = np.bincount(degree, of_forms * weight, A.order + 1)
-        beyond.append(np.convolve(np.convolve(one, form), one)[A.order + 1 :].sum())
+        beyond.append(np.convolve(np.convolve(by_degree, form), by_degree)[A.order + 1 :].sum())
     whole, *halved = beyond
     rest = 2 * seen.rest.sum() * size.sum() * of_forms.sum()
     with np.errstate(invalid="ignore"):

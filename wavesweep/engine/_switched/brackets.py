@@ -116,24 +116,24 @@ def nearest_of(
     tried = [start]
     for before, x, many in _on_the_way(start, limit, steps):
         tried.append(before)
-        found = first_refuted(family, growing(x, (), many), tried, x)
-        if found.word:
+        refuted = first_refuted(family, growing(x, (), many), tried, x)
+        if refuted.word:
             break
     else:
         return Refuted()
-    if abs(found.x - start) > abs(limit - start):
+    if abs(refuted.x - start) > abs(limit - start):
         return Refuted()
     for share in back:
         for _ in range(8):
-            x = short_of(found.x, start, share)
+            x = short_of(refuted.x, start, share)
             if x == start:
                 break
-            inside = [at for at in tried if abs(at - start) < abs(x - start)]
-            nearer = first_refuted(family, growing(x, found.word, False), inside, x)
+            inside = [number for number in tried if abs(number - start) < abs(x - start)]
+            nearer = first_refuted(family, growing(x, refuted.word, False), inside, x)
             if not nearer.word:
                 break
-            found = nearer
-    return found
+            refuted = nearer
+    return refuted
 
 
 def _on_the_way(start: float, limit: float, steps: int) -> Iterator[tuple[float, float, bool]]:
@@ -156,10 +156,10 @@ def first_refuted(
     for word in words[:8]:  # words whose crossings are computed
         if best.word and growth(family.at(best.x), word) < 1:
             continue
-        decays = (at for at in inside[:0:-1] if growth(family.at(at), word) < 1)
-        at = begins(family, word, next(decays, inside[0]), best.x)
-        if at is not None:
-            best = Refuted(at, word)
+        decays = (number for number in inside[:0:-1] if growth(family.at(number), word) < 1)
+        number = begins(family, word, next(decays, inside[0]), best.x)
+        if number is not None:
+            best = Refuted(number, word)
     return best if best.word else Refuted()
 
 

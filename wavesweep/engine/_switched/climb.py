@@ -125,16 +125,16 @@ class Growth:
         wide = np.flatnonzero(box[0] < box[1])
         if not wide.size:
             return _ranked(starts, self.of(starts))
-        most = operations / self.operations
-        scattered = _scattered(box, int(np.clip(most / 4, LEAST_SCATTERED, SCATTERED)), rng)
+        members = operations / self.operations
+        scattered = _scattered(box, int(np.clip(members / 4, LEAST_SCATTERED, SCATTERED)), rng)
         points = np.unique(np.concatenate([np.clip(starts, *box), scattered]), axis=0)
-        found = _ranked(points, self.of(points))
-        others = np.linspace(BEST, min(len(points), 64) - 1, OTHERS).astype(int)
-        chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
-        points = found.points[chosen]
-        values = found.growth[chosen]
+        ranked = _ranked(points, self.of(points))
+        spread = np.linspace(BEST, min(len(points), 64) - 1, OTHERS).astype(int)
+        chosen = np.unique(np.clip([*range(BEST), *spread], 0, len(points) - 1))
+        points = ranked.points[chosen]
+        values = ranked.growth[chosen]
         step = np.full((len(points), 1), 0.4)  # in halves of a range
-        left = most - len(found.points)
+        left = members - len(ranked.points)
         last = np.zeros((len(points), wide.size))
         for _ in range(80):  # steps of the climb
             if left < 0:
@@ -153,7 +153,7 @@ class Growth:
             values = np.where(better, reached[best], values)
             step = step * np.where(better, LONGER, SHORTER)[:, None]
             left -= reached.size
-        return _ranked(np.concatenate([points, found.points]), np.append(values, found.growth))
+        return _ranked(np.concatenate([points, ranked.points]), np.append(values, ranked.growth))
 
     def contradicts(self, box: np.ndarray) -> bool:
         """Return whether a member of a box grows, all of which is proved not to: some are drawn,
@@ -191,8 +191,8 @@ def on_edges_of(box: np.ndarray) -> np.ndarray:
     shares = np.linspace(-1.0, 1.0, 42)[1:-1]
     points = []
     for number in range(numbers):
-        for others in product([-1.0, 1.0], repeat=numbers - 1):
-            points.append(np.insert(np.tile(others, (shares.size, 1)), number, shares, axis=1))
+        for corner in product([-1.0, 1.0], repeat=numbers - 1):
+            points.append(np.insert(np.tile(corner, (shares.size, 1)), number, shares, axis=1))
     return _numbers(box, np.concatenate(points))
 
 
@@ -223,6 +223,6 @@ def _units(box: np.ndarray, numbers: np.ndarray) -> np.ndarray:
 
 
 def _radii(matrices: np.ndarray) -> np.ndarray:
-    known = np.isfinite(matrices).all((-1, -2))
-    safe = np.where(known[:, None, None], matrices, 0.0)
-    return np.where(known, np.abs(np.linalg.eigvals(safe)).max(-1, initial=0.0), np.inf)
+    finite = np.isfinite(matrices).all((-1, -2))
+    safe = np.where(finite[:, None, None], matrices, 0.0)
+    return np.where(finite, np.abs(np.linalg.eigvals(safe)).max(-1, initial=0.0), np.inf)

@@ -117,5 +117,5 @@ def least_damping(
         damping = least + room * max(abs(least), ROOM[0])
         x = minimised(-unknown[t], edges, unknown[[d]], np.array([damping]))
         P = np.tensordot(x[:d].reshape(-1, m), forms, (1, 0)) * largest
-        found = replace(centre, P=P, basis=basis, inverse=centre.inverse / units)
-        yield found, float(damping * largest)
+        energies = replace(centre, P=P, basis=basis, inverse=centre.inverse / units)
+        yield energies, float(damping * largest)

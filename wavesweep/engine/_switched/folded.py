@@ -83,11 +83,11 @@ def shift_of(E: np.ndarray, dE: np.ndarray, drift: MarginalModes) -> tuple[np.nd
     with np.errstate(all="ignore"):
         terms = np.abs(E_R) @ np.abs(V) + np.abs(E_S)
         rounding = 2 * V.shape[-2] * UNIT_ROUNDING * terms
-        left = np.abs(E_R @ V + E_S) + dE_R @ np.abs(V) + dE_S + rounding
+        residual = np.abs(E_R @ V + E_S) + dE_R @ np.abs(V) + dE_S + rounding
         J = np.linalg.pinv(np.nan_to_num(E_R * weight))
         N = np.abs(J @ (E_R * weight) - np.eye(R.size)) + np.abs(J) @ (dE_R * weight)
         share = N.sum(-1, keepdims=True).max(-2, keepdims=True)
-        off = np.abs(J) @ (left * weight)
+        off = np.abs(J) @ (residual * weight)
         off = off + share / (1 - share) * off.max(-2, keepdims=True)
     return V, np.where((share < 0.5) & np.isfinite(off), off, np.inf)
 

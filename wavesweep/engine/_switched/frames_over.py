@@ -112,27 +112,27 @@ class FramesOver:
     def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
         """What encloses the frames in boxes; see `Frames`."""
         enclosed: list[Enclosed | int] = [0] * len(boxes)
-        left = np.arange(len(boxes))
-        while left.size:
+        pending = np.arange(len(boxes))
+        while pending.size:
             try:
                 with np.errstate(over="ignore", invalid="ignore"):
-                    frames = self._frames(self._maps(boxes[left]))
+                    frames = self._frames(self._maps(boxes[pending]))
                     if self.units is not None:
-                        frames = frames.entrywise(self._ratios(self.units, boxes[left], frames))
+                        frames = frames.entrywise(self._ratios(self.units, boxes[pending], frames))
             except UnresolvedError as error:
                 # Those without a bound are divided, and the others are tried again without them.
-                unbounded = np.broadcast_to(error.cells, left.shape)
-                numbers = np.broadcast_to(error.number, left.shape)
-                for i, number in zip(left[unbounded], numbers[unbounded], strict=True):
+                unbounded = np.broadcast_to(error.cells, pending.shape)
+                numbers = np.broadcast_to(error.number, pending.shape)
+                for i, number in zip(pending[unbounded], numbers[unbounded], strict=True):
                     enclosed[i] = self._side_of(boxes[i], int(number))
-                left = left[~unbounded]
+                pending = pending[~unbounded]
                 continue
-            frames = frames.in_cells((len(self.rows), left.size))
-            due = self._due(boxes[left])
-            for at, i in enumerate(left.tolist()):
-                terms, rest = frames.terms[:, :, at], frames.rest[:, at]
+            frames = frames.in_cells((len(self.rows), pending.size))
+            due = self._due(boxes[pending])
+            for index, i in enumerate(pending.tolist()):
+                terms, rest = frames.terms[:, :, index], frames.rest[:, index]
                 matrices = Polynomials(terms, rest, frames.numbers, frames.order)
-                enclosed[i] = Enclosed(boxes[i], matrices, due[at])
+                enclosed[i] = Enclosed(boxes[i], matrices, due[index])
             break
         return enclosed
 
@@ -271,7 +271,7 @@ def constant_frames(
     loop: Loops,
     sides: Sequence[Side],
     box: np.ndarray,
-    most: int = ORDERS[1],
+    highest_order: int = ORDERS[1],
     radius: float = 1.0,
     pieces: int = 1,
 ) -> FramesOver:
@@ -280,8 +280,8 @@ def constant_frames(
     pieces: in which a frame is given, as far as it has so many ticks, as symbols in their order."""
     inside = inside_of(box)
     values = dict(loop.values)
-    for at, side in enumerate(sides):
-        values[side.path] = side.number(inside[:, at])
+    for number, side in enumerate(sides):
+        values[side.path] = side.number(inside[:, number])
     drawn = Loops(loop.drawing, values).drawn()
     numbers = int((box[0] < box[1]).sum())
     order = TOTAL_DEGREE
@@ -290,7 +290,7 @@ def constant_frames(
     drift = MarginalModes.of(*Loops(loop.drawing, values).twins())
 
     def ticks_at(points: np.ndarray) -> tuple[Ticks, ConstantModes]:
-        columns = {side.path: side.number(points[:, at]) for at, side in enumerate(sides)}
+        columns = {side.path: side.number(points[:, number]) for number, side in enumerate(sides)}
         at_points = Loops(loop.drawing, {**loop.values, **columns}).drawn()
         return drift.relative_ticks(Ticks.of(at_points, alone=True, terms=True))
 
@@ -300,18 +300,18 @@ def constant_frames(
     # factors by which states move with others are those of the loop in doubles.
     moved = []
     for lead, followers in groups:
-        moved += [drift.states[at] for at in (lead, *(state for state, _ in followers))]
+        moved += [drift.states[number] for number in (lead, *(state for state, _ in followers))]
     own_units = []
     for block in loop.drawing.blocks:
         if not any(state.startswith(f"{block.name}.") for state in moved):
             own_units.append(block.name)
-    enclosed = EnclosedLoop(loop.drawing, loop.values, sides, min(order, most), own_units)
+    enclosed = EnclosedLoop(loop.drawing, loop.values, sides, min(order, highest_order), own_units)
     running, kind = drawn.schedule()
-    held = drawn.held()
+    held_signals = drawn.held()
     ticks = []
     for index in range(len(running)):
         place = int(np.argmax(kind == index))
-        ticks.append((enclosed, TickPlace(drawn, place, held)))
+        ticks.append((enclosed, TickPlace(drawn, place, held_signals)))
     drift = lasting(drift, lambda points: ticks_at(points)[0], box)
     words = [tuple(word.tolist()) for word in np.array_split(kind, min(pieces, len(kind)))]
     scale = 1.0
@@ -370,8 +370,8 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     unknown = E_R.rest.sum(-1) + E_S.rest.sum(-1) + rounding
     weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
     weighed = E_R.terms[0] * weight[..., None]
-    most = np.abs(weighed).max(-2, initial=0.0)
-    unit = np.divide(1.0, most, out=np.ones_like(most), where=most > 0)
+    largest = np.abs(weighed).max(-2, initial=0.0)
+    unit = np.divide(1.0, largest, out=np.ones_like(largest), where=largest > 0)
     pseudoinverse = np.linalg.pinv(weighed * unit[..., None, :])
     inverse = unit[..., None] * pseudoinverse * weight[..., None, :]
     J = Polynomials.constant(inverse, E.numbers, E.order)

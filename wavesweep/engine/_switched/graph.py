@@ -120,12 +120,12 @@ class Graph:
         while True:
             may = np.zeros((origin.size, len(follows)), bool)
             np.logical_or.at(may, target, follows[symbol])
-            kept = may[source, symbol]
-            if kept.all():
+            used = may[source, symbol]
+            if used.all():
                 break
-            source = source[kept]
-            symbol = symbol[kept]
-            target = target[kept]
+            source = source[used]
+            symbol = symbol[used]
+            target = target[used]
         reached = np.unique(target)
         number = np.full(origin.size, -1)
         number[reached] = np.arange(reached.size)

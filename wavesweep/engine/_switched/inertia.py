@@ -41,14 +41,14 @@ def inertia_of_cells(A: Polynomials, pieces: int = 1) -> Inertia:
     cells = len(A.rest) // pieces
     with np.errstate(all="ignore"):  # what overflows is not proved
         basis = _bases(A, pieces)
-        at = np.arange(len(A.rest)).reshape(cells, pieces)
-        following = np.roll(at, -1, 1).ravel()
+        index = np.arange(len(A.rest)).reshape(cells, pieces)
+        following = np.roll(index, -1, 1).ravel()
         seen = A.similar(basis, np.linalg.inv(basis)[following], basis[following])
         P = _series(seen, pieces)
         forms = Polynomials(P, np.zeros(P.shape[1:]), A.numbers, A.order)
         outside, slack = outside_each(forms, seen, pieces)
-        known = np.isfinite(slack.errors)  # F is positive in the middle
-        moves = _moves(np.where(known, norm_bound(P), 1.0), seen)
+        positive = np.isfinite(slack.errors)  # F is positive in the middle
+        moves = _moves(np.where(positive, norm_bound(P), 1.0), seen)
         size = norm_bound(np.abs(seen.terms).sum(0)) * norm_bound(np.abs(P).sum(0))[following]
         rest = 2 * size * norm_bound(seen.rest)
     by_cell = (cells, pieces)
@@ -108,8 +108,8 @@ def _series(A: Polynomials, pieces: int) -> np.ndarray:
     for piece in range(pieces):
         before.append(middle[:, piece] @ before[-1])
     M = before.pop()
-    kept = np.einsum("cki,clj->cijkl", M, M).reshape(-1, n * n, n * n)
-    less = np.nan_to_num(np.eye(n * n) - kept)
+    fixed_part = np.einsum("cki,clj->cijkl", M, M).reshape(-1, n * n, n * n)
+    less = np.nan_to_num(np.eye(n * n) - fixed_part)
     try:
         inverse = np.linalg.inv(less)
     except np.linalg.LinAlgError:  # two eigenvalues of a cell have the product 1

@@ -9,18 +9,18 @@ from wavesweep.engine._switched.brackets import LeftOpen
 INWARD = 1e-12  # of an end, or of a side, by which an end stays within what is proved
 
 
-def left_open(found: Covering, sides: Sides, whole: np.ndarray, *, up: bool) -> LeftOpen | None:
+def left_open(covering: Covering, sides: Sides, whole: np.ndarray, *, up: bool) -> LeftOpen | None:
     """Return what holds a proof up on its way along the first of its sides; None if nothing does.
 
     whole: the box of the proof, `(2, sides)`.
     """
-    if not found.open:
+    if not covering.open:
         return None
-    cells = np.array(found.open)
-    cells = cells[cells[:, 0 if up else 1, 0] == found.end]
-    others = whole[:, 1:]
-    wide = others[0] < others[1]
+    cells = np.array(covering.open)
+    cells = cells[cells[:, 0 if up else 1, 0] == covering.end]
+    other_sides = whole[:, 1:]
+    wide = other_sides[0] < other_sides[1]
     widths = (cells[:, 1, 1:] - cells[:, 0, 1:])[:, wide]
-    shares = (widths / (others[1] - others[0])[wide]).prod(1)
+    shares = (widths / (other_sides[1] - other_sides[0])[wide]).prod(1)
     ends = sides.numbers(np.array([cells[:, 0].min(0), cells[:, 1].max(0)]))
     return LeftOpen(tuple(side.path for side in sides), ends, float(shares.sum()))

@@ -86,7 +86,7 @@ class LoopFrames:
     @staticmethod
     def of(
         ticks: Ticks,
-        kept: np.ndarray | Sequence[int],
+        states: np.ndarray | Sequence[int],
         written: WrittenFrames,
         drift: MarginalModes | None = None,
     ) -> LoopFrames:
@@ -98,18 +98,18 @@ class LoopFrames:
         samples = tuple(samples)
         whole_rows = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
         patterns = [pattern_of(np.array(row), changes) for row in whole_rows]
-        kept = np.array(kept)
+        states = np.array(states)
         if not drift:
-            kept = alive(np.logical_or.reduce(patterns), kept)
+            states = alive(np.logical_or.reduce(patterns), states)
         acting = []
         for row in whole_rows:
             acting.append([i for i, kind in enumerate(row) if ticks.maps[kind].inputs])
         at_once = None
         if not drift and all(len(kinds) <= 1 for kinds in acting):
             places = [(*kinds, -1)[0] for kinds in acting]
-            at_once = _AtOnce.of(ticks, whole_rows, places, kept)
+            at_once = _AtOnce.of(ticks, whole_rows, places, states)
         return LoopFrames(
-            ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once, drift
+            ticks, rows, samples, tuple(patterns), states, symbols, follows, at_once, drift
         )
 
     def at(self, x: float) -> np.ndarray:
@@ -155,10 +155,10 @@ class LoopFrames:
         dE = np.where(patterns, dE, 0.0).swapaxes(0, 1)
         if self.drift:
             counted = []
-            for at in range(len(numbers)):
-                V, dV = shift_of(changes[:, at], errors[:, at], self.drift)
-                counted.append(counted_from_rest(E[at], dE[at], V, dV, self.drift))
-            E, dE = (np.array(each) for each in zip(*counted, strict=True))
+            for number in range(len(numbers)):
+                V, dV = shift_of(changes[:, number], errors[:, number], self.drift)
+                counted.append(counted_from_rest(E[number], dE[number], V, dV, self.drift))
+            E, dE = (np.array(parts) for parts in zip(*counted, strict=True))
             return E, dE
         column = self.kept[:, None]
         return E[..., column, self.kept], dE[..., column, self.kept]
@@ -195,8 +195,8 @@ class LoopFrames:
         (A, C, B), (dA, dC, dB) = self._enclosed(low, middle, high)
         enclosures = [_enclosure(tick_map, middle, half) for tick_map in self.ticks.maps]
         maps = (
-            np.array([each.terms for each in enclosures]),
-            np.array([each.rest for each in enclosures]),
+            np.array([enclosure.terms for enclosure in enclosures]),
+            np.array([enclosure.rest for enclosure in enclosures]),
         )
         _, rest = products_of_rows(self._whole_rows, maps, _after_over)
         rest = rest[:, self.kept[:, None], self.kept]
@@ -207,15 +207,15 @@ class LoopFrames:
         return np.stack([A, control, B]), np.stack([dA + spread, of_control + spread, dB + spread])
 
 
-def alive(acts: np.ndarray, kept: np.ndarray) -> np.ndarray:
+def alive(acts: np.ndarray, states: np.ndarray) -> np.ndarray:
     """Return those of the states that neither every frame forgets nor every frame sets to zero.
     acts: entries that may be nonzero."""
     while True:
-        inside = acts[np.ix_(kept, kept)]
+        inside = acts[np.ix_(states, states)]
         live = inside.any(0) & inside.any(1)
         if live.all():
-            return kept
-        kept = kept[live]
+            return states
+        states = states[live]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,7 +238,7 @@ class _AtOnce:
 
     @staticmethod
     def of(
-        ticks: Ticks, rows: list[tuple[int, ...]], acting: list[int], kept: np.ndarray
+        ticks: Ticks, rows: list[tuple[int, ...]], acting: list[int], states: np.ndarray
     ) -> _AtOnce:
         """acting: the index of the tick in which the number acts in each row."""
         n = len(ticks.states)
@@ -268,7 +268,7 @@ class _AtOnce:
             A = last @ (identity + tick.E) @ first
             b = last @ B
             c = C @ first
-            terms.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], d))
+            terms.append((A[np.ix_(states, states)], b[states], c[:, states], d))
         A, b, c, d = (np.array(column) for column in zip(*terms, strict=True))
         before = E[:count, None], dE[:count, None]
         followed = np.array([bool(row) for row in later])
@@ -323,5 +323,5 @@ def _after_over(
     before, after = (
         Polynomials(np.swapaxes(terms, 0, 1), rest, 1, 2) for terms, rest in (first, later)
     )
-    found = after @ before
-    return np.swapaxes(found.terms, 0, 1), found.rest
+    product = after @ before
+    return np.swapaxes(product.terms, 0, 1), product.rest

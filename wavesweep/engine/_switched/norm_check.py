@@ -63,7 +63,7 @@ def shrink_along(
     `_bezier`. F is computed with a bound R on its errors, entry by entry.
     """
     graph = norms[0].graph
-    P = np.array([each.P for each in norms])
+    P = np.array([norm.P for norm in norms])
     # "Frames in any order": forms at the nodes of a complete graph.
     if not (graph.is_complete(follows) and _symmetric(P) and definite(P, np.zeros_like(P))):
         return False
@@ -226,17 +226,17 @@ def outside_each(forms: Polynomials, A: Polynomials, pieces: int = 1) -> tuple[n
     P_j(0) has (A. Ostrowski, H. Schneider, J. Math. Anal. Appl. 4, 72-84, 1962). P_j(0) has so many if
     it is negative definite on that many states, and positive definite on all others; one j is enough.
     """
-    at = np.arange(len(A.rest)).reshape(-1, pieces)
-    graph = Graph(at.ravel(), at.ravel(), np.roll(at, -1, 1).ravel())
+    index = np.arange(len(A.rest)).reshape(-1, pieces)
+    graph = Graph(index.ravel(), index.ravel(), np.roll(index, -1, 1).ravel())
     slack = _slack_over(forms, graph, A, None)
     P = forms.terms
     side = np.where(np.diagonal(P[0], axis1=-2, axis2=-1) < 0, -1.0, 1.0)
     alike = side[:, :, None] == side[:, None, :]
     on_each_side = np.where(alike, side[:, :, None] * P[0], 0.0)
     counted = definite_each(on_each_side, np.zeros_like(on_each_side))
-    count = np.where(counted, (side < 0).sum(-1), -1).reshape(at.shape).max(1)
+    count = np.where(counted, (side < 0).sum(-1), -1).reshape(index.shape).max(1)
     exceeds = (np.isfinite(P) & (P.mT == P)).all((0, -1, -2)) & _exceeds_each(slack, A.numbers)
-    return np.where(exceeds.reshape(at.shape).all(1), count, -1), slack
+    return np.where(exceeds.reshape(index.shape).all(1), count, -1), slack
 
 
 def _exceeds_each(slack: Slack, numbers: int) -> np.ndarray:
@@ -316,25 +316,25 @@ def cholesky_of_each(F: np.ndarray) -> np.ndarray:
     try:
         return np.where(likely, np.linalg.cholesky(np.where(likely, F, np.eye(n))), np.nan)
     except np.linalg.LinAlgError:
-        each = [cholesky_of_each(matrix) for matrix in F.reshape(-1, n, n)]
-        return np.array(each).reshape(F.shape)
+        factors = [cholesky_of_each(matrix) for matrix in F.reshape(-1, n, n)]
+        return np.array(factors).reshape(F.shape)
 
 
 def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> bool:
     """Return whether all symmetric matrices within R of F, entry by entry, and within a norm `off`,
     are positive definite."""
-    known, less = _less_errors(F, R, off)
+    bounded, less = _less_errors(F, R, off)
     try:
         np.linalg.cholesky(less)
     except np.linalg.LinAlgError:
         return False
-    return bool(known.all())
+    return bool(bounded.all())
 
 
 def definite_each(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> np.ndarray:
     """Return the same of each matrix `(..., n, n)`."""
-    known, less = _less_errors(F, R, off)
-    return known & np.isfinite(cholesky_of_each(less)).all((-1, -2))
+    bounded, less = _less_errors(F, R, off)
+    return bounded & np.isfinite(cholesky_of_each(less)).all((-1, -2))
 
 
 def _less_errors(
@@ -349,17 +349,17 @@ def _less_errors(
     """
     n = F.shape[-1]
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
-    known = (np.isfinite(F) & np.isfinite(R)).all((-1, -2)) & np.isfinite(off)
-    known &= (diagonal > LEAST_POSITIVE_ENTRY).all(-1)
-    F = np.where(known[..., None, None], (F + F.mT) / 2, np.eye(n))
-    R = np.where(known[..., None, None], (R + R.mT) / 2, 0.0)
+    bounded = (np.isfinite(F) & np.isfinite(R)).all((-1, -2)) & np.isfinite(off)
+    bounded &= (diagonal > LEAST_POSITIVE_ENTRY).all(-1)
+    F = np.where(bounded[..., None, None], (F + F.mT) / 2, np.eye(n))
+    R = np.where(bounded[..., None, None], (R + R.mT) / 2, 0.0)
     units = np.exp2(-np.round(np.log2(np.diagonal(F, axis1=-2, axis2=-1)) / 2))
     F = F * units[..., None, :] * units[..., :, None]
     R = R * units[..., None, :] * units[..., :, None]
     c = BOUNDS_OF_DOUBLES * (n + 2) * UNIT_ROUNDING * np.trace(F, axis1=-2, axis2=-1)
     size_of_R = BOUNDS_OF_DOUBLES / 2 * R.sum(-1).max(-1)
-    less = size_of_R + c + np.where(known, off, 0.0) * units.max(-1) ** 2
-    return known, F - less[..., None, None] * np.eye(n)
+    less = size_of_R + c + np.where(bounded, off, 0.0) * units.max(-1) ** 2
+    return bounded, F - less[..., None, None] * np.eye(n)
 
 
 def _root(weight: np.ndarray) -> np.ndarray:
@@ -391,5 +391,5 @@ def _control(numbers: int) -> np.ndarray:
     exponents = monomials(numbers, 2)[0]
     control = []
     for point in product(range(3), repeat=numbers):
-        control.append([np.prod(weights[each, list(point)]) for each in exponents])
+        control.append([np.prod(weights[chosen, list(point)]) for chosen in exponents])
     return np.array(control)

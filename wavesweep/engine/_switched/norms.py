@@ -71,7 +71,7 @@ class Centre:
 
         terms: the matrices, and their slopes along each number, `(1 + numbers, symbols, n, n)`, of x.
         """
-        A, *changes = (self.in_basis(each) for each in terms)
+        A, *changes = (self.in_basis(term) for term in terms)
         newton = _Newton.of(self.P, A, self.graph)
         small = 1e-4
         slopes = []
@@ -101,14 +101,16 @@ def units_of_places(A: np.ndarray, place: np.ndarray) -> np.ndarray | None:
 
     place: of each matrix, 0, 1, ...; the next one follows, and the first the last.
     """
-    one = np.eye(A.shape[-1])
+    identity = np.eye(A.shape[-1])
     places = 1 + place.max()
-    P = np.broadcast_to(one, (places, *one.shape)).copy()
+    P = np.broadcast_to(identity, (places, *identity.shape)).copy()
     for _ in range(60):  # as `rough_basis`, at each place
-        for at in range(places - 1, -1, -1):
-            own = A[place == at]
-            P[at] = LEAST_FORM * one + (own.mT @ P[(at + 1) % places] @ own).mean(0)
-        P = P / np.trace(P.mean(0)) * len(one)
+        for index in range(places - 1, -1, -1):
+            at_place = A[place == index]
+            P[index] = LEAST_FORM * identity + (
+                at_place.mT @ P[(index + 1) % places] @ at_place
+            ).mean(0)
+        P = P / np.trace(P.mean(0)) * len(identity)
     rough = np.linalg.cholesky(P).mT
     means = means_of_places(A, place)
     forms = periodic_forms(np.roll(rough, -1, 0) @ means @ np.linalg.inv(rough))
@@ -117,7 +119,7 @@ def units_of_places(A: np.ndarray, place: np.ndarray) -> np.ndarray | None:
 
 def means_of_places(A: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Return the mean of the matrices of each place."""
-    return np.array([A[place == at].mean(0) for at in range(1 + place.max())])
+    return np.array([A[place == index].mean(0) for index in range(1 + place.max())])
 
 
 def periodic_forms(A: np.ndarray) -> np.ndarray | None:
@@ -125,18 +127,18 @@ def periodic_forms(A: np.ndarray) -> np.ndarray | None:
     loop is not stable."""
     from scipy.linalg import solve_discrete_lyapunov
 
-    one = np.eye(A.shape[-1])
-    whole = one
-    lost = np.zeros_like(one)
-    for each in A:
+    identity = np.eye(A.shape[-1])
+    whole = identity
+    lost = np.zeros_like(identity)
+    for matrix in A:
         lost = lost + LEAST_FORM * whole.T @ whole
-        whole = each @ whole
+        whole = matrix @ whole
     if not np.isfinite(whole).all() or np.abs(np.linalg.eigvals(whole)).max() >= 1:
         return None
     P = solve_discrete_lyapunov(whole.T, lost)
     forms = []
-    for each in A[::-1]:
-        P = LEAST_FORM * one + each.T @ P @ each
+    for matrix in A[::-1]:
+        P = LEAST_FORM * identity + matrix.T @ P @ matrix
         forms.append((P + P.T) / 2)
     return np.array(forms[::-1])
 
@@ -169,8 +171,8 @@ def find_norms(
     """
     centre, factor, singular = _grown(A, follows, *_started(A, follows, start), work, enough)
     if singular and start and factor < 1:
-        left = work - centre.work
-        centre, factor, _ = _grown(A, follows, *first_centre(A, follows), left, enough)
+        work_left = work - centre.work
+        centre, factor, _ = _grown(A, follows, *first_centre(A, follows), work_left, enough)
     return centre, factor
 
 
@@ -393,23 +395,23 @@ class _Newton:
 
         nodes, n, _ = P.shape
         gradient, edge_terms = _gradient(P, A, graph)
-        own = n * (n + 1) // 2
+        unknowns = n * (n + 1) // 2
         nodes_in_order, apart = graph.along
         if NARROW * (apart + 1) > nodes:
-            hessian = np.zeros((nodes, own, nodes, own))
+            hessian = np.zeros((nodes, unknowns, nodes, unknowns))
             for first, last, parts in _hessian_parts(*edge_terms, graph, nodes):
                 hessian[first, :, last] += parts
-            hessian = hessian.reshape(nodes * own, -1)
+            hessian = hessian.reshape(nodes * unknowns, -1)
             factor, _ = cho_factor(hessian, lower=True, overwrite_a=True)
-            return _Newton(gradient, factor, None, nodes * own, (nodes, n))
-        order = (nodes_in_order[:, None] * own + np.arange(own)).ravel()
-        band = (apart + 1) * own - 1
+            return _Newton(gradient, factor, None, nodes * unknowns, (nodes, n))
+        order = (nodes_in_order[:, None] * unknowns + np.arange(unknowns)).ravel()
+        band = (apart + 1) * unknowns - 1
         place = np.empty_like(order)
         place[order] = np.arange(order.size)
         entries = np.zeros((band + 1, order.size))
         for first, last, parts in _hessian_parts(*edge_terms, graph, nodes):
-            rows = place[first[:, None] * own + np.arange(own)][:, :, None]
-            columns = place[last[:, None] * own + np.arange(own)][:, None]
+            rows = place[first[:, None] * unknowns + np.arange(unknowns)][:, :, None]
+            columns = place[last[:, None] * unknowns + np.arange(unknowns)][:, None]
             rows, columns = np.broadcast_arrays(rows, columns)
             below = rows >= columns
             entries[(rows - columns)[below], columns[below]] += parts[below]
@@ -441,9 +443,9 @@ def _hessian_parts(
     F^-1 and A F^-1 A' on each edge: nodes of the rows and of the columns, and blocks `(parts, m,
     m)`; those at the same place add up."""
     n = inverse.shape[-1]
-    at = np.arange(nodes)
+    nodes_in_order = np.arange(nodes)
     for end, terms in ((graph.source, inverse), (graph.target, arriving)):
-        yield at, at, acting(_products(terms, *graph.grouped(end)), n)
+        yield nodes_in_order, nodes_in_order, acting(_products(terms, *graph.grouped(end)), n)
     pairs, first, last = graph.pairs
     mixed = acting(_products(moved.mT, *graph.grouped(pairs)), n)
     yield first, last, -mixed  # each pair of nodes once
@@ -487,10 +489,10 @@ def acting(products: np.ndarray, n: int) -> np.ndarray:
     for vectors of `packed`."""
     weight = _places(n)[2]
     factor = weight / np.sqrt(2)
-    one, other = _crossed(n)
+    first, second = _crossed(n)
     flat = products.reshape(len(products), -1)
-    acts = flat.take(one, axis=1)
-    acts += flat.take(other, axis=1)
+    acts = flat.take(first, axis=1)
+    acts += flat.take(second, axis=1)
     acts *= factor[:, None] * factor
     return acts
 

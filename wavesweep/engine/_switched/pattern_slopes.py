@@ -16,13 +16,13 @@ def largest_modes(
     and its vectors x and y, `(patterns, n)`; size: of eigenvalues `(patterns, n)`."""
     z, vectors = np.linalg.eig(products)
     largest = size(z).argmax(-1)
-    own = np.arange(len(z))
+    index = np.arange(len(z))
     with np.errstate(all="ignore"):
         try:
             inverse = np.linalg.inv(vectors)
         except np.linalg.LinAlgError:
             inverse = np.linalg.pinv(vectors)
-    return z[own, largest], vectors[own, :, largest], inverse[own, largest]
+    return z[index, largest], vectors[index, :, largest], inverse[index, largest]
 
 
 def slopes_of(
@@ -42,8 +42,8 @@ def slopes_of(
         states.append((A @ states[-1][..., None])[..., 0])
     slopes = []
     with np.errstate(all="ignore"):
-        for own, A, state in zip(choices[::-1], chosen[::-1], states[::-1], strict=True):
-            moved = own @ state.T  # (choices, n, patterns)
+        for of_step, A, state in zip(choices[::-1], chosen[::-1], states[::-1], strict=True):
+            moved = of_step @ state.T  # (choices, n, patterns)
             slopes.append(np.real((moved * y.T).sum(1) / z).T)
             y = (y[:, None] @ A)[:, 0]
     return slopes[::-1]

@@ -68,7 +68,7 @@ def growing(
     A: np.ndarray,
     follows: np.ndarray,
     basis: np.ndarray,
-    known: Sequence[Word] = (),
+    words_before: Sequence[Word] = (),
     more: int = 1,
     longest: int = 14,  # matrices in a word
     norms: Norms | None = None,
@@ -84,7 +84,7 @@ def growing(
     although there are such words.
     """
     A = np.linalg.inv(basis) @ A @ basis
-    rates = {word: _rate(A, word) for word in known}
+    rates = {word: _rate(A, word) for word in words_before}
     rates |= _of_two_runs(A, follows)
     words = np.arange(len(A))[:, None]
     products = A
@@ -92,8 +92,8 @@ def growing(
         order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
         may_repeat = follows[words[order, -1], words[order, 0]]
         closing = order[may_repeat][:120]  # words of each length whose eigenvalues are computed
-        places, found = _fastest(products[closing], np.full(closing.size, length), LEADING)
-        for i, rate in zip(closing[places], found, strict=True):
+        places, fastest = _fastest(products[closing], np.full(closing.size, length), LEADING)
+        for i, rate in zip(closing[places], fastest, strict=True):
             rates[_least(tuple(words[i].tolist()))] = rate
         extended = order[: more * WORDS_KEPT]
         first, symbol = np.nonzero(follows[words[extended, -1]])
@@ -136,10 +136,10 @@ def _of_two_runs(A: np.ndarray, follows: np.ndarray) -> dict[Word, float]:
     lengths = np.add.outer(np.arange(1, RUN_OF_WORD + 1), np.arange(1, RUN_OF_WORD + 1))
     for i, j in ends:
         products = powers[None, :, some.index(j)] @ powers[:, None, some.index(i)]
-        places, found = _fastest(products.reshape(-1, *A.shape[1:]), lengths.ravel(), LEADING)
-        for place, rate in zip(places.tolist(), found.tolist(), strict=True):
-            one, other = divmod(place, RUN_OF_WORD)
-            rates[_least((i,) * (1 + one) + (j,) * (1 + other))] = size * rate
+        places, fastest = _fastest(products.reshape(-1, *A.shape[1:]), lengths.ravel(), LEADING)
+        for place, rate in zip(places.tolist(), fastest.tolist(), strict=True):
+            first_run, second_run = divmod(place, RUN_OF_WORD)
+            rates[_least((i,) * (1 + first_run) + (j,) * (1 + second_run))] = size * rate
     return rates
 
 
@@ -188,7 +188,9 @@ def _of_walks(A: np.ndarray, follows: np.ndarray, norms: Norms) -> dict[Word, fl
     return rates
 
 
-def _fastest(products: np.ndarray, lengths: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+def _fastest(
+    products: np.ndarray, lengths: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the places of the words that grow fastest per matrix, the fastest first, and their
     growth, by their products and lengths. most: of them.
 
@@ -199,11 +201,11 @@ def _fastest(products: np.ndarray, lengths: np.ndarray, most: int) -> tuple[np.n
     rates = np.zeros(0)
     for first in range(0, len(order), EIGENVALUES_AT_ONCE):
         some = order[first : first + EIGENVALUES_AT_ONCE]
-        if rates.size >= most and bounds[some[0]] < np.sort(rates)[-most]:
+        if rates.size >= count and bounds[some[0]] < np.sort(rates)[-count]:
             break
         radii = np.abs(np.linalg.eigvals(products[some])).max(-1)
         rates = np.append(rates, radii ** (1 / lengths[some]))
-    best = np.argsort(-rates, kind="stable")[:most]
+    best = np.argsort(-rates, kind="stable")[:count]
     return order[best], rates[best]
 
 
@@ -236,11 +238,11 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
         if not in_any_order:
             allowed = [i for i in allowed if _allowed(follows, words[i])]
         lengths = np.array([len(words[i]) for i in allowed])
-        best, found = _fastest(products[list(allowed)], lengths, 1)
-        if not best.size or found[0] <= rate * (1 + 1e-12):
+        best, changed_rates = _fastest(products[list(allowed)], lengths, 1)
+        if not best.size or changed_rates[0] <= rate * (1 + 1e-12):
             break
         word = words[allowed[best[0]]]
-        rate = found[0]
+        rate = changed_rates[0]
     return _least(word)
 
 
@@ -271,15 +273,15 @@ def _neighbours(A: np.ndarray, word: Word) -> tuple[list[Word], np.ndarray]:
 
 def _allowed(follows: np.ndarray, word: Word) -> bool:
     after = (*word[1:], word[0])
-    return all(follows[one, other] for one, other in zip(word, after, strict=True))
+    return all(follows[before, behind] for before, behind in zip(word, after, strict=True))
 
 
 def _least(word: Word) -> Word:
     """The representative of all words with the same cycle: rotations and repetitions of a word
     have the same one."""
     for length in range(1, len(word) + 1):
-        repetitions, left = divmod(len(word), length)
-        if not left and word == word[:length] * repetitions:
+        repetitions, remainder = divmod(len(word), length)
+        if not remainder and word == word[:length] * repetitions:
             break
     return min(word[i:length] + word[:i] for i in range(length))
 
@@ -288,19 +290,19 @@ def short_words(follows: np.ndarray) -> list[Word]:
     """Return all words of few matrices, each cycle once: of up to ALL_WORDS_LENGTH matrices, or
     fewer if they are more than MOST_RANKING_WORDS."""
     one_way: list[Word] = [(i,) for i in range(len(follows))]
-    found: dict[Word, None] = {}
+    words: dict[Word, None] = {}
     for _ in range(ALL_WORDS_LENGTH):
         closed = {_least(word) for word in one_way if follows[word[-1], word[0]]}
-        if found and len(found) + len(closed) > MOST_RANKING_WORDS:
+        if words and len(words) + len(closed) > MOST_RANKING_WORDS:
             break
-        found |= dict.fromkeys(sorted(closed, key=lambda word: (len(word), word)))
+        words |= dict.fromkeys(sorted(closed, key=lambda word: (len(word), word)))
         longer: list[Word] = []
         for word in one_way:
             longer += [(*word, i) for i in np.flatnonzero(follows[word[-1]]).tolist()]
         one_way = longer
         if len(one_way) > MOST_RANKING_WORDS * ALL_WORDS_LENGTH:
             break
-    return list(found)
+    return list(words)
 
 
 def shortest_through(follows: np.ndarray) -> list[Word]:
@@ -310,7 +312,7 @@ def shortest_through(follows: np.ndarray) -> list[Word]:
     So there is a word with as many losses in a row as there may be: that of the last one.
     """
     before = [np.flatnonzero(column) for column in follows.T]
-    found: dict[Word, None] = {}
+    words: dict[Word, None] = {}
     for end in range(len(follows)):
         steps = np.full(len(follows), -1)  # from each matrix to this one
         layer = np.array([end])
@@ -321,12 +323,12 @@ def shortest_through(follows: np.ndarray) -> list[Word]:
             layer = layer[steps[layer] < 0]
             steps[layer] = count
         word = [end]
-        for left in range(count - 1, 0, -1):
-            choices = np.flatnonzero(follows[word[-1]] & (steps == left))
+        for steps_left in range(count - 1, 0, -1):
+            choices = np.flatnonzero(follows[word[-1]] & (steps == steps_left))
             word.append(int(choices[np.abs(choices - end).argmin()]))
         if steps[end] > 0:
-            found[_least(tuple(word))] = None
-    return list(found)
+            words[_least(tuple(word))] = None
+    return list(words)
 
 
 def joined(follows: np.ndarray) -> tuple[Word, ...]:
@@ -335,17 +337,23 @@ def joined(follows: np.ndarray) -> tuple[Word, ...]:
     What only leads on is joined with what may follow: a frame whose result is lost with the next
     ones, up to one whose result is not. So all results lost in a row need no norms between them.
     """
-    words = [(at,) for at in range(len(follows))]
+    words = [(symbol,) for symbol in range(len(follows))]
     while True:
         after = following(words, follows)
         for may in np.unique(after, axis=0):
             leads_on = (after == may).all(1)
-            longer = [words[one] + words[two] for one, two in np.argwhere(leads_on[:, None] & may)]
-            found = [word for word, gone in zip(words, leads_on, strict=True) if not gone] + longer
-            reached = np.any(following(found, follows), 0)
-            found = [word for word, kept in zip(found, reached, strict=True) if kept]
-            if not may[leads_on].any() and len(found) <= len(words):
-                words = found
+            longer = [
+                words[before] + words[two] for before, two in np.argwhere(leads_on[:, None] & may)
+            ]
+            joined_words = [
+                word for word, gone in zip(words, leads_on, strict=True) if not gone
+            ] + longer
+            reached = np.any(following(joined_words, follows), 0)
+            joined_words = [
+                word for word, is_reached in zip(joined_words, reached, strict=True) if is_reached
+            ]
+            if not may[leads_on].any() and len(joined_words) <= len(words):
+                words = joined_words
                 break
         else:
             return tuple(words)
@@ -360,16 +368,20 @@ def written(word: Word, words: Sequence[Word]) -> Word:
     """Return a word that is repeated as the numbers of those of `joined` that it consists of; ()
     if it does not."""
     for begin in range(len(word)):
-        left = word[begin:] + word[:begin]
-        found = []
-        while left:
-            numbers = [at for at, each in enumerate(words) if left[: len(each)] == each]
+        remaining = word[begin:] + word[:begin]
+        parts = []
+        while remaining:
+            numbers = [
+                index
+                for index, candidate in enumerate(words)
+                if remaining[: len(candidate)] == candidate
+            ]
             if not numbers:
                 break
-            found.append(numbers[0])
-            left = left[len(words[numbers[0]]) :]
+            parts.append(numbers[0])
+            remaining = remaining[len(words[numbers[0]]) :]
         else:
-            return tuple(found)
+            return tuple(parts)
     return ()
 
 
@@ -396,13 +408,13 @@ def rates_of(A: np.ndarray, words: Sequence[Word], least: float = 0.0) -> np.nda
         products = A[:, symbols[0]]
         for later in symbols[1:]:
             products = A[:, later] @ products
-        known = np.isfinite(products).all((-1, -2))
-        found = np.full(known.shape, np.inf)
+        finite = np.isfinite(products).all((-1, -2))
+        bounds = np.full(finite.shape, np.inf)
         if least:
-            found = np.where(known, _bounds(products, length), np.inf)
-        open_ = known & (found >= least)
-        found[open_] = np.abs(np.linalg.eigvals(products[open_])).max(-1) ** (1 / length)
-        rates[:, some] = found
+            bounds = np.where(finite, _bounds(products, length), np.inf)
+        open_ = finite & (bounds >= least)
+        bounds[open_] = np.abs(np.linalg.eigvals(products[open_])).max(-1) ** (1 / length)
+        rates[:, some] = bounds
     return rates
 
 
@@ -434,8 +446,8 @@ def nearest(family: Family, word: Word, start: float, x: float) -> float:
     on_the_way = start + (x - start) * np.linspace(0, 1, 33)[1:]
     for outside in on_the_way:
         if growth(family.at(outside), word) >= 1:
-            at = begins(family, word, inside, outside)
-            return x if at is None else at
+            nearer = begins(family, word, inside, outside)
+            return x if nearer is None else nearer
         inside = outside
     return x
 
@@ -454,7 +466,7 @@ def begins(family: Family, word: Word, stable: float, unstable: float) -> float 
     away = np.sign(unstable - high) * max(abs(high), 1e-6 * abs(unstable - high))
     # Of a number where a word begins to grow, how far beyond it that is proved.
     for step in (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3):
-        at = high + step * away
-        if abs(at - high) <= abs(unstable - high) and is_refuted(family, word, at):
-            return float(at)
+        number = high + step * away
+        if abs(number - high) <= abs(unstable - high) and is_refuted(family, word, number):
+            return float(number)
     return float(unstable) if is_refuted(family, word, unstable) else None

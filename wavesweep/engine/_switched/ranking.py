@@ -46,7 +46,7 @@ class _Ranked:
     def follow(self, words: Sequence[Word]) -> list[Word]:
         """Lower the end to where the first of some words grows, and that word changed matrix by
         matrix; return what it becomes."""
-        found: list[Word] = []
+        followed: list[Word] = []
         end, word = first_growing(self.family, words, self.end)
         for _ in range(SEARCHES):
             if not word:
@@ -59,22 +59,22 @@ class _Ranked:
             word = improved(A, self.family.follows, word)
             if growth(A, word) < 1:
                 break
-            found.append(word)
+            followed.append(word)
             end, word = first_growing(self.family, [word], x)
-        return found
+        return followed
 
     def search(self) -> list[Word]:
         """Look for words that grow just below the end until there are none; return them."""
         self.searched = True
-        found: list[Word] = []
+        words: list[Word] = []
         for _ in range(SEARCHES):
             x = (1 - BELOW) * self.end
             more = searched_words(self.family, x)
             if not more:
                 break
             self.end = x
-            found += [*more, *self.follow(more)]
-        return found
+            words += [*more, *self.follow(more)]
+        return words
 
 
 def searched_words(family: Family, x: float) -> list[Word]:
@@ -84,22 +84,22 @@ def searched_words(family: Family, x: float) -> list[Word]:
         return []
     basis = np.eye(A.shape[-1])
     # Pairs rank numbers, before the best are improved.
-    found = growing(A, family.follows, basis, longest=2, changed=1)
-    return found[:1]
+    words = growing(A, family.follows, basis, longest=2, changed=1)
+    return words[:1]
 
 
-def seems_refuted(family: Family, x: float, known: list[Word]) -> bool:
+def seems_refuted(family: Family, x: float, tried: list[Word]) -> bool:
     """Return whether some short word grows at x.
 
     known: words that grew in other families, which are tried first; one that is found by searching
     is added.
     """
     A = family.at(x)
-    if not np.isfinite(A).all() or growing_of(A, known):
+    if not np.isfinite(A).all() or growing_of(A, tried):
         return True
-    found = searched_words(family, x)
-    known += found
-    return bool(found)
+    words = searched_words(family, x)
+    tried += words
+    return bool(words)
 
 
 def least_refuted(
@@ -116,8 +116,8 @@ def least_refuted(
     added.
     """
     rows = []
-    for each, limit in zip(families, limits.tolist(), strict=True):
-        rows.append([_Ranked(one, limit, known[one.follows.tobytes()]) for one in each])
+    for members, limit in zip(families, limits.tolist(), strict=True):
+        rows.append([_Ranked(member, limit, known[member.follows.tobytes()]) for member in members])
     every = [ranked for row in rows for ranked in row]
     shortest: dict[bytes, list[Word]] = {}
     for ranked in every:
@@ -129,8 +129,8 @@ def least_refuted(
         ranked.known += ranked.follow([*dict.fromkeys([*shortest[rule], *ranked.known])])
     while True:
         ends = limits.copy()
-        for at, row in enumerate(rows):
-            ends[at] = min([limits[at], *(ranked.end for ranked in row)])
+        for index, row in enumerate(rows):
+            ends[index] = min([limits[index], *(ranked.end for ranked in row)])
         waiting = np.array([not all(ranked.searched for ranked in row) for row in rows])
         if designs is not None:
             worst = np.full(designs.max() + 1, np.inf)

@@ -41,12 +41,15 @@ class Remembered:
         _, size, turned = np.linalg.svd(
             (inverse @ A @ basis).reshape(-1, A.shape[-1]), full_matrices=False
         )
-        kept = size > FORGOTTEN * size[0]
-        if kept.all():
-            one = np.eye(A.shape[-1])
-            return Remembered(family, one, one, one[:0])
+        observed = size > FORGOTTEN * size[0]
+        if observed.all():
+            identity = np.eye(A.shape[-1])
+            return Remembered(family, identity, identity, identity[:0])
         return Remembered(
-            family, turned[kept] @ inverse, basis @ turned[kept].T, turned[~kept] @ inverse
+            family,
+            turned[observed] @ inverse,
+            basis @ turned[observed].T,
+            turned[~observed] @ inverse,
         )
 
     @property
@@ -77,10 +80,10 @@ class Remembered:
             return None
         norms: list[Norms] = []
         for (_, centre), place in zip(ends, (0, -1), strict=False):
-            own = self.norms(centre, points[0][[place]])
-            if own is None:
+            at_number = self.norms(centre, points[0][[place]])
+            if at_number is None:
                 return None
-            norms.append(own)
+            norms.append(at_number)
         if not shrink_along(norms, *points, self.follows):
             return None
         return tuple(norms)

@@ -62,14 +62,14 @@ class RingSearch:
         """Forms in which all matrices at x shrink, in doubles; None if none are found."""
         A = self.at(x)
         same = means_of_places(A, self.family.place)[self.graph.source]
-        one = np.eye(A.shape[-1])
-        P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
-        forms = len(one) * (len(one) + 1) / 2
+        identity = np.eye(A.shape[-1])
+        P = np.broadcast_to(identity, (self.graph.nodes, *identity.shape))
+        forms = len(identity) * (len(identity) + 1) / 2
         band = min(3, self.graph.nodes) * forms  # of a ring: see `Graph.along`
         if self.graph.nodes * forms * band**2 / 3 > work / STEPS:
             return None
         try:
-            centre = recentred(Centre(P, self.graph, one, one), same, 60)
+            centre = recentred(Centre(P, self.graph, identity, identity), same, 60)
         except np.linalg.LinAlgError:  # singular to rounding
             return None
         centre, width = opened(centre, lambda w: same + w * (A - same), 0.0, work)
@@ -98,12 +98,12 @@ def opened(
     """
     while width < 1 and centre.work < work:
         try:
-            ahead, at = advanced(centre, matrices, width, 1.0)
+            ahead, next_width = advanced(centre, matrices, width, 1.0)
             ahead = ahead.rounded()
         except np.linalg.LinAlgError:  # singular to rounding
             break
-        step = at - width
-        centre, width = ahead, at
+        step = next_width - width
+        centre, width = ahead, next_width
         # After the first steps, which are short, one that gains no more has stalled.
         if step < min(2e-3 * width, 0.03 * (1 - width)) or not step:
             break
@@ -116,14 +116,14 @@ def units_of_ring(A: np.ndarray) -> np.ndarray | None:
     from scipy.linalg import matrix_balance
 
     places, n, _ = A.shape
-    one = np.eye(n)
+    identity = np.eye(n)
     round_ring = np.zeros((places, n, places, n))
     for place in range(places):
         round_ring[(place + 1) % places, :, place] = A[place]
     _, (sizes, _) = matrix_balance(round_ring.reshape(places * n, -1), permute=False, separate=True)
     sizes = sizes.reshape(places, n)
     A = A * sizes[:, None] / np.roll(sizes, -1, axis=0)[..., None]
-    whole = reduce(lambda before, each: each @ before, A)
+    whole = reduce(lambda before, matrix: matrix @ before, A)
     radius = np.abs(np.linalg.eigvals(whole)).max() if np.isfinite(whole).all() else np.inf
     if radius >= 1:
         return None
@@ -132,4 +132,4 @@ def units_of_ring(A: np.ndarray) -> np.ndarray | None:
         return None
     # Of a form: more than rounding may take off.
     floor = 1e-12 * np.trace(forms, axis1=-2, axis2=-1)[:, None, None]
-    return np.linalg.cholesky(forms + floor * one).mT / sizes[:, None]
+    return np.linalg.cholesky(forms + floor * identity).mT / sizes[:, None]

@@ -41,17 +41,17 @@ def minimised(
     parts = [csc_matrix(G)]
     right = [h]
     cones = [clarabel.NonnegativeConeT(h.size)]
-    for each in inequalities:
-        count, N = each.constant.shape[:2]
+    for inequality in inequalities:
+        count, N = inequality.constant.shape[:2]
         # The upper triangle, column by column, with the inner product of the matrices.
         column, row = np.tril_indices(N)
         weight = np.where(row == column, 1.0, np.sqrt(2))
-        entries = -each.slopes[:, :, row, column] * weight
+        entries = -inequality.slopes[:, :, row, column] * weight
         condition, term, entry = np.nonzero(entries)
-        places = condition * row.size + entry, each.index[condition, term]
+        places = condition * row.size + entry, inequality.index[condition, term]
         values = entries[condition, term, entry]
         parts.append(csc_matrix((values, places), (count * row.size, unknowns)))
-        right.append((each.constant[:, row, column] * weight).ravel())
+        right.append((inequality.constant[:, row, column] * weight).ravel())
         cones += [clarabel.PSDTriangleConeT(N)] * count
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -69,8 +69,8 @@ def minimised(
 def symmetric_basis(n: int) -> np.ndarray:
     """Return a basis of symmetric matrices, `(n (n + 1) / 2, n, n)`: of zeros and ones."""
     row, column = np.triu_indices(n)
-    own = np.arange(row.size)
+    index = np.arange(row.size)
     basis = np.zeros((row.size, n, n))
-    basis[own, row, column] = 1.0
-    basis[own, column, row] = 1.0
+    basis[index, row, column] = 1.0
+    basis[index, column, row] = 1.0
     return basis

@@ -42,7 +42,7 @@ def covered(
     goal: float,
     least: float,
     work: float,
-    most: int = 300,
+    most_stretches: int = 300,
     report: Callable[[float, float], None] = lambda *_: None,
 ) -> tuple[tuple[ProvedStretch, ...], float, Centre]:
     """Return stretches without a gap from the start towards the goal, the number that they reach,
@@ -55,7 +55,7 @@ def covered(
     stretches: list[ProvedStretch] = []
     end = start
     whole = abs(goal - start)
-    while end != goal and len(stretches) < most and centre.work < work:
+    while end != goal and len(stretches) < most_stretches and centre.work < work:
         rest = abs(goal - end)
         share = least * min(rest, max(abs(end), SHORTEST_LEFT * whole))
         shortest = min(rest, max(share, SHORTEST * whole))

@@ -115,11 +115,11 @@ class LoopsOver:
     ) -> Covering:
         """What is known of a box of sides, see `cover`; its words, and those that are given, are
         of symbols."""
-        known = filter(None, (written(word, self.words) for word in words))
-        found = cover(frames, box, self.follows, work, up, list(known), *beyond)
+        given_words = filter(None, (written(word, self.words) for word in words))
+        covering = cover(frames, box, self.follows, work, up, list(given_words), *beyond)
         if not self.words:
-            return found
-        return replace(found, word=sum((self.words[at] for at in found.word), ()))
+            return covering
+        return replace(covering, word=sum((self.words[index] for index in covering.word), ()))
 
 
 def bracket_over(
@@ -156,7 +156,7 @@ def bracket_over(
     open_ = None
 
     def proved(
-        bottom: float, top: float, most: float, up: bool, words: Sequence[Word]
+        bottom: float, top: float, most_work: float, up: bool, words: Sequence[Word]
     ) -> tuple[Covering, float]:
         """What is proved from a number to another, and the number that is reached."""
         nonlocal spent
@@ -170,33 +170,33 @@ def bracket_over(
         tell = reached if report else None
         gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
         stretches = 1 if first.zero else _stretches(layer)
-        found = loops.covered(frames, layer, most - spent, up, words, tell, gain, stretches)
-        spent += found.used
-        return found, float(first.number(found.end - INWARD if up else found.end + INWARD))
+        covering = loops.covered(frames, layer, most_work - spent, up, words, tell, gain, stretches)
+        spent += covering.used
+        return covering, float(first.number(covering.end - INWARD if up else covering.end + INWARD))
 
     def upwards(reached: float, goal: float, refuted: Refuted) -> tuple[float, Refuted]:
         nonlocal open_, rounds
         met = Refuted()
         if reached < goal and spent < UPWARD * work:
-            found, end = proved(reached, goal, UPWARD * work, True, [below.word, refuted.word])
+            covering, end = proved(reached, goal, UPWARD * work, True, [below.word, refuted.word])
             reached = max(reached, end)
-            if found.word and rounds:
-                met = _met(loops, found, start, refuted)
+            if covering.word and rounds:
+                met = _met(loops, covering, start, refuted)
                 rounds -= 1
             if not met.word:
-                open_ = left_open(found, loops.sides, _layer(loops, lowest, limits[1]), up=True)
+                open_ = left_open(covering, loops.sides, _layer(loops, lowest, limits[1]), up=True)
         return reached, met
 
     def downwards(reached: float, goal: float, _: Refuted) -> tuple[float, Refuted]:
         nonlocal below, open_
         goal = max(goal, lowest)
         if goal < reached < high:
-            found, end = proved(goal, start, work, False, [below.word, above.word])
+            covering, end = proved(goal, start, work, False, [below.word, above.word])
             reached = min(reached, end)
-            if found.open and not below.word:
+            if covering.open and not below.word:
                 below = _worst(loops, start, least)
             whole = _layer(loops, least, limits[1])
-            open_ = open_ or left_open(found, loops.sides, whole, up=False)
+            open_ = open_ or left_open(covering, loops.sides, whole, up=False)
         return reached, Refuted()
 
     share = TOLERANCE_SHARE * BRACKET_TOLERANCE
@@ -251,7 +251,7 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
         before = best
         for point in dict.fromkeys(map(tuple, climbed.points[:POINTS_LOOKED_AT, 1:].tolist())):
             by_word = loops.gain and best.word  # a search for patterns of messages takes seconds
-            if by_word or any(_alike(loops, point, other, end) for other in searched):
+            if by_word or any(_alike(loops, point, known_point, end) for known_point in searched):
                 best = _moved(loops, point, start, best)
             else:
                 best = _refuted_at(loops, point, start, limit, best)
@@ -268,19 +268,19 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     return best
 
 
-def _alike(loops: LoopsOver, point: tuple[float, ...], other: tuple[float, ...], x: float) -> bool:
+def _alike(loops: LoopsOver, point: tuple[float, ...], second: tuple[float, ...], x: float) -> bool:
     """Whether two points have nearly the same frames at a number."""
     if loops.on_average or loops.gain:
-        return point == other
-    family = loops.family(other)
+        return point == second
+    family = loops.family(second)
     frames = loops.family(point).at(x)
-    others = family.at(x)
+    other_numbers = family.at(x)
     if (
-        frames.shape != others.shape or not np.isfinite(others).all()
+        frames.shape != other_numbers.shape or not np.isfinite(other_numbers).all()
     ):  # a number that is 0 takes a state away
         return False
-    centre, _ = first_centre(others, family.follows)  # in whose basis the frames are small
-    return bool(np.abs(centre.in_basis(frames - others)).max() <= SAME_FRAMES)
+    centre, _ = first_centre(other_numbers, family.follows)  # in whose basis the frames are small
+    return bool(np.abs(centre.in_basis(frames - other_numbers)).max() <= SAME_FRAMES)
 
 
 def _moved(loops: LoopsOver, point: tuple[float, ...], start: float, best: Refuted) -> Refuted:
