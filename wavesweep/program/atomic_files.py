@@ -84,12 +84,14 @@ def scratch(parent: Path) -> Iterator[Path]:
     """
     from shutil import rmtree
 
-    for left in parent.glob(f"{SCRATCH}*"):
+    for abandoned in parent.glob(f"{SCRATCH}*"):
         with suppress(OSError):
-            if re.fullmatch("[0-9a-f]{12}", left.name.removeprefix(SCRATCH)) and is_folder(left):
-                held = _held(left, wait=False)
-                rmtree(left, ignore_errors=True)
-                os.close(held)
+            if re.fullmatch("[0-9a-f]{12}", abandoned.name.removeprefix(SCRATCH)) and is_folder(
+                abandoned
+            ):
+                lock = _held(abandoned, wait=False)
+                rmtree(abandoned, ignore_errors=True)
+                os.close(lock)
     while True:
         folder = parent / f"{SCRATCH}{random_part()}"
         try:
@@ -97,20 +99,20 @@ def scratch(parent: Path) -> Iterator[Path]:
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(parent)) from error
         try:
-            held = _held(folder, wait=True)
+            lock = _held(folder, wait=True)
         except FileNotFoundError:  # another run took it for a leftover
             continue
         except OSError:  # a system without locks of folders
-            held = None
-        if held is None or os.fstat(held).st_nlink:
+            lock = None
+        if lock is None or os.fstat(lock).st_nlink:
             break
-        os.close(held)
+        os.close(lock)
     try:
         yield folder
     finally:
         rmtree(folder, ignore_errors=True)
-        if held is not None:
-            os.close(held)
+        if lock is not None:
+            os.close(lock)
 
 
 def _held(folder: Path, wait: bool) -> int:

@@ -54,7 +54,7 @@ class Csv:
 
     def line(self, row: int) -> int:
         """The line of the file that has a row of numbers, counted from 0."""
-        filled = (at for at, text in enumerate(self.body.split("\n")) if text.strip())
+        filled = (number for number, text in enumerate(self.body.split("\n")) if text.strip())
         return self.above + 2 + next(islice(filled, row, None))
 
     def cells(self, column: str) -> list[str]:
@@ -148,8 +148,8 @@ def _beyond_limit(path: str | Path, error: csv.Error) -> UsageError:
 _NONE = "expected rows of numbers below the header"
 
 
-def read_csv(path: str | Path, most: int) -> Csv:
-    """Read a file of at most `most` bytes: columns between commas, semicolons, tabs or spaces, or
+def read_csv(path: str | Path, most_bytes: int) -> Csv:
+    """Read a file of at most `most_bytes` bytes: columns between commas, semicolons, tabs or spaces, or
     JSON.
 
     The header is the first line whose next ten lines are rows of numbers, with other columns or
@@ -159,7 +159,7 @@ def read_csv(path: str | Path, most: int) -> Csv:
 
     Errors: UsageError that names the file.
     """
-    data = read_bytes(path, most)
+    data = read_bytes(path, most_bytes)
     text = _decoded(path, data)
     sha256 = hashlib.sha256(data).hexdigest()
     if text.lstrip()[:1] in ("{", "["):
@@ -211,7 +211,7 @@ def _of_events(path: str | Path, text: str, sha256: str) -> Csv:
     body = StringIO()
     matches = map(EVENT.match, text.split("\n"))
     csv.writer(body, lineterminator="\n").writerows(
-        found.groups() if found else () for found in matches
+        match.groups() if match else () for match in matches
     )
     return Csv(path, TRACE, body.getvalue(), sha256, above=-1)
 
@@ -222,9 +222,9 @@ def _decoded(path: str | Path, data: bytes) -> str:
     Errors: UsageError if it is no text.
     """
     code = "utf-16" if data.startswith(UTF_16) else "utf-8-sig"
-    for each in (code, "cp1252"):
+    for encoding in (code, "cp1252"):
         try:
-            text = data.decode(each)
+            text = data.decode(encoding)
         except UnicodeDecodeError:
             continue
         if not NO_TEXT.search(text):
@@ -241,20 +241,20 @@ def _header(text: str) -> tuple[int, str, str]:
     as settings above it have two; the first line with text if there is none.
     """
     lines = text.split("\n", MOST_ABOVE + ROWS_BELOW)
-    found = []
+    headers = []
     for above, line in enumerate(lines[:MOST_ABOVE]):
         if not line.strip():
             continue
-        below = [each for each in lines[above + 1 :] if each.strip()][:ROWS_BELOW]
+        below = [candidate for candidate in lines[above + 1 :] if candidate.strip()][:ROWS_BELOW]
         for header, mark in product((COMMENT.sub("", line), line), (",", *MARKS)):
             if _is_header(header, mark, below):
                 names = _cells(header, mark)
-                found.append((not any(map(_is_number, names)), len(names), above, mark, header))
+                headers.append((not any(map(_is_number, names)), len(names), above, mark, header))
                 break
-    if found:
-        _, _, *best = max(found, key=lambda each: each[:2])
+    if headers:
+        _, _, *best = max(headers, key=lambda candidate: candidate[:2])
         return tuple(best)
-    first = next((at for at, line in enumerate(lines) if line.strip()), 0)
+    first = next((number for number, line in enumerate(lines) if line.strip()), 0)
     # Without rows that are numbers, what is between the names of its columns.
     header = lines[first]
     marks = [mark for mark in MARKS if mark in header.strip()]
@@ -320,17 +320,17 @@ def _of_json(path: str | Path, text: str, sha256: str) -> Csv:
             tree = [json.loads(line) for line in lines]  # an object a line
         else:
             tree = json.loads(text)
-        found = list(_tables(tree))
+        tables = list(_tables(tree))
     except (ValueError, RecursionError) as error:
         raise UsageError(f"{path}: expected JSON or CSV, found neither ({error})") from None
     # Beside the columns of a run there may be lists of its sensors, of other lengths.
-    widest = max(map(len, found), default=0)
-    found = [columns for columns in found if len(columns) == widest]
-    if len(found) != 1:
+    widest = max(map(len, tables), default=0)
+    tables = [columns for columns in tables if len(columns) == widest]
+    if len(tables) != 1:
         expected = "expected JSON with lists of numbers that have names, of one run"
-        raise UsageError(f"{path}: {expected}, found {len(found) or 'none'}")
-    names = list(found[0])
-    rows = zip(*found[0].values(), strict=True)
+        raise UsageError(f"{path}: {expected}, found {len(tables) or 'none'}")
+    names = list(tables[0])
+    rows = zip(*tables[0].values(), strict=True)
     body = "\n".join(",".join(map(repr, row)) for row in rows)
     return Csv(path, names, body + "\n", sha256)
 

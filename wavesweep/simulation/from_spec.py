@@ -59,7 +59,12 @@ def simulated(
     else:
         force = inputs.given(force).force
     frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
-    described = {"drawing": spec.drawing, "units": units, "entry": entry, "other_records": other_records}
+    described = {
+        "drawing": spec.drawing,
+        "units": units,
+        "entry": entry,
+        "other_records": other_records,
+    }
     return simulate(
         spec.values, force, effects, **described, frames=frames, messages=spec.simulate["messages"]
     )

@@ -103,18 +103,18 @@ def predicted(
             rounds = rounds._replace(
                 moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line))
             )
-    found = estimated_at(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
-    return replace(found, used=~wild[skip:])
+    estimate = estimated_at(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
+    return replace(estimate, used=~wild[skip:])
 
 
-def refuse_friction_below_zero(found: Prediction) -> None:
+def refuse_friction_below_zero(prediction: Prediction) -> None:
     """Raise UsageError if a fit has a friction below 0."""
-    if not found.model.friction:
+    if not prediction.model.friction:
         return
-    at = found.model.names.index("friction")
-    most = float(found.theta[at] + found.half[at])
-    if most < 0:
-        raise UsageError(NO_FRICTION.format(friction=most))
+    index = prediction.model.names.index("friction")
+    highest = float(prediction.theta[index] + prediction.half[index])
+    if highest < 0:
+        raise UsageError(NO_FRICTION.format(friction=highest))
 
 
 class Innovations(NamedTuple):
@@ -146,16 +146,16 @@ def innovations_of(
         search, point, skip = _near(log, log, near)
     except UsageError:
         return Innovations(np.inf, np.inf, float("nan"))
-    found = search.found(point)
-    _, errors, effects = errors_of(log, found, skip)
-    gains, left = projected(errors, effects)
+    numbers = search.found(point)
+    _, errors, effects = errors_of(log, numbers, skip)
+    gains, innovations = projected(errors, effects)
     if model.friction and gains[1] < 0:  # a drag, which no friction explains
         return Innovations(np.inf, np.inf, float("nan"))
     tone_hz = float("nan")
     if model.load:
-        tone_hz = float(np.sqrt(found["square"] * (1 + 1 / found["share"]))) / (2 * np.pi)
+        tone_hz = float(np.sqrt(numbers["square"] * (1 + 1 / numbers["share"]))) / (2 * np.pi)
     return Innovations(
-        float(left.std()) * log.unit, force_beside(log, search, point, skip), tone_hz
+        float(innovations.std()) * log.unit, force_beside(log, search, point, skip), tone_hz
     )
 
 
@@ -221,9 +221,9 @@ def _resonances(log, found, skip):
         whole_ticks = round(place["delay"])
         for tone, mode in zip(tones, modes, strict=True):
             both = np.stack([effects[0], predictor.innovations(late(mode, whole_ticks), skip)])
-            gains, left = projected(errors, both)
+            gains, innovations = projected(errors, both)
             if (gains > 0).all():
-                share = float(left @ left) / float(alone @ alone)
+                share = float(innovations @ innovations) / float(alone @ alone)
                 pairs.append((share, tone, gains[1] / gains[0], filtered))
     starts = []
     for _, tone, share, filtered in sorted(pairs, key=itemgetter(0)):

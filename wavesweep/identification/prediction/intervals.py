@@ -61,7 +61,7 @@ class Prediction:
 def estimated_at(log, search, point, skip, before, moved):
     """The numbers with their intervals."""
     _, errors, effects = errors_of(log, search.found(point), skip)
-    gains, left = projected(errors, effects)
+    gains, innovations = projected(errors, effects)
     if not gains[0] > 0:
         raise UsageError(NO_MASS)
     theta = theta_of(log, search.found(point), gains)
@@ -74,13 +74,13 @@ def estimated_at(log, search, point, skip, before, moved):
         np.append(gains, point),
         np.append(1e-3 * np.abs(gains) + NEXT_TO_ZERO, DIFFERENCE * search.size),
     )
-    half = _half_widths(left, slopes, to_theta)
-    robust = _of_large(left, slopes, to_theta)
+    half = _half_widths(innovations, slopes, to_theta)
+    robust = _of_large(innovations, slopes, to_theta)
     few = log.part(0, CHANGED_OF_TWO if log.model.load else CHANGED)
     free = [
-        at
-        for at in range(slopes.shape[1])
-        if at < count or search.names[at - count] not in ("white", "drift")
+        index
+        for index in range(slopes.shape[1])
+        if index < count or search.names[index - count] not in ("white", "drift")
     ]
     step = _step(few, search, point, skip, free)
     extra = np.zeros(len(theta))
@@ -88,48 +88,48 @@ def estimated_at(log, search, point, skip, before, moved):
     for decades in (
         ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3)) if "white" in search.names else ()
     ):
-        other = point.copy()
-        other[search.names.index("white")] += decades[0]
-        other[search.names.index("drift")] += decades[1]
-        if (other < search.low).any() or (other > search.high).any():
+        neighbour = point.copy()
+        neighbour[search.names.index("white")] += decades[0]
+        neighbour[search.names.index("drift")] += decades[1]
+        if (neighbour < search.low).any() or (neighbour > search.high).any():
             continue
         with np.errstate(all="ignore"):
-            _, errors, effects = errors_of(few, search.found(other), skip)
+            _, errors, effects = errors_of(few, search.found(neighbour), skip)
             changed_gains, changed = projected(errors, effects)
             if not (changed_gains[0] > 0 and np.isfinite(changed).all()):
                 continue
-            changed_slopes = _slopes(few, search, other, changed_gains, skip)
+            changed_slopes = _slopes(few, search, neighbour, changed_gains, skip)
             noise = _half_widths(changed, changed_slopes, to_theta)
-            shift = _step(few, search, other, skip, free) - step
+            shift = _step(few, search, neighbour, skip, free) - step
         extra = np.maximum(extra, np.abs(to_theta[:, free] @ shift) - noise)
     # How fast the walk is decides how much of a damping a log shows, and not which one.
     extra[1] = 0.0
     extra[len(extra) - log.coupled + 1 :: 2] = 0.0
     predictor = errors_of(log, search.found(point), skip)[0]
     names = tuple(name for name in log.model.names if name in OWN)
-    spread = float(left.std())
+    spread = float(innovations.std())
     return Prediction(
         replace(log.model, without=names),
         theta,
         half + extra + moved + robust,
-        left * log.unit,
-        np.ones(len(left), bool),
+        innovations * log.unit,
+        np.ones(len(innovations), bool),
         skip,
         log.unit * spread / np.sqrt(predictor.spread),
         force_beside(log, search, point, skip),
-        float(left[1:] @ left[:-1] / (left @ left)),
+        float(innovations[1:] @ innovations[:-1] / (innovations @ innovations)),
         search.found(point),
         _static(log, search.found(point), gains),
         Place(log, search, point, skip),
     )
 
 
-def _static(log, found, gains):
+def _static(log, numbers, gains):
     """The static friction and the speed at which it fades; None for a line."""
-    if "fading" not in found:
+    if "fading" not in numbers:
         return None
     rest = float((gains[1] + gains[2]) / gains[0]) * log.pushed
-    speed = found["fading"] * log.unit * log.period ** (ORDER[log.model.measured] - 1)
+    speed = numbers["fading"] * log.unit * log.period ** (ORDER[log.model.measured] - 1)
     return StaticFriction(rest, speed)
 
 
@@ -137,10 +137,10 @@ def _step(log, search, point, skip, free):
     """Gains and numbers of one step of Gauss and Newton from a point with its variances held,
     `(free,)`."""
     _, errors, effects = errors_of(log, search.found(point), skip)
-    gains, left = projected(errors, effects)
+    gains, innovations = projected(errors, effects)
     slopes = _slopes(log, search, point, gains, skip)[:, free]
     size = np.maximum(np.linalg.norm(slopes, axis=0), NEXT_TO_ZERO)
-    step = -np.linalg.lstsq(slopes / size, left, rcond=1e-10)[0] / size
+    step = -np.linalg.lstsq(slopes / size, innovations, rcond=1e-10)[0] / size
     step[: len(gains)] += gains
     return step
 
@@ -160,39 +160,41 @@ def _slopes(log, search, point, gains, skip):
 def _differences(function, point, steps):
     """Central differences of a function, `(values, numbers)`."""
     slopes = []
-    for at, size in enumerate(steps):
+    for index, size in enumerate(steps):
         step = np.zeros(len(point))
-        step[at] = size
+        step[index] = size
         slopes.append((function(point + step) - function(point - step)) / (2 * size))
     return np.stack(slopes, axis=1)
 
 
-def _of_large(left, slopes, to_theta):
+def _of_large(innovations, slopes, to_theta):
     """By how much large innovations move the numbers: a step of Gauss and Newton to those of which
     no innovation counts for more than `LARGE_INNOVATION` standard deviations (Huber 1981).
 
     Ticks in which friction holds the device for a moment leave such innovations, and they do not
     have a mean of 0.
     """
-    most = LARGE_INNOVATION * np.median(np.abs(left)) / 0.6745
+    bound = LARGE_INNOVATION * np.median(np.abs(innovations)) / 0.6745
     size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-    step = np.linalg.lstsq(slopes / size, left - np.clip(left, -most, most), rcond=1e-10)[0]
+    step = np.linalg.lstsq(
+        slopes / size, innovations - np.clip(innovations, -bound, bound), rcond=1e-10
+    )[0]
     return np.abs(to_theta @ (step / size))
 
 
-def _half_widths(left, slopes, to_theta):
+def _half_widths(innovations, slopes, to_theta):
     """Half the widths of the intervals: the widest of those of white innovations and of blocks
     of scores."""
     size = np.maximum(np.linalg.norm(slopes, axis=0), NEXT_TO_ZERO)
     unit = slopes / size
     inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
     # Standard deviations at which an innovation is clipped in the scores.
-    most = 5.0 * np.median(np.abs(left)) / 0.6745
-    clipped = np.clip(left, -most, most)
+    bound = 5.0 * np.median(np.abs(innovations)) / 0.6745
+    clipped = np.clip(innovations, -bound, bound)
     onto = to_theta / size
     squares = [NORMAL**2 * np.var(clipped) * np.diag(onto @ inverse @ onto.T)]
     for blocks in BLOCKS:
-        parts = np.array_split(np.arange(len(left)), blocks)
+        parts = np.array_split(np.arange(len(innovations)), blocks)
         scores = np.stack([unit[part].T @ clipped[part] for part in parts])
         scores = scores - scores.mean(axis=0)
         spread = inverse @ (scores.T @ scores) @ inverse * blocks / (blocks - 1)

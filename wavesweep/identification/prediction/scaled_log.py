@@ -63,7 +63,7 @@ class ScaledLog:
         if self.speeds is not None:
             few = replace(few, moving=self.moving[first:end], speeds=self.speeds[first:end])
         if self.path is not None:
-            few = replace(few, path=Path(*(each[..., first:end] for each in self.path)))
+            few = replace(few, path=Path(*(column[..., first:end] for column in self.path)))
         return few
 
     def side(self, turning: float, fading: float = np.inf) -> np.ndarray:
@@ -107,9 +107,9 @@ def _along_line(now, then, turning, fading):
     if fading == np.inf:
         return np.where(straight, (ways[1] - ways[0]) / over, side), changes
     primitives = [np.sqrt(np.pi) / 2 * fading * erf(each / fading) for each in ways]
-    left = [np.exp(-((each / fading) ** 2)) for each in (*ways, way)]
-    means = np.where(straight, (primitives[1] - primitives[0]) / over, side * left[2])
-    return means, changes * left[2] + side * (left[1] - left[0])
+    gaussians = [np.exp(-((each / fading) ** 2)) for each in (*ways, way)]
+    means = np.where(straight, (primitives[1] - primitives[0]) / over, side * gaussians[2])
+    return means, changes * gaussians[2] + side * (gaussians[1] - gaussians[0])
 
 
 def a_tick_later(signal):

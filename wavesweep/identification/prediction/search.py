@@ -161,10 +161,10 @@ class _FirstLook:
         self.error = np.inf
         self.sign = 0.0
 
-    def around(self, numbers, **others):
+    def around(self, numbers, **changed):
         """Try what is given, with the other numbers as they are."""
         values = {name: [numbers[name]] for name in ("rate", "square", "delay", "white", "drift")}
-        self.at(*(values | others).values())
+        self.at(*(values | changed).values())
 
     def at(self, rates, squares, delays, whites, drifts):
         """Try all combinations."""
@@ -181,20 +181,20 @@ class _FirstLook:
             }
             with np.errstate(all="ignore"):
                 _, errors, effects = errors_of(self.log, numbers, self.skip)
-                gains, left = projected(errors, effects)
+                gains, innovations = projected(errors, effects)
             # Errors are compared as those of predictions.
-            error = float(left @ left)
+            error = float(innovations @ innovations)
             if not np.isfinite(error):
                 continue
             if gains[0] > 0 and error < self.error:
                 self.error = error
                 self.best = numbers
             if gains[0] < 0:
-                noise = np.sqrt(error / len(left)) / np.linalg.norm(effects[0])
+                noise = np.sqrt(error / len(innovations)) / np.linalg.norm(effects[0])
                 self.sign = max(self.sign, -gains[0] / noise)
 
 
-def least_of(log, search, point, skip, most):
+def least_of(log, search, point, skip, most_steps):
     """The point with the least sum of squares of innovations, from another one."""
     scale = None
 
@@ -215,11 +215,11 @@ def least_of(log, search, point, skip, most):
         scale = scale or float(rest.std())
         return np.clip(rest / scale, -1e6, 1e6)
 
-    FIT_LOGGER.info("looking for the least errors, in up to %d steps", most)
+    FIT_LOGGER.info("looking for the least errors, in up to %d steps", most_steps)
     low = search.low / search.size
     high = search.high / search.size
     start = np.clip(point / search.size, low + 1e-6, high - 1e-6)
-    limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most}
+    limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most_steps}
 
     def least_from(start):
         # A number without any effect, as the variance of a walk that is not there, would take a step
@@ -228,21 +228,23 @@ def least_of(log, search, point, skip, most):
             # Standard deviations by which a size of a number costs errors as it moves.
             return np.append(residual(scaled), 1e-2 * (scaled - start))
 
-        found = least_squares(
+        solution = least_squares(
             tethered, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits
         )
-        return found.x
+        return solution.x
 
     best = least_from(start)
     # At a whole number of ticks the errors have a kink, behind which there may be a lower minimum.
     if "delay" in search.names:
-        at = search.names.index("delay")
+        index = search.names.index("delay")
         tried = [best]
         # Ticks of delay from a minimum, tried as well.
         for ticks in (-0.5, -0.25, -0.1, 0.1, 0.25, 0.5):
-            other = best.copy()
-            other[at] = np.clip(best[at] + ticks / search.size[at], low[at] + 1e-6, high[at] - 1e-6)
-            tried.append(other)
+            neighbour = best.copy()
+            neighbour[index] = np.clip(
+                best[index] + ticks / search.size[index], low[index] + 1e-6, high[index] - 1e-6
+            )
+            tried.append(neighbour)
         lowest = min(tried, key=lambda each: float(np.sum(residual(each) ** 2)))
         if lowest is not best:
             best = least_from(lowest)

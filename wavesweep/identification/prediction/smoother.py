@@ -47,7 +47,7 @@ def smoothed(rounds, search, skip):
             "friction along the motion, round %d of at most %d", number, SMOOTHER_PASSES
         )
         predictor, errors, effects = errors_of(log, search.found(point), skip)
-        gains, left = projected(errors, effects)
+        gains, innovations = projected(errors, effects)
         if not gains[0] > 0:
             break
         now = theta_of(log, search.found(point), gains)
@@ -55,22 +55,24 @@ def smoothed(rounds, search, skip):
             moved = np.abs(now - before)
         before = now
         previous = square
-        square = float(np.mean(left**2))
-        likelier = len(left) / 2 * np.log(previous / square)
+        square = float(np.mean(innovations**2))
+        likelier = len(innovations) / 2 * np.log(previous / square)
         if number > 2 and likelier < LIKELIER:  # passes of the smoother, at least
             if square > previous:
                 log, point = passed
             break
         passed = log, point
-        found = search.found(point)
-        states = smoothed_states(log, predictor, found, gains, skip)
+        smoothed_fit = search.found(point)
+        states = smoothed_states(log, predictor, smoothed_fit, gains, skip)
         speeds = states[predictor.tick.speed]
         if not np.corrcoef(speeds, log.speeds)[0, 1] > 0.5:
             break
         # No device rests under a force above its friction, though its encoder may stand still.
-        held = np.abs(_forces(log, found, gains, states[-1])).max(axis=0) <= _rest(found, gains)
+        held = np.abs(_forces(log, smoothed_fit, gains, states[-1])).max(axis=0) <= _rest(
+            smoothed_fit, gains
+        )
         log = replace(log, moving=np.where(still & held, 0.0, 1.0))
-        path = path_within_ticks(log, found, gains, speeds, walk=states[-1])
+        path = path_within_ticks(log, smoothed_fit, gains, speeds, walk=states[-1])
         log = replace(log, speeds=speeds, path=path)
         # A search from far above the speed at which friction turns round does not get there.
         at = search.names.index("turning")
@@ -110,16 +112,16 @@ def with_falling_friction(log, search, point, skip):
     return None
 
 
-def smoothed_states(log, predictor, found, gains, skip):
+def smoothed_states(log, predictor, numbers, gains, skip):
     """The states at each row, from all readings."""
     push = np.zeros((len(predictor.M), len(log.reading)))
-    for gain, parts in zip(gains, pushes_of(log, found, predictor.tick), strict=True):
+    for gain, parts in zip(gains, pushes_of(log, numbers, predictor.tick), strict=True):
         for effect, force in parts:
             push += gain * np.outer(effect, force)
     return predictor.smoothed(log.reading, push, skip)
 
 
-def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0, walk=0.0) -> Path:
+def path_within_ticks(log, numbers, gains, speeds, turned=0.0, slope=0.0, walk=0.0) -> Path:
     """The velocity within each tick between those at its ends, v_0 and v_1.
 
     With D = n + p the force of the log is that of the tick before for p of a tick, and v' is by
@@ -138,7 +140,7 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0, walk=0.0
     usual size would be by 1/12 of d another one. turned: what other curves change over a tick;
     slope: of a drag, over the mass, per tick.
     """
-    decay = found["rate"] * log.period + np.zeros(len(speeds)) + slope
+    decay = numbers["rate"] * log.period + np.zeros(len(speeds)) + slope
 
     def moved(time):
         return time * (1 - decay * time / 2 + (decay * time) ** 2 / 6)
@@ -146,11 +148,13 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0, walk=0.0
     def rubbed(speeds):
         if not log.model.friction:
             return 0.0 * speeds
-        fading = gains[2] * np.exp(-((speeds / found["fading"]) ** 2)) if "fading" in found else 0.0
-        return (gains[1] + fading) * np.tanh(speeds / found["turning"])
+        fading = (
+            gains[2] * np.exp(-((speeds / numbers["fading"]) ** 2)) if "fading" in numbers else 0.0
+        )
+        return (gains[1] + fading) * np.tanh(speeds / numbers["turning"])
 
-    whole_ticks = int(np.floor(found["delay"]))
-    part = found["delay"] - whole_ticks
+    whole_ticks = int(np.floor(numbers["delay"]))
+    part = numbers["delay"] - whole_ticks
     jump = gains[0] * (late(log.force, whole_ticks) - late(log.force, whole_ticks + 1)) * log.moving
     then = a_tick_later(speeds)
     once = speeds * then < 0
@@ -189,19 +193,19 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0, walk=0.0
         np.full((4, len(speeds)), np.nan),
     )
     if log.model.friction:
-        _stop(path, part, _forces(log, found, gains, walk), _rest(found, gains))
+        _stop(path, part, _forces(log, numbers, gains, walk), _rest(numbers, gains))
     return path
 
 
-def _forces(log, found, gains, walk):
+def _forces(log, numbers, gains, walk):
     """The forces before that of the log changes in a tick and after it, `(2, rows)`."""
-    whole_ticks = int(np.floor(found["delay"]))
+    whole_ticks = int(np.floor(numbers["delay"]))
     return np.stack([gains[0] * late(log.force, whole_ticks + tick) + walk for tick in (1, 0)])
 
 
-def _rest(found, gains):
+def _rest(numbers, gains):
     """The friction at rest."""
-    return float(np.sum(gains[1 : 3 if "fading" in found else 2]))
+    return float(np.sum(gains[1 : 3 if "fading" in numbers else 2]))
 
 
 def _stop(path, part, forces, friction):
@@ -242,9 +246,9 @@ def _stop(path, part, forces, friction):
 def force_beside(log, search, point, skip):
     """The rms of the force that is not in the log (N): of the walk, from a smoother, and of the
     white one."""
-    found = search.found(point)
-    predictor, errors, effects = errors_of(log, found, skip)
-    gains, left = projected(errors, effects)
-    walk = float(smoothed_states(log, predictor, found, gains, skip)[-1].std())
-    white = float(left.std()) * np.sqrt(found["white"] / predictor.spread)
+    numbers = search.found(point)
+    predictor, errors, effects = errors_of(log, numbers, skip)
+    gains, innovations = projected(errors, effects)
+    walk = float(smoothed_states(log, predictor, numbers, gains, skip)[-1].std())
+    white = float(innovations.std()) * np.sqrt(numbers["white"] / predictor.spread)
     return float(np.hypot(walk, white)) / abs(gains[0]) * log.pushed

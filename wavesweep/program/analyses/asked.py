@@ -64,7 +64,7 @@ def axis_along(spec: Spec, name: str, span: object) -> Axis:
 
 
 def axes_asked(
-    spec: Spec, axes: Mapping[str, object], along: Axis | None = None
+    spec: Spec, axes: Mapping[str, object], interval_axis: Axis | None = None
 ) -> tuple[Axis, ...]:
     """The axes that a call names, with their values; along: that of the intervals. Errors:
     UsageError, SpecError."""
@@ -74,11 +74,11 @@ def axes_asked(
             raise UsageError(
                 f"{axis.name}: expected each number once, found it under two names; leave one of them out"
             )
-        if along is not None and axis.path == along.path:
+        if interval_axis is not None and axis.path == interval_axis.path:
             raise UsageError(
-                f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span"
+                f"{axis.name}: expected other axes than {interval_axis.name}, which the intervals are along; give a span"
             )
-    _refuse_values(spec, (along, *axes_read) if along else axes_read)
+    _refuse_values(spec, (interval_axis, *axes_read) if interval_axis else axes_read)
     return axes_read
 
 

@@ -232,11 +232,11 @@ def solved_within_ticks(spec: Spec, swept: Collection[str]) -> Iterator[str]:
             least = sorted(axis.values)[:MOST_BUILT]
             built += [(f" at {axis.name} = {value:g}", {axis.path: value}) for value in least]
     rings: dict[str, list[str]] = {}
-    for at, changed in built or [("", {})]:
+    for place_text, changed in built or [("", {})]:
         with suppress(WavesweepError):
             loop = Loops(spec.drawing, spec.with_values(changed).values)
             for ring in loop.drawn().rings():
-                rings.setdefault(_listed(ring), []).append(at)
+                rings.setdefault(_listed(ring), []).append(place_text)
     for ring, places in rings.items():
         reads = "read one another" if " and " in ring else "reads itself"
         yield f"solved within a tick{','.join(places)}: {ring}, which {reads} in the same tick; prev(...) reads the one before"

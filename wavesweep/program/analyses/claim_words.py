@@ -125,8 +125,8 @@ def value_with(what: Property, name: str) -> str:
 
 def listed_values(values: Iterable[float | str]) -> str:
     """Some values in words: in order, those of long lists by their number and ends."""
-    texts = [each for each in values if isinstance(each, str)]
-    numbers = sorted(each for each in values if not isinstance(each, str))
+    texts = [value for value in values if isinstance(value, str)]
+    numbers = sorted(value for value in values if not isinstance(value, str))
     if len(numbers) > 6:
         whole = numbers == list(range(int(numbers[0]), int(numbers[-1]) + 1))
         count = "" if whole else f"{len(numbers)} values from "
@@ -156,12 +156,12 @@ def _fractions(chances: Sequence[float]) -> list[str]:
     return [f"{each.numerator * whole // each.denominator} of {whole}" for each in fractions]
 
 
-def lost_in_words(most: int | str) -> str:
+def lost_in_words(longest: int | str) -> str:
     """What may be lost so many times in a row at most, in words; a text is an expression of
     numbers that are swept."""
-    if isinstance(most, str):
-        return f"lost, up to {most} in a row"
-    first_not = most + 1
+    if isinstance(longest, str):
+        return f"lost, up to {longest} in a row"
+    first_not = longest + 1
     words = dict(zip(range(2, 11), SPELLED, strict=True))
     return f"lost, never {words.get(first_not, first_not)} in a row"
 
@@ -177,8 +177,10 @@ def frames_in_words(frames: Frames) -> Iterator[str]:
         lengths, after = _weighted_by_length(
             frames, frames.lengths, frames.chances.lengths, "after"
         )
-        given = [_shares(row[:-1]) for row in frames.chances.results]
-        delays, in_frames = _weighted_by_length(frames, frames.delays, given, "in frames of")
+        chances_of_lengths = [_shares(row[:-1]) for row in frames.chances.results]
+        delays, in_frames = _weighted_by_length(
+            frames, frames.delays, chances_of_lengths, "in frames of"
+        )
     if len(frames.lengths) > 1:
         yield f"frames of {lengths} ticks{order}{after}"
     if len(frames.delays) > 1:
@@ -201,16 +203,16 @@ def _weighted_by_length(
         return "", ""
     if len(rows) < 2:
         return weighted(values, *rows or ((),)), ""
-    each = (
+    texts_of_lengths = (
         f"{where} {length:g}: {weighted(values, row)}"
         for length, row in zip(sorted(frames.lengths), rows, strict=False)
     )
-    return listed_values(values), f" ({'; '.join(each)})"
+    return listed_values(values), f" ({'; '.join(texts_of_lengths)})"
 
 
 def _shares(row: Sequence[float]) -> list[float]:
     """Probabilities of what is not lost, with a sum of 1."""
-    return [each / (sum(row) or 1.0) for each in row]
+    return [chance / (sum(row) or 1.0) for chance in row]
 
 
 def range_in_words(number: Range) -> str:
@@ -259,10 +261,10 @@ def loops_in_words(scope: Scope) -> str:
     """The numbers, frames and messages of a scope; empty of the spec's own."""
     if scope.run:
         return scope.run
-    said = [range_in_words(each) for each in scope.numbers]
+    said = [range_in_words(part) for part in scope.numbers]
     said += frames_in_words(scope.frames)
-    said += [messages_in_words(each) for each in scope.messages if not each.in_time]
-    if in_time := [each.channel for each in scope.messages if each.in_time]:
+    said += [messages_in_words(part) for part in scope.messages if not part.in_time]
+    if in_time := [part.channel for part in scope.messages if part.in_time]:
         said.append(f"messages of {' and '.join(in_time)} all in time")
     said += ticks_in_words(scope.tick)
     return ", ".join(said)
@@ -274,14 +276,14 @@ def _loops_of_a_line(scope: Scope) -> str:
     # Letters of the loops of a line, beyond which it names their tables.
     if len(loops) <= 76 or scope.run:
         return loops
-    late = [each for each in scope.messages if not each.in_time]
+    late = [messages for messages in scope.messages if not messages.in_time]
     tables = []
     if scope.numbers or scope.tick or [*frames_in_words(scope.frames)]:
         at_random = scope.frames.order is Order.AT_RANDOM
         tables.append(f"all of [for_all]{', at random by its shares' if at_random else ''}")
     # Nothing else names the channels and their chances.
-    tables += [messages_in_words(each) for each in late if each.chances]
-    if patterns := [each.channel for each in late if not each.chances]:
+    tables += [messages_in_words(messages) for messages in late if messages.chances]
+    if patterns := [messages.channel for messages in late if not messages.chances]:
         tables.append(f"all patterns of late and lost messages of {', '.join(patterns)}")
     return " and ".join(tables)
 
@@ -315,7 +317,7 @@ def all_of_scope(scope: Scope) -> str:
 
 def own_in_words(scope: Scope) -> str:
     """The spec's own numbers, with the length of their frames."""
-    lengths = [each for each in scope.frames.lengths if not isinstance(each, str)]
+    lengths = [length for length in scope.frames.lengths if not isinstance(length, str)]
     frames = f", frames of {lengths[0]:.6g} ticks" if len(lengths) == 1 else ""
     return f"{OWN_NUMBERS}{frames}"
 
@@ -419,8 +421,8 @@ def beyond_the_ends(claims: Iterable[Claim]) -> str:
     for claim in claims:
         own_requirement = claim.what.required and claim.status is not Status.PROVED
         what = STABLE if own_requirement else claim.what
-        own = "" if scope_in_words(claim.scope) else f" {own_in_words(claim.scope)}"
-        refuted.append(f"{failed(replace(claim, what=what))}{own}")
+        of_design = "" if scope_in_words(claim.scope) else f" {own_in_words(claim.scope)}"
+        refuted.append(f"{failed(replace(claim, what=what))}{of_design}")
     return f"By what each line names: {'; '.join(dict.fromkeys(refuted))}."
 
 
@@ -455,9 +457,9 @@ def no_value(claim: Claim, name: str, reason: str, *, undecided: bool) -> str:
     """That no value of a number in the swept range has it; undecided: whether some may."""
     because = f": {reason}" if reason else ""
     if undecided:
-        found = f"no {value_of_rows(claim, name)} found"
+        sentence = f"no {value_of_rows(claim, name)} found"
         more = f"; {reason}" if reason else ""
-        return f"{found}, but part of the swept range is not known{more}"
+        return f"{sentence}, but part of the swept range is not known{more}"
     return f"no {value_with(claim.what, name)} anywhere in the swept range{because}"
 
 
@@ -470,22 +472,22 @@ def of_intervals(claim: Claim, *, some: bool) -> str:
     return f"The intervals are {vouched_for(claim)}."
 
 
-def extreme(claim: Claim, what: str, rows: str, *, certified: bool) -> str:
+def extreme(claim: Claim, figure: str, rows: str, *, certified: bool) -> str:
     """What the largest value of a figure is.
 
     what: "largest", or another word for it. rows: the name of its rows, empty if there are no
     others. certified: whether it has to be said that it is, since others are not.
     """
     if claim.status is Status.PROVED:
-        return f"{what} {rows}".rstrip()
-    comma = "," if " " in what + vouched_for(claim) else ""
+        return f"{figure} {rows}".rstrip()
+    comma = "," if " " in figure + vouched_for(claim) else ""
     how_known = f"{comma} {vouched_for(claim)}" if certified else ""
-    return what + how_known + (f", {rows}" if rows else "")
+    return figure + how_known + (f", {rows}" if rows else "")
 
 
-def nothing(claim: Claim, *, known: bool) -> str:
+def nothing(claim: Claim, *, certain: bool) -> str:
     """That a line of a figure has no interval; known: whether that is certain."""
-    if known:
+    if certain:
         return form_of(claim.what).nowhere
     if claim.status is Status.PROVED:
         return "nothing proved"
@@ -493,6 +495,6 @@ def nothing(claim: Claim, *, known: bool) -> str:
     return f"nothing known to be {adjective}"
 
 
-def unless(claim: Claim, *, known: bool) -> str:
+def unless(claim: Claim, *, certain: bool) -> str:
     """What is added to a bound of a row of which that is not known; nothing to one that is."""
-    return "" if known else f", {doubted_as(claim)}"
+    return "" if certain else f", {doubted_as(claim)}"

@@ -133,16 +133,16 @@ class Frames:
     loss: float = 0.0
     chances: Chances = ALWAYS
 
-    def covers(self, asked: Frames) -> bool:
+    def covers(self, subset: Frames) -> bool:
         """Whether what holds for these frames holds for others."""
         within = (
-            asked.lengths <= self.lengths
-            and asked.delays <= self.delays
-            and asked.lost <= self.lost
+            subset.lengths <= self.lengths
+            and subset.delays <= self.delays
+            and subset.lost <= self.lost
         )
-        if Order.AT_RANDOM in (self.order, asked.order):
-            return self.order == asked.order and self.chances == asked.chances and within
-        return self.order >= asked.order and within
+        if Order.AT_RANDOM in (self.order, subset.order):
+            return self.order == subset.order and self.chances == subset.chances and within
+        return self.order >= subset.order and within
 
 
 def _ascending(values: Sequence[float]) -> list[int]:
@@ -164,15 +164,15 @@ class Range(NamedTuple):
         """The range of an axis; a whole number has values."""
         return Range(axis.path, axis.start, axis.stop, tuple(axis.choices))
 
-    def covers(self, asked: Range) -> bool:
+    def covers(self, subset: Range) -> bool:
         """Whether all values of another range are in this one."""
         if self.values:
-            return bool(asked.values) and {*asked.values} <= {*self.values}
+            return bool(subset.values) and {*subset.values} <= {*self.values}
         if self.low is None or self.high is None:
             return True
-        if asked.low is None or asked.high is None:
+        if subset.low is None or subset.high is None:
             return False
-        ends = asked.values or (asked.low, asked.high)
+        ends = subset.values or (subset.low, subset.high)
         return self.low <= min(ends) and max(ends) <= self.high
 
 
@@ -184,18 +184,18 @@ def ranges_of(
     boxes: the ends of ranges, and single values, by path. A number that no box has is read by no
     loop.
     """
-    found = []
+    covered = []
     for path in paths:
         ends = [ranges[path] for ranges, _ in boxes if path in ranges]
         values = {float(fixed[path]) for _, fixed in boxes if path in fixed}
         if ends:
             low = min(low for low, _ in ends)
-            found.append(Range(path, low, max(high for _, high in ends)))
+            covered.append(Range(path, low, max(high for _, high in ends)))
         elif values:
-            found.append(Range(path, min(values), max(values), tuple(sorted(values))))
+            covered.append(Range(path, min(values), max(values), tuple(sorted(values))))
         else:
-            found.append(Range(path))
-    return tuple(found)
+            covered.append(Range(path))
+    return tuple(covered)
 
 
 class Messages(NamedTuple):
@@ -214,24 +214,24 @@ class Messages(NamedTuple):
         """Whether none is late or lost."""
         return not (self.late or self.lost or self.chances)
 
-    def covers(self, asked: Messages) -> bool:
+    def covers(self, subset: Messages) -> bool:
         """Whether these messages may do all that others may."""
-        late = _at_least(self.late, asked.late)
-        lost = _at_least(self.lost, asked.lost)
-        if len(self.chances) != len(asked.chances):
+        late = _at_least(self.late, subset.late)
+        lost = _at_least(self.lost, subset.lost)
+        if len(self.chances) != len(subset.chances):
             return False
         chances = all(
-            isinstance(chance, str) or (key, chance) == other
-            for (key, chance), other in zip(self.chances, asked.chances, strict=True)
+            isinstance(chance, str) or (key, chance) == wanted_chance
+            for (key, chance), wanted_chance in zip(self.chances, subset.chances, strict=True)
         )
         return late and lost and chances
 
 
-def _at_least(own: int | str, asked: int | str) -> bool:
+def _at_least(limit: int | str, number: int | str) -> bool:
     """Whether so much covers what is asked; a text is an expression that has any value."""
-    if isinstance(own, str) or isinstance(asked, str):
-        return isinstance(own, str)
-    return own >= asked
+    if isinstance(limit, str) or isinstance(number, str):
+        return isinstance(limit, str)
+    return limit >= number
 
 
 class Tick(NamedTuple):
@@ -241,9 +241,9 @@ class Tick(NamedTuple):
     low: float
     high: float
 
-    def covers(self, asked: Tick) -> bool:
+    def covers(self, subset: Tick) -> bool:
         """Whether all times of another interval are in this one."""
-        return self.low <= asked.low and asked.high <= self.high
+        return self.low <= subset.low and subset.high <= self.high
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,46 +272,48 @@ class Scope:
         for name in ("lengths", "delays"):
             frames[name] = frozenset(frames[name])
         frames["order"] = Order[frames["order"].upper()]
-        rows = (tuple(map(tuple, each)) for each in frames["chances"])
+        rows = (tuple(map(tuple, entry)) for entry in frames["chances"])
         frames["chances"] = Chances(*rows)
-        numbers = [Range(**{**each, "values": (*each["values"],)}) for each in written["numbers"]]
+        numbers = [
+            Range(**{**entry, "values": (*entry["values"],)}) for entry in written["numbers"]
+        ]
         messages = tuple(
-            Messages(**{**each, "chances": tuple(map(tuple, each["chances"]))})
-            for each in written["messages"]
+            Messages(**{**entry, "chances": tuple(map(tuple, entry["chances"]))})
+            for entry in written["messages"]
         )
         tick = Tick(**written["tick"]) if written["tick"] else None
-        others = {name: written.get(name, "") for name in ("hands", "walls", "run")}
-        return Scope(tuple(numbers), Frames(**frames), messages, tick=tick, **others)
+        remaining = {name: written.get(name, "") for name in ("hands", "walls", "run")}
+        return Scope(tuple(numbers), Frames(**frames), messages, tick=tick, **remaining)
 
-    def covers(self, asked: Scope, own: Mapping[str, Any]) -> bool:
+    def covers(self, subset: Scope, design: Mapping[str, Any]) -> bool:
         """Whether all loops of another scope are in this one; own: the spec's own values, by
         their paths."""
-        if not self._covers_numbers(asked, own) or not self._covers_messages(asked):
+        if not self._covers_numbers(subset, design) or not self._covers_messages(subset):
             return False
         if self.run:  # a single run says nothing of any other
-            return self == asked
-        walls = asked.walls in (self.walls, LINEAR)
+            return self == subset
+        walls = subset.walls in (self.walls, LINEAR)
         # The spec's own tick is one of those of [for_all].
-        ticks = asked.tick is None or (self.tick is not None and self.tick.covers(asked.tick))
-        return self.frames.covers(asked.frames) and self.hands == asked.hands and walls and ticks
+        ticks = subset.tick is None or (self.tick is not None and self.tick.covers(subset.tick))
+        return self.frames.covers(subset.frames) and self.hands == subset.hands and walls and ticks
 
-    def _covers_numbers(self, asked, own):
-        ranges = {each.path: each for each in self.numbers}
-        numbers = {each.path: each for each in asked.numbers}
+    def _covers_numbers(self, subset, design):
+        ranges = {part.path: part for part in self.numbers}
+        numbers = {part.path: part for part in subset.numbers}
         for path in {*ranges, *numbers}:
-            value = float(own[path])
+            value = float(design[path])
             at_own = Range(path, value, value, (value,))
             if not ranges.get(path, at_own).covers(numbers.get(path, at_own)):
                 return False
         return True
 
-    def _covers_messages(self, asked):
-        channels = {each.channel: each for each in self.messages}
-        for messages in asked.messages:
-            known = channels.pop(messages.channel, Messages(messages.channel))
-            if not known.covers(messages):
+    def _covers_messages(self, subset):
+        channels = {part.channel: part for part in self.messages}
+        for messages in subset.messages:
+            of_channel = channels.pop(messages.channel, Messages(messages.channel))
+            if not of_channel.covers(messages):
                 return False
-        return not any(each.chances for each in channels.values())
+        return not any(part.chances for part in channels.values())
 
     def written(self) -> dict[str, Any]:
         """The scope as JSON has it."""
@@ -322,14 +324,14 @@ class Scope:
         for name in ("lengths", "delays"):
             frames[name] = sorted(frames[name], key=str)
         frames["chances"] = [[[*row] for row in rows] for rows in self.frames.chances]
-        scope["numbers"] = [each._asdict() | {"values": [*each.values]} for each in self.numbers]
-        scope["messages"] = [each._asdict() for each in self.messages]
+        scope["numbers"] = [part._asdict() | {"values": [*part.values]} for part in self.numbers]
+        scope["messages"] = [part._asdict() for part in self.messages]
         scope["tick"] = self.tick and self.tick._asdict()
         return scope
 
     def paths(self) -> set[str]:
         """The numbers that it has others for than the spec's own."""
-        paths = {each.path for each in self.numbers}
+        paths = {part.path for part in self.numbers}
         frames = self.frames
         if len(frames.lengths) > 1 or (self.run and frames.order is Order.ANY):
             paths.add(RATIO)
@@ -344,10 +346,10 @@ class Scope:
         changing = frames.order is Order.ANY and (
             len(frames.lengths) > 1 or len(frames.delays) > 1 or frames.lost
         )
-        patterns = any(each.late or each.lost for each in self.messages)
-        others = self.hands == PASSIVE_HANDS or self.walls != LINEAR
-        numbers = any(len(each.values) != 1 for each in self.numbers)
-        return bool(changing or patterns or others or numbers or self.tick)
+        patterns = any(part.late or part.lost for part in self.messages)
+        other_hands_or_walls = self.hands == PASSIVE_HANDS or self.walls != LINEAR
+        numbers = any(len(part.values) != 1 for part in self.numbers)
+        return bool(changing or patterns or other_hands_or_walls or numbers or self.tick)
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,9 +376,9 @@ class Claim:
     @staticmethod
     def read(fact: Mapping[str, Any]) -> Claim:
         """The claim of a fact of a table."""
-        what = Property(**fact["property"])
+        claimed = Property(**fact["property"])
         status = Status[fact["status"].upper()]
-        return Claim(what, Scope.read(fact["scope"]), status, fact["reason"])
+        return Claim(claimed, Scope.read(fact["scope"]), status, fact["reason"])
 
     def of_row(self, *, certified: bool) -> Claim:
         """The claim of a row: one that is not certified has found what others are proved for."""
@@ -429,19 +431,19 @@ def own_scope(spec: Spec) -> Scope:
     return Scope(frames=_frames(spec, Order.CONSTANT, {}), messages=in_time)
 
 
-def own_figures(specs: Sequence[Spec], what: str) -> dict[str, Claim]:
+def own_figures(specs: Sequence[Spec], words: str) -> dict[str, Claim]:
     """The claims of a table that has some figures of each spec's own numbers."""
     claims = {}
     for spec in specs:
         word = spec.name if len(specs) > 1 else "spec"
-        claims[word] = Claim(Property(what, "figures"), own_scope(spec), Status.COMPUTED)
+        claims[word] = Claim(Property(words, "figures"), own_scope(spec), Status.COMPUTED)
     return claims
 
 
 def uncovered(spec: Spec, scopes: Sequence[Scope]) -> Iterator[Scope]:
     """Yield what a spec asks about and none of these scopes covers, but for properties of rows."""
     for scope in dict.fromkeys(question.scope for question in questions(spec)):
-        if not any(each.covers(scope, spec.values) for each in scopes):
+        if not any(covering.covers(scope, spec.values) for covering in scopes):
             yield scope
 
 
@@ -463,8 +465,8 @@ def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
     numbers = tuple(Range.of(axis) for axis in table.unknown)
     messages: tuple[Messages, ...] = ()
     if spec.drawing:
-        own = messages_of(spec.drawing, spec.values)
-        messages = with_texts(own, [spec.drawing], {axis.path for axis in table.unknown})
+        of_design = messages_of(spec.drawing, spec.values)
+        messages = with_texts(of_design, [spec.drawing], {axis.path for axis in table.unknown})
     return Scope(numbers, frames, messages)
 
 
@@ -474,36 +476,36 @@ def with_texts(
     """Messages of channels of some drawings, with the expression of what they may do where it reads
     one of some numbers."""
     channels = {block.name: block for drawing in drawings for block in drawing.channels}
-    found = []
-    for each in messages:
-        keys = dict(channels[each.channel].keys)
+    expanded = []
+    for part in messages:
+        keys = dict(channels[part.channel].keys)
         texts = {
             name: keys[name].text
             for name in ("late", "lost", *SHARES)
             if any(path_of(number) in paths for number in keys[name].names)
         }
-        if each.chances:
-            chances = tuple((key, texts.get(key, chance)) for key, chance in each.chances)
-            found.append(each._replace(chances=chances))
+        if part.chances:
+            chances = tuple((key, texts.get(key, chance)) for key, chance in part.chances)
+            expanded.append(part._replace(chances=chances))
         else:
-            own = {name: texts[name] for name in ("late", "lost") if name in texts}
-            found.append(each if each.in_time else each._replace(**own))
-    return tuple(found)
+            texts_of_keys = {name: texts[name] for name in ("late", "lost") if name in texts}
+            expanded.append(part if part.in_time else part._replace(**texts_of_keys))
+    return tuple(expanded)
 
 
 def messages_of(drawing: Drawing, values: Mapping[str, Any]) -> tuple[Messages, ...]:
     """What the messages of the channels of a drawing may do with these numbers."""
     numbers = scalars(values)
-    found = []
+    messages = []
     for block in drawing.channels:
         keys = dict(block.keys)
         late = int(keys["late"].value(numbers))
         if block.loses_at_random:
             chances = tuple((key, float(keys[key].value(numbers))) for key in SHARES)
-            found.append(Messages(block.name, late, 0, chances))
+            messages.append(Messages(block.name, late, 0, chances))
         else:
-            found.append(Messages(block.name, late, int(keys["lost"].value(numbers))))
-    return tuple(found)
+            messages.append(Messages(block.name, late, int(keys["lost"].value(numbers))))
+    return tuple(messages)
 
 
 def _frames(spec: Spec, order: Order, varied: Mapping[str, Sequence[float]]) -> Frames:
@@ -512,8 +514,8 @@ def _frames(spec: Spec, order: Order, varied: Mapping[str, Sequence[float]]) -> 
     values = spec.values
     if not spec.drawing:
         lengths = varied.get(RATIO, (values[RATIO],) if RATIO in keys_of_page(values) else ())
-        own = WITH_FRAME if spec.delay_of_frame else values[DELAY]
-        delays = varied.get(DELAY, (own,))
+        own_delay = WITH_FRAME if spec.delay_of_frame else values[DELAY]
+        delays = varied.get(DELAY, (own_delay,))
         return Frames(order, frozenset(lengths), frozenset(delays))
     lengths = set()
     for block in spec.drawing.blocks:
@@ -532,35 +534,35 @@ def _timing(spec: Spec) -> set[str]:
 def questions(spec: Spec) -> list[Question]:
     """What a spec asks of its loops: of those of [for_all], what [sweep] requires or stability,
     and the rest through contact."""
-    what = required(spec)
-    asked = []
+    claimed = required(spec)
+    listed = []
     table = spec.for_all
     if spec.tick:
         tick = Tick(*spec.tick.interval(spec.tick_hz))
-        asked.append(Question(what, replace(own_scope(spec), tick=tick)))
+        listed.append(Question(claimed, replace(own_scope(spec), tick=tick)))
     elif not table:
-        asked.append(Question(what, own_scope(spec)))
+        listed.append(Question(claimed, own_scope(spec)))
     else:
         alone = table.loss or (spec.drawing and spec.drawing.at_random)
         at_random = table.at_random or alone
         if not alone:
-            asked.append(Question(what, asked_scope(spec)))
+            listed.append(Question(claimed, asked_scope(spec)))
         if at_random:
             scope = asked_scope(spec, at_random=True)
-            asked.append(Question(MEAN_SQUARE, scope))
+            listed.append(Question(MEAN_SQUARE, scope))
             if alone and spec.require:
-                asked.append(Question(what, scope))
+                listed.append(Question(claimed, scope))
     if spec.contact:
-        scope = asked[0].scope
-        asked += [Question(AT_REST, replace(scope, walls=curve)) for curve in _curves(spec)]
-    return asked
+        scope = listed[0].scope
+        listed += [Question(AT_REST, replace(scope, walls=curve)) for curve in _curves(spec)]
+    return listed
 
 
 def _curves(spec: Spec) -> list[str]:
     """The curves through which [sweep] contact asks: of the wall, and of blocks that saturate."""
     curves = [PUSHES] if spec.wall else []
     if spec.drawing:
-        curves += [curve_of(each.name) for each in spec.drawing.blocks if each.type == CURVED]
+        curves += [curve_of(block.name) for block in spec.drawing.blocks if block.type == CURVED]
     return curves
 
 
@@ -569,7 +571,7 @@ def asks_more(spec: Spec) -> bool:
     return questions(spec) != [Question(STABLE, own_scope(spec))]
 
 
-def answer(question: Question, claims: Iterable[Claim], own: Mapping[str, Any]) -> Claim:
+def answer(question: Question, claims: Iterable[Claim], design: Mapping[str, Any]) -> Claim:
     """What is known of all that a question is about; own: the spec's own values.
 
     One loop of the scope that is refuted refutes it. What only covers a part of it is no answer.
@@ -577,24 +579,24 @@ def answer(question: Question, claims: Iterable[Claim], own: Mapping[str, Any]) 
     scope = question.scope
     refuting = []
     proving = []
-    others = []
+    partial = []
     for claim in claims:
         about = claim.what == question.what
         instead = claim.what == STABLE and question.what != MEAN_SQUARE
         if claim.status is Status.REFUTED and (about or instead):
-            if scope.covers(claim.scope, own):
+            if scope.covers(claim.scope, design):
                 refuting.append(claim)
-        elif about and claim.scope.covers(scope, own):
+        elif about and claim.scope.covers(scope, design):
             proving.append(claim)
         elif about:
-            others.append(claim)
+            partial.append(claim)
     if refuting:
         reason = next((claim.reason for claim in refuting if claim.reason), "")
         return Claim(question.what, scope, Status.REFUTED, reason)
     if proving:
         best = max(proving, key=lambda claim: claim.status)
         return Claim(question.what, scope, best.status, best.reason)
-    shown = max(others, key=lambda claim: claim.status, default=None)
+    shown = max(partial, key=lambda claim: claim.status, default=None)
     reason = "nothing proves that yet"
     if shown and shown.status > Status.UNKNOWN:
         reason = "shown for the spec's own numbers alone"
@@ -609,7 +611,7 @@ class Verdict(NamedTuple):
     @staticmethod
     def of(spec: Spec, claims: Sequence[Claim]) -> Verdict:
         """The verdict on a spec by what is claimed of its loops."""
-        return Verdict(tuple(answer(each, claims, spec.values) for each in questions(spec)))
+        return Verdict(tuple(answer(question, claims, spec.values) for question in questions(spec)))
 
     @property
     def worst(self) -> Claim:

@@ -29,7 +29,7 @@ TWO_VALUES = np.array([0.5, 2.0])  # of the factor: what differs with them depen
 
 
 def with_factors(
-    loops: Loops, asked: Mapping[str, Any], varied: Mapping[str, Sequence[float]]
+    loops: Loops, margins: Mapping[str, Any], varied: Mapping[str, Sequence[float]]
 ) -> Iterator[tuple[Loops, list[Axis]]]:
     """Yield the loops with the factor of each margin that is asked at a cut, and the ranges of the
     numbers that it follows from.
@@ -37,22 +37,22 @@ def with_factors(
     asked: cut, and some of gain, phase_deg, disk and Ms. varied: path -> ends of other numbers of the
     loops. Errors: UsageError for a cut at which there is no such factor.
     """
-    cut = asked["cut"]
+    cut = margins["cut"]
     if fault := fault_of_cut(loops.drawing, cut):
         raise UsageError(f"{PATH}.margins.cut: expected {fault[0]}, found {fault[1]}")
-    if "gain" in asked:
-        gain = _range(f"gain at {cut}", 1 / asked["gain"], asked["gain"])
+    if "gain" in margins:
+        gain = _range(f"gain at {cut}", 1 / margins["gain"], margins["gain"])
         yield loops.with_gain_at(cut, gain.name), [gain]
     turned = loops.with_gain_at(cut)
-    if "phase_deg" in asked:
-        turn = _range(f"phase_deg at {cut}", 0.0, asked["phase_deg"])
+    if "phase_deg" in margins:
+        turn = _range(f"phase_deg at {cut}", 0.0, margins["phase_deg"])
         angle = _angle(turn)
         parts = Tree("cos", (angle,)), Tree("sin", (angle,))
         yield _with_turned(turned, parts, [turn]), [turn]
-    if "disk" in asked:
-        yield _with_circle(turned, f"disk at {cut}", asked["disk"] / 2, 1.0, varied)
-    if "Ms" in asked:
-        yield _with_circle(turned, f"Ms at {cut}", 1 / asked["Ms"], 0.0, varied)
+    if "disk" in margins:
+        yield _with_circle(turned, f"disk at {cut}", margins["disk"] / 2, 1.0, varied)
+    if "Ms" in margins:
+        yield _with_circle(turned, f"Ms at {cut}", 1 / margins["Ms"], 0.0, varied)
 
 
 def on_circle(size: Tree, angle: Tree, c: float) -> tuple[Tree, Tree]:
@@ -99,7 +99,7 @@ def _with_circle(
 ) -> tuple[Loops, list[Axis]]:
     """Loops with the factors k of the module's text, `|e| <= radius`, and the ranges of e: of its
     angle on the rim alone, if the signal comes back in no tick at once."""
-    runs = next(each for each in loops.drawn().placed if each.block.name == BLOCK)
+    runs = next(block for block in loops.drawn().placed if block.block.name == BLOCK)
     if np.count_nonzero(runs.runs(loops.drawn().ticks)) > 1:
         margin, _, cut = name.partition(" at ")
         expected = "a signal that is made once in a frame"

@@ -44,9 +44,9 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
         return None
     if free is None:
         return None
-    most = min(HIGHEST_HZ, 0.499 * loop.port.rate)
+    highest = min(HIGHEST_HZ, 0.499 * loop.port.rate)
     # Of a hand that explores a wall.
-    hertz = np.array([number for number in (1.0, 3.0, 10.0) if number <= most])
+    hertz = np.array([number for number in (1.0, 3.0, 10.0) if number <= highest])
     *sizes, sure = _added(loop, free, hertz)
     felt = {
         name: [float(number) if ok else None for number, ok in zip(size, sure, strict=True)]
@@ -55,7 +55,7 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     rest = stiffness - np.nan_to_num(static_response(free)[1].ravel()[0].real)
     if abs(rest) <= 1e-9 * stiffness:  # the hand slides on the wall, but for rounding
         return None
-    frequencies = np.geomspace(LOWEST_HZ, most, POINTS)
+    frequencies = np.geomspace(LOWEST_HZ, highest, POINTS)
     added = cache(
         lambda *ends: _added(loop, free, frequencies if not ends else np.geomspace(*ends, FINE))
     )
@@ -80,13 +80,13 @@ def _runs(grid, so):
     for first, beyond in changes.reshape(-1, 2).tolist():
         begin = (grid[max(first - 1, 0)], grid[first])
         fine = np.geomspace(*begin, FINE)
-        at = int(np.argmax(so(*begin)))
+        index = int(np.argmax(so(*begin)))
         last = None
         if beyond < grid.size:
             end = (grid[beyond - 1], grid[beyond])
             at_last = np.flatnonzero(so(*end)).max(initial=0)
             last = np.geomspace(*end, FINE)[at_last].item()
-        yield float(fine[max(at - 1, 0)]), float(fine[at]), last
+        yield float(fine[max(index - 1, 0)]), float(fine[index]), last
 
 
 def _added(loop, free, hertz):

@@ -89,14 +89,14 @@ class Guarantee:
     own_ticks = False
     status = Status.CERTIFIED
 
-    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+    def records_of(self, loop: Loops, path: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop along a number, as records of slice 0."""
         raise NotImplementedError
 
-    def felt(self, loop: Loops, along: str, values: np.ndarray) -> np.ndarray:
+    def felt(self, loop: Loops, path: str, values: np.ndarray) -> np.ndarray:
         """The least stiffness (N/m) that the hand feels at rest of all loops that rows hold for, at
         values of the number, `(n,)`; NaN where it is not known."""
-        return felt_along(loop, along, values)
+        return felt_along(loop, path, values)
 
     @property
     def what(self) -> Property:
@@ -149,12 +149,12 @@ class IntervalQuery:
     @property
     def identity(self) -> dict[str, object]:
         """What the records depend on besides the spec."""
-        along = {"along": self.axis.name} | (
+        facts_of_axis = {"along": self.axis.name} | (
             {"require": self.require.written()} if self.require else {}
         )
         if self.guarantee is None:
-            return along
-        return along | {"guarantee": repr(self.guarantee)}
+            return facts_of_axis
+        return facts_of_axis | {"guarantee": repr(self.guarantee)}
 
 
 def _task(job, chunk):
@@ -174,27 +174,27 @@ def searches_of(job: Job, chunk: Chunk, *, felt: bool = True) -> Searches:
 
 
 def ball_prover(
-    loops: Loops, along: str, period: np.ndarray
+    loops: Loops, path: str, period: np.ndarray
 ) -> Callable[[int, float, float], Any] | None:
     """The prover in ball arithmetic, if the capability is there."""
     module = offered("prover")
     if module:
-        return module.ball_prover(loops, along, period)
+        return module.ball_prover(loops, path, period)
     return None
 
 
-def records_of_loop(loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+def records_of_loop(loop: Loops, path: str, span: tuple[float, float]) -> np.ndarray:
     """The stable intervals of one loop along a number as records; ball arithmetic proves what
     doubles leave in doubt."""
-    one = ((np.zeros(1, int), loop),)
-    search = Search(along, span, one, lines=False, checked=True, prover=ball_prover)
+    groups = ((np.zeros(1, int), loop),)
+    search = Search(path, span, groups, lines=False, checked=True, prover=ball_prover)
     return Searches((search,)).records()
 
 
 _PAIRS = (("low", "high"), ("low_omega", "high_omega"))
 
 
-def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guarantee) -> np.ndarray:
+def loop_by_loop(parts, path: str, span: tuple[float, float], guarantee: Guarantee) -> np.ndarray:
     """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at
     their ends.
 
@@ -205,16 +205,16 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guaran
         for place, number in enumerate(members.tolist()):
             loop = loops.one(place)
             try:
-                pieces = loop.pieces(along, span)
+                pieces = loop.pieces(path, span)
                 records = [
-                    guarantee.records_of(loop.changed(built), along, piece)
+                    guarantee.records_of(loop.changed(built), path, piece)
                     for piece, built in pieces
                 ]
                 by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
                 if feels(loop.drawing) and records["intervals"][0]:
                     p, omega = (np.stack([records[name] for name in pair]) for pair in _PAIRS)
                     felt = felt_at_ends(
-                        p, omega, lambda _, values, loop=loop: guarantee.felt(loop, along, values)
+                        p, omega, lambda _, values, loop=loop: guarantee.felt(loop, path, values)
                     )
                     records[FELT[0]], records[FELT[1]] = felt
             except FAILURES as error:
@@ -276,9 +276,11 @@ def _sample(job):
         return job, 1
     ends = own_loop(spec, axis.path).breaks(axis.path, job.asked.span)
     middle = (len(ends) - 1) // 2
-    at = min(middle, 64)  # pieces of a range, up to which one is a sample
-    longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
-    piece = replace(axis, start=ends[at], stop=ends[at + 1])
+    piece_number = min(middle, 64)  # pieces of a range, up to which one is a sample
+    longer = (
+        (middle / max(piece_number, 1)) ** 3 if middle > piece_number else 1
+    )  # as eigenvalues of more states take
+    piece = replace(axis, start=ends[piece_number], stop=ends[piece_number + 1])
     return replace(job, asked=replace(job.asked, axis=piece)), (len(ends) - 1) * longer
 
 
@@ -289,7 +291,7 @@ INTERVALS = JobKind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 def _searches(
     spec: Spec,
-    asked: IntervalQuery,
+    query: IntervalQuery,
     loops: Iterable[Group],
     *,
     felt: bool = True,
@@ -302,18 +304,20 @@ def _searches(
     `Search`.
     """
     by_bound: dict = {}
-    require = asked.require
+    require = query.require
     for members, alike in loops:
         bound = require and require.bound.over(frames_per_clock(spec.drawing, alike))
         by_bound.setdefault((alike.drawing, bound), []).append((members, alike.read))
-    path = asked.axis.path
-    span = asked.span
-    known = checked or not spec.drawing
+    path = query.axis.path
+    span = query.span
+    checked_before = checked or not spec.drawing
     at_port = FELT_AT_ENDS if felt else None
     searches = []
     for (drawing, bound), several in by_bound.items():
         groups = tuple((members, Loops(drawing, alike.values)) for members, alike in several)
-        searches.append(Search(path, span, groups, felt, known, prover, bound, at_port, RECORD))
+        searches.append(
+            Search(path, span, groups, felt, checked_before, prover, bound, at_port, RECORD)
+        )
     return Searches(tuple(searches))
 
 
@@ -330,8 +334,8 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     spec = grid.spec
     query = IntervalQuery(axis, require=require)
     if axis.structural:
-        others = [loop_axis.path for loop_axis in grid.loop_axes]
-        if spec.builds(axis.path, [axis.path, *others]):
+        other_paths = [loop_axis.path for loop_axis in grid.loop_axes]
+        if spec.builds(axis.path, [axis.path, *other_paths]):
             raise UsageError(no_axis(spec, axis.name))
     grid.resolve_all()
     from_rates = spec.uneven or axis.path == FAST
@@ -345,18 +349,18 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
         loops.domain(axis.path, query.span)
-    found = _orders_of_few(spec, query, drawn)
-    if not found:
+    orders_and_ways = _orders_of_few(spec, query, drawn)
+    if not orders_and_ways:
         # Loops of a sweep whose way is looked for.
-        found = [_order_of(spec, loops.some([0]), axis) for _, loops in drawn[:8]]
-    orders, ways = zip(*found, strict=True)
+        orders_and_ways = [_order_of(spec, loops.some([0]), axis) for _, loops in drawn[:8]]
+    orders, ways = zip(*orders_and_ways, strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
-    most = MOST_DRAWN if spec.drawing else MOST
+    limit = MOST_DRAWN if spec.drawing else MOST
     if way is not Way.CUT:
-        most = MOST_SLOW
-    # Of about SECONDS_OF_CHUNK each; `most` slices keep an error of the cost small.
-    together = int(np.clip(SECONDS_OF_CHUNK / cost, FEWEST, most))
+        limit = MOST_SLOW
+    # Of about SECONDS_OF_CHUNK each; `limit` slices keep an error of the cost small.
+    together = int(np.clip(SECONDS_OF_CHUNK / cost, FEWEST, limit))
     chunks = Chunks(grid.loops, 1, together, 1)
     query = replace(query, way=way, cost=cost)
     return Job(INTERVALS, grid, chunks, RECORD, query.identity, query)
@@ -377,13 +381,13 @@ def guaranteed(job: Job, guarantee: Guarantee) -> Job:
     return replace(job, dtype=guarantee.dtype, identity=query.identity, asked=query)
 
 
-def _orders_of_few(spec, asked, drawn):
+def _orders_of_few(spec, query, drawn):
     """States of few loops that are all cut at the number, as their search cuts them, which
     remembers them, and that way; otherwise nothing."""
     if sum(members.size for members, _ in drawn) > REMEMBERED_LOOPS:
         return []
     with suppress(IllPosedLoopError, *FAILURES):
-        searches = _searches(spec, asked, drawn).searches
+        searches = _searches(spec, query, drawn).searches
         opened = [slices.opened for search in searches for _, slices in search.opened_groups()]
         if all(loops and loops.loops.cut for loops in opened):
             return [(loops.loops.cut.order, Way.CUT) for loops in opened]
@@ -463,9 +467,9 @@ def at_points(
     `IntervalQuery`. how: see `_searches`.
     """
     count = len(next(iter(points.values())))
-    asked = IntervalQuery(axis, require=require)
-    loops = drawn_groups(spec, points, count, rates=True, along=asked.drawn_along(spec))
-    records = _searches(spec, asked, loops, **how).records()
+    query = IntervalQuery(axis, require=require)
+    loops = drawn_groups(spec, points, count, rates=True, along=query.drawn_along(spec))
+    records = _searches(spec, query, loops, **how).records()
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names}
     columns["doubt"] = words(records["doubt"])
     return columns | columns_of_ends(records)
@@ -475,13 +479,13 @@ CUT = "crossings of the unit circle from one real polynomial, proved by signs or
 DOMINANCE = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
 
 
-def method(asked: IntervalQuery) -> str:
+def method(query: IntervalQuery) -> str:
     """How the intervals are found, in a line."""
     text = {
         Way.CUT: CUT,
         Way.DOMINANCE: DOMINANCE,
         Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {DOMINANCE}, in others",
-    }[asked.way]
-    if asked.require:
-        return asked.require.bound.method(text)
+    }[query.way]
+    if query.require:
+        return query.require.bound.method(text)
     return text

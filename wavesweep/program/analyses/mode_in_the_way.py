@@ -28,7 +28,7 @@ def outside(delta: np.ndarray, _: np.ndarray, __: float) -> np.ndarray:
 
 
 def mode_in_the_way(
-    loops: Loops, along: str, span: tuple[float, float], beyond: Beyond, *, by_lines: bool = False
+    loops: Loops, path: str, span: tuple[float, float], beyond: Beyond, *, by_lines: bool = False
 ) -> dict[str, Any]:
     """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a
     loop, or a large one. Values at which the loop is stable come before all others.
@@ -39,11 +39,11 @@ def mode_in_the_way(
     it falls to 1/e, negative if it grows, None if it stays. states: that take part. by_lines:
     whether what is beyond depends on the lines.
     """
-    nearest, found = (True, np.inf), {}
+    nearest, mode = (True, np.inf), {}
     places = np.linspace(*span, SPAN_PLACES + 2)
     for value in places[places != 0].tolist():
         with suppress(IllPosedLoopError):
-            loop = loops.changed({along: value}).read
+            loop = loops.changed({path: value}).read
             drawn, drift = loop.drawn(), loop.drift_of_frames()
             # Of more states a look at the modes takes over a tenth of a second at each place.
             if len(drift.remaining) > 200:
@@ -61,10 +61,10 @@ def mode_in_the_way(
             if distance < nearest:
                 nearest, worst = distance, int(amount.argmax())
                 (turned,) = turns_of_modes(loop, delta[[worst]])
-                found = _described(value, complex(delta[worst]), turned, period) | {
+                mode = _described(value, complex(delta[worst]), turned, period) | {
                     "states": leading(names, shares[worst])
                 }
-    return found
+    return mode
 
 
 def only_oscillates(delta: np.ndarray) -> bool:

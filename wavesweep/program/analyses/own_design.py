@@ -133,13 +133,13 @@ def _least_damped(
     return damped if another else None
 
 
-def own_claim(spec: Spec, found: Mapping[str, Any]) -> Claim:
+def own_claim(spec: Spec, design: Mapping[str, Any]) -> Claim:
     """What is known of the loop with the spec's own numbers; found: see `own_design`, and
     `limits` if there are some."""
-    radius = found["spectral_radius"]
+    radius = design["spectral_radius"]
     scope = own_scope(spec)
-    if found["stable"]:
-        within = [limit for limit in found.get("limits", ()) if limit["stable"]]
+    if design["stable"]:
+        within = [limit for limit in design.get("limits", ()) if limit["stable"]]
         certified = any(limit["certified"] for limit in within)
         return Claim(STABLE, scope, Status.CERTIFIED if certified else Status.COMPUTED)
     if radius is None or radius == 1:  # which also stands for one that is below it by rounding
@@ -148,7 +148,7 @@ def own_claim(spec: Spec, found: Mapping[str, Any]) -> Claim:
 
 
 def own_lines(
-    spec: Spec, found: Mapping[str, Any], verdict: Verdict | None = None
+    spec: Spec, design: Mapping[str, Any], verdict: Verdict | None = None
 ) -> Iterator[str]:
     """Yield the verdict on what the spec asks, if that is more than that its design is stable, and
     whether this is, in a line or two, with what it assumes if that decides what it is: see
@@ -156,16 +156,16 @@ def own_lines(
 
     found: see `own_design`.
     """
-    radius = found["spectral_radius"]
+    radius = design["spectral_radius"]
     words = {Status.REFUTED: "UNSTABLE", Status.UNKNOWN: "not known whether it is stable"}
-    said = words.get(own_claim(spec, found).status, "stable")
+    said = words.get(own_claim(spec, design).status, "stable")
     why = "numbers overflow, or rounding hides them"
     if radius is not None:
         if spec.drawing or spec.values["rates.ratio"] % 1 == 0:
             common = ""
         else:
             common = "common "
-        seconds = found["period_s"]
+        seconds = design["period_s"]
         period = f"{seconds:.6g} s" if seconds >= 10 else f"{1e3 * seconds:.6g} ms"
         why = f"spectral radius {radius:.6g} per {common}frame of {period}"
         why += ", but for rounding" if radius == 1 else ""
@@ -174,14 +174,14 @@ def own_lines(
         yield from verdict_lines(verdict, subject)
         subject = f"  {_own_in_words(spec)}"
     yield f"{subject}: {said} ({why})"
-    if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
+    if spec.drawing and design.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
-    if found.get("stays"):
-        yield f"  {stays_in_words(found['stays'])}"
-    if found.get("radius_without_wall"):
-        yield f"  {without_wall_in_words(found['radius_without_wall'])}"
-    if is_first(spec, found):
-        yield f"  assumes: {found['assumes']}"
+    if design.get("stays"):
+        yield f"  {stays_in_words(design['stays'])}"
+    if design.get("radius_without_wall"):
+        yield f"  {without_wall_in_words(design['radius_without_wall'])}"
+    if is_first(spec, design):
+        yield f"  assumes: {design['assumes']}"
 
 
 def _own_in_words(spec: Spec) -> str:
@@ -191,16 +191,16 @@ def _own_in_words(spec: Spec) -> str:
     values = [f"{axis.name} = {spec.values[axis.path]:g}" for axis in axes]
     named = f" ({', '.join(values)})" if 0 < len(values) <= MOST_AXES else ""
     scopes = [question.scope for question in questions(spec)]
-    late = any(each.frames.lost or each.frames.loss or each.messages for each in scopes)
-    what = "message" if spec.drawing else "result"
-    in_time = f", every {what} in time" if late else ""
+    late = any(scope.frames.lost or scope.frames.loss or scope.messages for scope in scopes)
+    sent = "message" if spec.drawing else "result"
+    in_time = f", every {sent} in time" if late else ""
     return f"own numbers{named}{in_time}, as for the limits and modes below"
 
 
-def is_first(spec: Spec, found: Mapping[str, Any]) -> bool:
+def is_first(spec: Spec, design: Mapping[str, Any]) -> bool:
     """Whether what is assumed is said with the verdict: what a drawn loop means, or defaults by
     which alone it is better."""
-    return bool(spec.drawing and found["assumes"]) or FAVOURABLE in found["assumes"]
+    return bool(spec.drawing and design["assumes"]) or FAVOURABLE in design["assumes"]
 
 
 def _mode(spec, mode, states, period):

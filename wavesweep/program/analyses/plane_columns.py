@@ -104,12 +104,12 @@ class View:
             return float(np.diff(places).min() / np.ptp(places))
         return 1.0
 
-    def between(self, left: float, right: float, parts: int) -> list[float]:
+    def between(self, low: float, right: float, parts: int) -> list[float]:
         """The points that divide a cell into parts of equal width, without its ends."""
         shares = np.arange(1, parts) / parts
         if self.logarithmic:
-            return (left * (right / left) ** shares).tolist()
-        return (left + (right - left) * shares).tolist()
+            return (low * (right / low) ** shares).tolist()
+        return (low + (right - low) * shares).tolist()
 
 
 def incomplete(columns: Columns) -> np.ndarray:
@@ -314,10 +314,10 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
     pixel = width_of_all / view.wide
     in_table = [x for x in places if x in curve.in_table]
     doubtful = {x for x in places if _doubtful(curve.columns[x])}
-    for left, right in pairwise(in_table):
-        if left in doubtful or right in doubtful:
+    for before, right in pairwise(in_table):
+        if before in doubtful or right in doubtful:
             continue
-        inside = [x for x in places if left <= x <= right]
+        inside = [x for x in places if before <= x <= right]
         certain = [x for x in inside if x not in doubtful]
         for x in {*inside} - {*certain}:
             del curve.columns[x]
@@ -356,8 +356,8 @@ def _is_straight(
         ends.append([(interval.low, interval.high) for interval in intervals])
     if len(numbers) > 1:
         return False
-    left, centre, right = view.height(np.array(ends))
-    return bool((np.abs(centre - (left + right) / 2) <= tolerance).all())
+    first, centre, right = view.height(np.array(ends))
+    return bool((np.abs(centre - (first + right) / 2) <= tolerance).all())
 
 
 def spec_of(facts: Mapping[str, Any]) -> Any:
@@ -483,7 +483,7 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     cost, method = cost_of(spec.with_values(dict(designs[0])), axis)
     dear = method is not Way.CUT
     if dear:
-        cost = BUDGET / sum(len(np.unique(each[x])) for each in members)
+        cost = BUDGET / sum(len(np.unique(columns[x])) for columns in members)
     return _Source(
         spec,
         axis,

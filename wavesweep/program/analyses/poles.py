@@ -43,11 +43,11 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
     for members, loops in grid.drawn(numbers=range(grid.loops)):
         by_loop = _of_batch(loops.read, members.size)
         axes = grid.axis_columns(members)
-        for place, (at, columns) in enumerate(zip(members.tolist(), by_loop, strict=True)):
+        for place, (index, columns) in enumerate(zip(members.tolist(), by_loop, strict=True)):
             rows = len(columns["doubt"])
             of_axes = {name: np.full(rows, axes[name][place]) for name in axes}
-            blocks[at] = of_axes | columns
-    return joined(blocks[at] for at in sorted(blocks))
+            blocks[index] = of_axes | columns
+    return joined(blocks[index] for index in sorted(blocks))
 
 
 def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
@@ -69,14 +69,14 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     clear = count_outside(E)[1] & ~hidden
     named = [named_modes(frame, drawn, drift) for frame in E]
     all_delta = np.full((size, states), -0.5 + 0j)  # also of frames without numbers
-    for at, (_, found) in enumerate(named):
-        if found.delta.size:
-            all_delta[at] = found.delta
+    for index, (_, modes) in enumerate(named):
+        if modes.delta.size:
+            all_delta[index] = modes.delta
     lines = [*lines_of_each(loops, [np.log1p(all_delta[:, [k]]) for k in range(states)])]
-    for at, (names, (delta, shares)) in enumerate(named):
-        doubted = ~certain_modes(delta, clear=bool(clear[at]))
-        s = np.log1p(delta) / period[at]
-        lines_here = np.array([line[at] for line in lines]).reshape(-1, 2)
+    for index, (names, (delta, shares)) in enumerate(named):
+        doubted = ~certain_modes(delta, clear=bool(clear[index]))
+        s = np.log1p(delta) / period[index]
+        lines_here = np.array([line[index] for line in lines]).reshape(-1, 2)
         hz, second = lines_here[: delta.size].T
         numbers = {
             "z_re": 1 + delta.real,
@@ -94,7 +94,7 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
             "stable": (np.abs(1 + delta) < 1) & ~doubted,
             "doubt": np.where(doubted, "rounding", "").astype(object),
         }
-        if states and not finite[at]:
+        if states and not finite[index]:
             numbers = {name: np.full(1, np.nan) for name in numbers}
             numbers["states"] = np.array([""], object)
             numbers["stable"] = np.zeros(1, bool)

@@ -156,12 +156,12 @@ def _records(parts, frequency, route, dtype):
 
 def _columns(job, combination, records):
     """The axes of all specs, the spec, the frequency, and the fields of the records."""
-    at, point = np.divmod(combination, job.asked.frequency.size)
+    index, point = np.divmod(combination, job.asked.frequency.size)
     spec, rows, route = job.grid.spec, combination.size, job.asked.route
     columns = {
         name: np.full(rows, own_value(spec, name, job.asked.read)) for name in job.asked.names
     }
-    columns |= job.grid.axis_columns(at)
+    columns |= job.grid.axis_columns(index)
     text = {"spec": spec.name, "controller": spec.kind}
     if route:
         text = {
@@ -237,14 +237,16 @@ def _prepared_one(drawing, items, ratio, route):
 def _prepared(loops, size, ratio, route) -> list[Prepared]:
     """Loops of one drawing, as many at a time as are computed together."""
     prepared = []
-    for at, port in ports_of_batch(loops, size, route):
-        loop, these = Lifted.of(port), loops if at.size == size else loops.some(at)
-        radius = np.zeros(at.size)  # 0 stands for any that is surely less than 1
-        rest = np.flatnonzero(~np.broadcast_to(loop.stable_for_sure(), at.shape))
+    for members, port in ports_of_batch(loops, size, route):
+        loop, these = Lifted.of(port), loops if members.size == size else loops.some(members)
+        radius = np.zeros(members.size)  # 0 stands for any that is surely less than 1
+        rest = np.flatnonzero(~np.broadcast_to(loop.stable_for_sure(), members.shape))
         if rest.size:
             radius[rest] = these.some(rest).radii(rest.size)
         gain = None if route else gain_of(loop)
-        prepared.append(Prepared(at, loop, gain, radius, port.slowest if ratio is None else ratio))
+        prepared.append(
+            Prepared(members, loop, gain, radius, port.slowest if ratio is None else ratio)
+        )
     return prepared
 
 

@@ -35,9 +35,9 @@ def routed(
     it; of a controller's loop COLUMNS too. path: of the table. Errors: UsageError for other
     names.
     """
-    for key, expected, found, hint in faults_of_ends(drawing, source, signal):
+    for key, expected, text_found, hint in faults_of_ends(drawing, source, signal):
         meant = f"; did you mean {hint}?" if hint else ""
-        raise UsageError(f"{path}.{key}: expected {expected}, found {found}{meant}")
+        raise UsageError(f"{path}.{key}: expected {expected}, found {text_found}{meant}")
     drawing = replace(
         drawing,
         outputs=(

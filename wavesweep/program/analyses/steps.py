@@ -25,14 +25,14 @@ def routes_of(spec: Spec) -> list[Route]:
     return []
 
 
-def step_between(spec: Spec, route: Route, most: int = MOST_SAMPLED_STATES) -> Step:
+def step_between(spec: Spec, route: Route, most_states: int = MOST_SAMPLED_STATES) -> Step:
     """The response of an output to a step of an input, route, both of [ports]. most, errors: see
     `Step.of`."""
     _, port = next(ports_of_batch(own_loop(spec), 1, route))
-    return Step.of(port, most)
+    return Step.of(port, most_states)
 
 
-def step_at(spec: Spec, signal: str, most: int = MOST_SAMPLED_STATES) -> Step:
+def step_at(spec: Spec, signal: str, most_states: int = MOST_SAMPLED_STATES) -> Step:
     """The response of a signal, "block.port", to a step of 1 that is added to it wherever it is
     read.
 
@@ -50,4 +50,4 @@ def step_at(spec: Spec, signal: str, most: int = MOST_SAMPLED_STATES) -> Step:
         outputs=(*nominal.drawing.outputs, (ADDED, ((signal, ONE),), "1")),
     )
     _, port = next(ports_of_batch(Loops(drawing, nominal.values), 1, (ADDED, ADDED)))
-    return Step.of(port, most)
+    return Step.of(port, most_states)

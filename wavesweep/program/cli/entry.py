@@ -46,8 +46,8 @@ class Verbosity(NamedTuple):
         end = words.index("--") if "--" in words else len(words)
         meant = {"-q": "quiet", "--quiet": "quiet", "--json": "as_json", "--debug": "debug"}
         wanted = {meant[word]: True for word in words[:end] if word in meant}
-        left = [word for word in words[:end] if word not in meant]
-        return cls(tuple(words), **wanted), [*left, *words[end:]]
+        remaining = [word for word in words[:end] if word not in meant]
+        return cls(tuple(words), **wanted), [*remaining, *words[end:]]
 
 
 def verbosity() -> Verbosity:

@@ -228,12 +228,12 @@ def _first_sentence(path: Path) -> str:
     return re.split(r"(?<=[.?])\s", comment, maxsplit=1)[0]
 
 
-def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> None:
+def _known(name: str, names: Iterable[str], kind: str, instead: str = "") -> None:
     if name not in names:
         meant = nearest(name, names)
         hint = f"did you mean {meant}? " if meant else ""
         expected = instead or f"expected one of {', '.join(names)}"
-        raise UsageError(f"{name} is no {what}; {hint}{expected}")
+        raise UsageError(f"{name} is no {kind}; {hint}{expected}")
 
 
 def _places_of_numbers(text: str) -> dict[str, tuple[str, ...]]:
@@ -264,11 +264,11 @@ def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
         _known(name, numbers, f"number or word of {path.stem}")
     loaded = load(tomllib.loads(text), settings)  # refuses values that a spec refuses
     for name, typed in chosen.items():
-        at = scan(text)[numbers[name]][1]
-        given = read_override(typed)[1]
-        value = json.dumps(loaded.own(path_of(name)) if has_unit(given) else given)
-        rest = re.sub(r'^(?:"[^"]*"|[^,}\]\s]+)', "", text[at:], count=1)
-        text = text[:at] + value + rest
+        place = scan(text)[numbers[name]][1]
+        number = read_override(typed)[1]
+        value = json.dumps(loaded.own(path_of(name)) if has_unit(number) else number)
+        rest = re.sub(r'^(?:"[^"]*"|[^,}\]\s]+)', "", text[place:], count=1)
+        text = text[:place] + value + rest
     return text
 
 
@@ -322,15 +322,15 @@ def _head(kind: str, path: str) -> Iterator[str]:
 
 
 def _loop(
-    kind: str, device: str | None, read: frozenset[str], given: Mapping[str, object]
+    kind: str, device: str | None, read: frozenset[str], values: Mapping[str, object]
 ) -> Iterator[str]:
     """The tables of the loop: keys that a design begins with or that are given, and the others that it reads as comments."""
     numbers = DEVICES[device].numbers if device else {}
     active: dict[str, object] = {
         path: value for path, value in CHOSEN.items() if path not in numbers
     }
-    active |= {"controller.kind": kind, **given}
-    rate, twin = ("rates.ratio", "rates.slow_hz")[:: 1 if "rates.ratio" in given else -1]
+    active |= {"controller.kind": kind, **values}
+    rate, twin = ("rates.ratio", "rates.slow_hz")[:: 1 if "rates.ratio" in values else -1]
     shown = read - {twin} | ({rate} if "rates.ratio" in read else set())
     notes = NOTES | _origins(device)
     if device:

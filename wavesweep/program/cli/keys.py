@@ -62,17 +62,17 @@ def command(name: str | None, schema: bool) -> None:
     )
 
 
-def _lines(found: Mapping[str, Description]) -> Iterator[str]:
-    path, first = next(iter(found.items()))
+def _lines(descriptions: Mapping[str, Description]) -> Iterator[str]:
+    path, first = next(iter(descriptions.items()))
     if "ports" in first:
-        if len(found) == 1:
+        if len(descriptions) == 1:
             return _type(path, first)
-        return _types(found)
+        return _types(descriptions)
     if "type" not in first:
         return _own_names(path, first)
-    if len(found) == 1:
+    if len(descriptions) == 1:
         return _details(path, first)
-    return _table(found)
+    return _table(descriptions)
 
 
 def _table(keys: Mapping[str, Description]) -> Iterator[str]:

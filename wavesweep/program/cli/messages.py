@@ -198,12 +198,14 @@ class Work:
         doing = f"{self.doing}: " if self.doing else ""
         if done >= total:
             return f"{doing}all {total:,} done {after}; what follows from them is still to come"
-        left = self._left(reports, self._clock() - self._started)
-        less = f"; {self._less}" if self._less and left > MINUTE else ""
-        what = self._figure or f"{done:,} of {total:,} done"
+        seconds_left = self._left(reports, self._clock() - self._started)
+        less = f"; {self._less}" if self._less and seconds_left > MINUTE else ""
+        progress = self._figure or f"{done:,} of {total:,} done"
         certified = "" if self._certified is None else f", {self._certified:,} certified"
-        return f"{doing}{what} ({100 * done // total} %){certified} {after}" + (
-            f", about {_duration(left)} left{less}" if left > LOOK_AT_PROGRESS else ""
+        return f"{doing}{progress} ({100 * done // total} %){certified} {after}" + (
+            f", about {_duration(seconds_left)} left{less}"
+            if seconds_left > LOOK_AT_PROGRESS
+            else ""
         )
 
 

@@ -244,13 +244,13 @@ def run_options(*groups: str) -> Callable[..., Any]:
 
     def add(body: Callable[..., None]) -> Callable[..., None]:
         @wraps(body)
-        def gathered(**given: Any) -> None:
-            chosen = {option.name: given.pop(option.name) for option in declared}
+        def gathered(**flags: Any) -> None:
+            chosen = {option.name: flags.pop(option.name) for option in declared}
             body(
                 options=_consistent(
                     Options(**chosen, quiet=verbosity().quiet, as_json=verbosity().as_json)
                 ),
-                **given,
+                **flags,
             )
 
         command = gathered

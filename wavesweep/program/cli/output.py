@@ -251,9 +251,9 @@ def _report(
         directory = folder_of(specs, options)
         from wavesweep.program.store.checkpoint import SUFFIX
 
-        for left in sorted(directory.glob(f".{command}-*{SUFFIX}")):
+        for checkpoint in sorted(directory.glob(f".{command}-*{SUFFIX}")):
             say(
-                f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed"
+                f"an interrupted run of another version of the spec is kept in {checkpoint}; remove it if it is not needed"
             )
     _say_written(finished, changed, seconds)
 
@@ -270,8 +270,8 @@ def _lines(
     for model in facts.get("assumes", "").splitlines():
         assumed += [(line, False) for line in folded(f"assumes: {model}")]
     lines: list[Line] = []
-    for each in dict.fromkeys(said):
-        lines += [(line, False) for line in folded(each)]
+    for sentence in dict.fromkeys(said):
+        lines += [(line, False) for line in folded(sentence)]
     for done in finished:
         lines += [(notice, False) for notice in done.notices]
         lines += done.lines

@@ -343,8 +343,8 @@ def _nothing_stable(columns: Columns, members: Sequence[Member]) -> str:
     """What a panel without stable intervals says."""
     best = max(members, key=lambda member: member.claim.status)
     if incomplete(columns).any():
-        return nothing(best.claim, known=False)
-    return nothing(best.claim, known=True) + " at the swept values"
+        return nothing(best.claim, certain=False)
+    return nothing(best.claim, certain=True) + " at the swept values"
 
 
 def _unknown_spans(

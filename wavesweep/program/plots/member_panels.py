@@ -262,10 +262,10 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
                 )
         stable = np.flatnonzero(rows["intervals"] > 0)
         if not stable.size:
-            known = bool(rows["certified"].all()) if member.proved else not unknown
-            said = nothing(member.claim, known=known)
-            at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
-            axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
+            certain = bool(rows["certified"].all()) if member.proved else not unknown
+            said = nothing(member.claim, certain=certain)
+            offset = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
+            axes.annotate(said, (0, place), (3, 0), **offset, va="center", color="0.35")
         for row in stable.tolist():
             _draw_stable_bar(axes, place, where(rows, row), colour)
     names = bar_names(members, axes.figure.get_figwidth())

@@ -75,16 +75,16 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
     # what is not known: columns that are known in part, half way to their neighbours, and gaps. A
     # gap counts only where others are known.
     places = sorted(curve.columns)
-    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
+    middles = [view.between(begin, right, 2)[0] for begin, right in pairwise(places)]
     begins = [places[0], *middles]
     ends = [*middles, places[-1]]
     unknown: list[tuple[float, float, float, float]] = []
-    for x, left, right in zip(places, begins, ends, strict=True):
+    for x, begin, right in zip(places, begins, ends, strict=True):
         _, open_spans = curve.columns[x]
-        unknown += [(left, right, low, high) for low, high in open_spans]
+        unknown += [(begin, right, low, high) for low, high in open_spans]
     if curve.gaps:
         gaps = [gap for gap in pairwise(places) if gap not in curve.gaps]
-        unknown += [(left, right, -np.inf, np.inf) for left, right in gaps]
+        unknown += [(begin, right, -np.inf, np.inf) for begin, right in gaps]
     return Region(
         areas=areas,
         unproved=unproved,
@@ -105,15 +105,15 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
     growing = list(chains)
     across: list[tuple[Line, bool]] = []
     bars: Chain = []
-    joined_before = True  # the bars at `left` are not drawn yet
-    for left, right in pairwise(places):
-        state = curve.gaps.get((left, right), UNDECIDED)
-        before, open_before = curve.columns[left]
+    joined_before = True  # the bars at `x_before` are not drawn yet
+    for x_before, right in pairwise(places):
+        state = curve.gaps.get((x_before, right), UNDECIDED)
+        before, open_before = curve.columns[x_before]
         after, open_after = curve.columns[right]
         if state == KNOWN:
             _go_on(growing, right, after)
         elif state == NARROW:
-            (middle,) = view.between(left, right, 2)
+            (middle,) = view.between(x_before, right, 2)
             is_open = bool(open_before or open_after)
             at_fold = None if is_open else _at_fold(before, after)
             ending, beginning = at_fold or (before, after)
@@ -125,7 +125,7 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
             chains += growing
         else:
             if joined_before:
-                bars += _points(left, before)
+                bars += _points(x_before, before)
             starts = _points(right, after)
             bars += starts
             growing = [[start] for start in starts]
@@ -158,7 +158,7 @@ def _at_fold(
     ends_of_fewer = np.array([(interval.low, interval.high) for interval in fewer]).ravel()
     ends_of_more = np.array([(interval.low, interval.high) for interval in more]).ravel()
     if len(fewer) == len(more):
-        kept = ends_of_more
+        ends_at_fold = ends_of_more
         at_middle_of_more = (ends_of_more + ends_of_fewer) / 2
     elif len(fewer) + 1 == len(more):
         real = np.array([(interval.low_real, interval.high_real) for interval in more]).ravel()
@@ -167,16 +167,16 @@ def _at_fold(
             return None
         without = {int(i): np.delete(ends_of_more, (i, i + 1)) for i in may_fold}
         folds = min(without, key=lambda i: np.abs(without[i] - ends_of_fewer).sum())
-        kept = without[folds]
+        ends_at_fold = without[folds]
         tip = ends_of_more[folds : folds + 2].mean()
-        at_middle_of_more = np.insert((kept + ends_of_fewer) / 2, folds, (tip, tip))
+        at_middle_of_more = np.insert((ends_at_fold + ends_of_fewer) / 2, folds, (tip, tip))
     else:
         return None
-    highest_low = np.maximum(kept, ends_of_fewer)[0::2]
-    lowest_high = np.minimum(kept, ends_of_fewer)[1::2]
+    highest_low = np.maximum(ends_at_fold, ends_of_fewer)[0::2]
+    lowest_high = np.minimum(ends_at_fold, ends_of_fewer)[1::2]
     if (highest_low >= lowest_high).any():
         return None  # one interval ends, and another begins
-    at_middle_of_fewer = (kept + ends_of_fewer) / 2
+    at_middle_of_fewer = (ends_at_fold + ends_of_fewer) / 2
     middle_of_more = _moved(more, at_middle_of_more)
     middle_of_fewer = _moved(fewer, at_middle_of_fewer)
     if fewer is before:
@@ -196,20 +196,20 @@ def _moved(intervals: Sequence[Interval], ends: np.ndarray) -> list[Interval]:
 def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
     """The steps along both real ends of an interval, and whether they are certified at both
     sides."""
-    for (left, a), (right, b) in pairwise(chain):
+    for (x_before, a), (right, b) in pairwise(chain):
         certified = a.certified and b.certified
         if a.low_real and b.low_real:
-            yield [(right, b.low), (left, a.low)], certified
+            yield [(right, b.low), (x_before, a.low)], certified
         if a.high_real and b.high_real:
-            yield [(left, a.high), (right, b.high)], certified
+            yield [(x_before, a.high), (right, b.high)], certified
 
 
 def _felt(chain: Chain) -> Iterator[Line]:
     """The steps along the stiffness felt at the upper limit; there is none where the swept range
     ends the interval."""
-    for (left, a), (right, b) in pairwise(chain):
+    for (x_before, a), (right, b) in pairwise(chain):
         if a.high_real and b.high_real and not np.isnan(a.felt_high + b.felt_high):
-            yield [(left, a.felt_high), (right, b.felt_high)]
+            yield [(x_before, a.felt_high), (right, b.felt_high)]
 
 
 def _jumps(
@@ -219,11 +219,13 @@ def _jumps(
     every = (*before, *after)
     ends = {interval.low for interval in every} | {interval.high for interval in every}
     for low, high in pairwise(sorted(ends)):
-        left = [interval for interval in before if interval.low <= low and interval.high >= high]
+        stable_before = [
+            interval for interval in before if interval.low <= low and interval.high >= high
+        ]
         right = [interval for interval in after if interval.low <= low and interval.high >= high]
-        if left and not right:
-            yield [(x, high), (x, low)], left[0].certified
-        elif right and not left:
+        if stable_before and not right:
+            yield [(x, high), (x, low)], stable_before[0].certified
+        elif right and not stable_before:
             yield [(x, low), (x, high)], right[0].certified
 
 

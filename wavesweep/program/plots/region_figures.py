@@ -73,11 +73,11 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
 
     columns = []
     places = []
-    for left, right, low, high in region.unknown:
+    for begin, right, low, high in region.unknown:
         if np.isinf(low):
-            columns.append((left, right))
+            columns.append((begin, right))
         else:
-            places.append([(left, low), (right, low), (right, high), (left, high)])
+            places.append([(begin, low), (right, low), (right, high), (begin, high)])
     for column in columns:
         axes.axvspan(*column, **UNKNOWN)
     if columns:  # no hatching under what is known
@@ -167,21 +167,21 @@ def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | No
 
 
 def draw_unknown_at_values(
-    axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, at: Bars
+    axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, bars: Bars
 ) -> None:
     """Draw what is not known at values of x alone, (x, from, to), as ladders there, if it can be
     seen in the span."""
     least = _SEEN * (span[1] - span[0])
     seen = [(x, low, high) for x, low, high in open_parts if high - low > least]
     if seen:
-        rung = 1 / max(at.width, 1.0)  # a dash is measured in widths
+        rung = 1 / max(bars.width, 1.0)  # a dash is measured in widths
         ladder = {
             "colors": UNKNOWN["edgecolor"],
-            "linewidths": max(at.width, 2.0),
+            "linewidths": max(bars.width, 2.0),
             "linestyles": [(0, (rung, 2 * rung))],
             "zorder": 0.9,
         }
-        axes.vlines(*np.array(seen).T, label=LADDER, transform=at.place(axes), **ladder)
+        axes.vlines(*np.array(seen).T, label=LADDER, transform=bars.place(axes), **ladder)
 
 
 def draw_felt(axes: Any, region: Region, look: Look) -> None:
@@ -212,7 +212,7 @@ def felt_differs(columns: Columns) -> bool:
     )
 
 
-def draw_for_all(axes: Any, x: str, columns: Columns, span: Span, at: Bars) -> None:
+def draw_for_all(axes: Any, x: str, columns: Columns, span: Span, bars: Bars) -> None:
     """Draw what the for_all rows of a plane leave open at each value of x, and carets where what is
     refuted begins.
 
@@ -220,12 +220,12 @@ def draw_for_all(axes: Any, x: str, columns: Columns, span: Span, at: Bars) -> N
     """
     for below, above in _open_parts(columns, span):
         open_parts = np.stack([columns[x], below, above], axis=1).tolist()
-        draw_unknown_at_values(axes, open_parts, span, at)
+        draw_unknown_at_values(axes, open_parts, span, bars)
     for name, caret in (("fails_below", DOWN), ("fails_from", UP)):
         rows = np.isfinite(columns[name])
         if rows.any():
             dots = columns[x][rows], columns[name][rows]
-            axes.plot(*dots, marker=caret, clip_on=False, transform=at.place(axes), **CARET)
+            axes.plot(*dots, marker=caret, clip_on=False, transform=bars.place(axes), **CARET)
 
 
 def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, span: Span) -> None:

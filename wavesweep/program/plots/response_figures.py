@@ -299,8 +299,8 @@ def _draw_panel(
         if (static & (rows[f"{quantity}_abs"] > 0)).any():
             mark = {"marker": "<", "markersize": 4, "clip_on": False, "zorder": 4}
             axes.plot(least_positive, values[static][0], **mark, color=colour)
-        known = rows[f"{quantity}_error"] <= SPARED  # and the worst gain alone is lost
-        crossed = (rows["doubt"] == "rounding") & ~known & ~static
+        accurate = rows[f"{quantity}_error"] <= SPARED  # and the worst gain alone is lost
+        crossed = (rows["doubt"] == "rounding") & ~accurate & ~static
         if crossed.any():
             axes.plot(places[crossed], values[crossed], "x", markersize=4, color=colour)
     if is_phase:
@@ -408,10 +408,10 @@ def _scale(values: np.ndarray) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm, Normalize
 
-    known = values[~np.isnan(values)]
-    by_factors_of_values = goes_by_factors(known[known > 0]) and known.min() > 0
+    numbers = values[~np.isnan(values)]
+    by_factors_of_values = goes_by_factors(numbers[numbers > 0]) and numbers.min() > 0
     norm = LogNorm if by_factors_of_values else Normalize
-    return ScalarMappable(norm(float(known.min()), float(known.max())), family_map())
+    return ScalarMappable(norm(float(numbers.min()), float(numbers.max())), family_map())
 
 
 def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[_Response]:

@@ -58,9 +58,9 @@ def shown_curves(table: Columns | Blocks) -> tuple[Columns, str]:
         for spec in dict.fromkeys(block["spec"].tolist()):
             rows = where(block, block["spec"] == spec)
             note_values(values.setdefault(spec, {}), rows, "spec", "frequency_hz")
-    along = _longest(values.values())
-    most = max(1, MOST_CURVES // len(values))
-    wanted = {spec: _few(axes, along, most) for spec, axes in values.items()}
+    longest_axis = _longest(values.values())
+    per_axis = max(1, MOST_CURVES // len(values))
+    wanted = {spec: _few(axes, longest_axis, per_axis) for spec, axes in values.items()}
 
     def shown(columns: Columns) -> np.ndarray:
         flags = np.zeros(len(columns["spec"]), bool)
@@ -89,21 +89,21 @@ def _longest(values_of_specs: Collection[Values]) -> str:
     return max(names, key=length)
 
 
-def _few(values: Values, along: str, most: int) -> dict[str, tuple[float, ...]]:
-    """The values that are shown of each axis with too many: `most` combinations, in equal shares
+def _few(values: Values, longest_axis: str, most_combinations: int) -> dict[str, tuple[float, ...]]:
+    """The values that are shown of each axis with too many: `most_combinations` combinations, in equal shares
     of the axes."""
     few = {}
-    left = most
+    combinations_left = most_combinations
     other_axes = sorted(
-        (name for name in values if name != along), key=lambda name: len(values[name])
+        (name for name in values if name != longest_axis), key=lambda name: len(values[name])
     )
     for number, name in enumerate(other_axes):
-        share = max(1, int(left ** (1 / (len(other_axes) - number)) + 1e-9))
+        share = max(1, int(combinations_left ** (1 / (len(other_axes) - number)) + 1e-9))
         if len(values[name]) > share:
             few[name] = evenly(values, name, share)
-        left = max(1, left // min(len(values[name]), share))
-    if len(values[along]) > MOST_PLACES:
-        few[along] = evenly(values, along, MOST_PLACES)
+        combinations_left = max(1, combinations_left // min(len(values[name]), share))
+    if len(values[longest_axis]) > MOST_PLACES:
+        few[longest_axis] = evenly(values, longest_axis, MOST_PLACES)
     return few
 
 
@@ -136,21 +136,21 @@ def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[fl
         said = f"Shown: {dots.size} of {rows} combinations." if dots.size < rows else ""
         return rows_where(blocks, is_dot), {}, said
     roles = {x: evenly(several, x, MOST_POINTS)}
-    others = [name for name in several if name != x]
-    for family in others[:1]:
+    other_axes = [name for name in several if name != x]
+    for family in other_axes[:1]:
         roles[family] = evenly(several, family, MOST_MEMBERS)
-    for held in others[1:]:
-        roles[held] = (several[held][len(several[held]) // 2],)
+    for held_axis in other_axes[1:]:
+        roles[held_axis] = (several[held_axis][len(several[held_axis]) // 2],)
     said = what_is_shown((name, few, several[name]) for name, few in roles.items())
     return rows_where(blocks, lambda block: having(block, roles)), roles, said
 
 
 def extremes(
-    times: np.ndarray, values: np.ndarray, most: int = MOST_PLACES
+    times: np.ndarray, values: np.ndarray, most_points: int = MOST_PLACES
 ) -> tuple[np.ndarray, np.ndarray]:
     """Keep the least and the largest value of each of many short stretches, in their order,
     which look the same."""
-    size = ceil(len(values) / (most // 2))
+    size = ceil(len(values) / (most_points // 2))
     if size <= 2:
         return times, values
     complete = len(values) // size * size

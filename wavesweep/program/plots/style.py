@@ -292,9 +292,9 @@ def _closest(panels: Sequence[Any]) -> float:
             if panel.x0 - 1 <= (box.x0 + box.x1) / 2 <= panel.x1 + 1
         ]
         if boxes:
-            left = min(box.x0 for box in boxes)
+            leftmost = min(box.x0 for box in boxes)
             right = max(box.x1 for box in boxes)
-            spans.append((panel.y0, panel.x0, left, right))
+            spans.append((panel.y0, panel.x0, leftmost, right))
     least = float("inf")
     for bottom, x0, _, right in spans:
         for bottom_of_next, x0_of_next, left_of_next, _ in spans:
@@ -425,7 +425,7 @@ def _fit_notes(canvas: Any) -> bool:
     panels = [axes.bbox for axes in canvas.axes if axes.get_visible()]
     if notes is None or not panels:
         return False
-    left = min(panel.x0 for panel in panels)
+    leftmost = min(panel.x0 for panel in panels)
     right = max(panel.x1 for panel in panels)
     before = notes.get_text().split("\n")
     wrapped: list[str] = []
@@ -433,7 +433,7 @@ def _fit_notes(canvas: Any) -> bool:
         lines = [paragraph]
         letters = len(paragraph)
         notes.set_text(paragraph)
-        while notes.get_window_extent().width > right - left:
+        while notes.get_window_extent().width > right - leftmost:
             letters = int(0.95 * letters)
             lines = wrap(paragraph, letters, break_on_hyphens=False)
             notes.set_text("\n".join(lines))
@@ -444,7 +444,7 @@ def _fit_notes(canvas: Any) -> bool:
             narrower = wrap(paragraph, letters, break_on_hyphens=False)
         wrapped += lines
     notes.set_text("\n".join(wrapped))
-    notes.set_x((left + right) / 2 / canvas.bbox.width)
+    notes.set_x((leftmost + right) / 2 / canvas.bbox.width)
     canvas.set_figheight(canvas.get_figheight() + LINE_OF_NOTES * (len(wrapped) - len(before)))
     return True
 
@@ -476,6 +476,6 @@ def fitting(texts: Sequence[str], width: float, size: float = 8.0) -> int:
     *_, second, longest = sorted(letters)
     width_of_second = size * (5 + 0.52 * second)
     width_of_longest = size * (5 + 0.52 * longest)
-    most = max(1, 1 + int((72 * width - width_of_longest) / width_of_second))
-    rows = ceil(len(texts) / most)
+    columns = max(1, 1 + int((72 * width - width_of_longest) / width_of_second))
+    rows = ceil(len(texts) / columns)
     return ceil(len(texts) / rows)

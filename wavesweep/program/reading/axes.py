@@ -132,8 +132,8 @@ def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -
     fault = _span_fault(start, stop, num, scale)
     if fault:
         name, expected = fault
-        found = show(parts[name].value)
-        mistakes.refuse(parts[name], f"{label}.{name}", expected, found, of_key=False)
+        text_found = show(parts[name].value)
+        mistakes.refuse(parts[name], f"{label}.{name}", expected, text_found, of_key=False)
         return ()
     values = SPACINGS[scale](start, stop, num) if num else ()
     if key.type == "integer":

@@ -191,15 +191,15 @@ SYMBOLS = MappingProxyType(
 )
 
 
-def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
+def _filter(name: str, order: int, cutoff_hz: float, use: str) -> list[Key]:
     prefix = f"filters.{name}"
-    loss = f"largest loss in the passband of {what}"
-    attenuation = f"least attenuation in the stopband of {what}"
+    loss = f"largest loss in the passband of {use}"
+    attenuation = f"least attenuation in the stopband of {use}"
     return [
         Key.whole(
             f"{prefix}.order",
             order,
-            f"Butterworth order of {what}; 0 for no filter",
+            f"Butterworth order of {use}; 0 for no filter",
             0,
             HIGHEST_ORDER,
         ),
@@ -207,14 +207,14 @@ def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
             f"{prefix}.cutoff_hz",
             cutoff_hz,
             "Hz",
-            f"-3 dB frequency of {what}, below half the fast rate",
+            f"-3 dB frequency of {use}, below half the fast rate",
         ),
         # Order and cutoff follow from the edges.
         Key.positive(
-            f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}", shaping=True
+            f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {use}", shaping=True
         ),
         Key.positive(
-            f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}", shaping=True
+            f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {use}", shaping=True
         ),
         # 300 dB is as far below 1 as double precision resolves; it keeps powers of ten from
         # overflowing.

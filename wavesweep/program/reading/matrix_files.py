@@ -148,7 +148,9 @@ def _of_numpy(content: bytes) -> dict:
 
     members = {f"{name}.npy" for name in NAMES}
     with ZipFile(BytesIO(content)) as archive:
-        unpacked = sum(each.file_size for each in archive.infolist() if each.filename in members)
+        unpacked = sum(
+            member.file_size for member in archive.infolist() if member.filename in members
+        )
     if unpacked > MOST_BYTES:
         raise _Unfit(f"arrays of at most {MOST_BYTES / 1e6:g} MB", f"{unpacked / 1e6:.3g} MB")
     with np.load(BytesIO(content), allow_pickle=False) as arrays:

@@ -70,8 +70,8 @@ def read_file(path: str) -> tuple[dict, Place]:
         before = error.object[: error.start]
         line = before.count(b"\n") + 1
         column = len(before[before.rfind(b"\n") + 1 :].decode()) + 1
-        found = f"byte {error.object[error.start]:#04x}"
-        raise SpecError([Mistake(f"{path}:{line}:{column}", "", UTF_8, found)]) from error
+        text_found = f"byte {error.object[error.start]:#04x}"
+        raise SpecError([Mistake(f"{path}:{line}:{column}", "", UTF_8, text_found)]) from error
     long_key = re.search(_LONG_KEY, text)
     if long_key:
         line = text.count("\n", 0, long_key.start()) + 1
@@ -86,15 +86,15 @@ def read_file(path: str) -> tuple[dict, Place]:
         raise SpecError([syntax_mistake(text, str(error), path)]) from error
 
 
-def read_bytes(path: str | os.PathLike, most: int) -> bytes:
-    """Return the content of a file of at most `most` bytes; never wait for a pipe, and never read a
+def read_bytes(path: str | os.PathLike, most_bytes: int) -> bytes:
+    """Return the content of a file of at most `most_bytes` bytes; never wait for a pipe, and never read a
     device.
 
     Errors: UsageError naming the path.
     """
     try:
         if passed := re.fullmatch(PASSED, os.fspath(path)):
-            content = _passed(int(passed[1] or 0), most)
+            content = _passed(int(passed[1] or 0), most_bytes)
         else:
             # Without blocking: to open a named pipe waits for somebody who writes to it.
             descriptor = os.open(path, READ)
@@ -105,24 +105,24 @@ def read_bytes(path: str | os.PathLike, most: int) -> bytes:
                     raise UsageError(f"{path}: expected a file, found a {kind}")
                 # Not by the size that the system names, which is 0 for files of /proc.
                 with os.fdopen(descriptor, "rb", closefd=False) as stream:
-                    content = stream.read(most + 1)
+                    content = stream.read(most_bytes + 1)
             finally:
                 os.close(descriptor)
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:  # a path that no file can have
         raise UsageError(f"{path!r}: cannot be read: {error}") from error
-    if len(content) > most:
-        raise UsageError(f"{path}: expected at most {most / 1e6:g} MB, found more")
+    if len(content) > most_bytes:
+        raise UsageError(f"{path}: expected at most {most_bytes / 1e6:g} MB, found more")
     return content
 
 
 @cache
-def _passed(number: int, most: int) -> bytes:
+def _passed(number: int, most_bytes: int) -> bytes:
     """Return the content of a file that is open already, stdin or what a shell passes for
     `<(...)`; it can be read once."""
     with os.fdopen(number, "rb", closefd=False) as stream:
-        return stream.read(most + 1)
+        return stream.read(most_bytes + 1)
 
 
 def read_override(
@@ -137,8 +137,8 @@ def read_override(
     name, equals, value = (side.strip() for side in typed.partition("="))
     path = _key_path(name)
     if not equals or not path:
-        found = "no key" if equals else "no `=`"
-        raise SpecError([Mistake(place.location(), "", "key=value", found)])
+        text_found = "no key" if equals else "no `=`"
+        raise SpecError([Mistake(place.location(), "", "key=value", text_found)])
     if len(path) == 1:
         path = symbols.get(path[0], path[0]).split(".")
     table = _loads_or_none(f"value = {value}")

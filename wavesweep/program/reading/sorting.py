@@ -130,12 +130,16 @@ class _Sorter:
         been."""
         outer = tables().get(path[0])
         table = joined_path(path[:-1])
-        known = top_tables()
+        names = top_tables()
         if table:
             paths = (*(outer.sections if outer else ()), *flat_keys())
-            inside = [at.removeprefix(f"{table}.") for at in paths if at.startswith(f"{table}.")]
-            known = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
-        near = nearest(path[-1], known)
+            inside = [
+                known_path.removeprefix(f"{table}.")
+                for known_path in paths
+                if known_path.startswith(f"{table}.")
+            ]
+            names = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
+        near = nearest(path[-1], names)
         if table and near:
             near = f"{table}.{near}"
         near = near or nearest(path[-1], flat_keys())
@@ -144,7 +148,7 @@ class _Sorter:
         else:
             problem = "an unknown key"
         name = joined_path(path)
-        usual = f"one of {'' if table else 'the tables '}{', '.join(known)}"
+        usual = f"one of {'' if table else 'the tables '}{', '.join(names)}"
         self.mistakes.refuse(
             leaf, name, GONE.get(name, usual), problem, "" if name in GONE else near
         )
@@ -193,14 +197,14 @@ class _Sorter:
         name = ".".join(rest[:-1] if is_part else rest)
         if any(mistake.key == f"{table}.{name}" for mistake in self.mistakes):
             return  # start and stop are of one axis
-        known = ("frequency_hz",) if table == "bode" else sections()[path].own
+        axis_names = ("frequency_hz",) if table == "bode" else sections()[path].own
         numbers = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
         symbols = f"one of {', '.join(names.symbols)} " if names.symbols else ""
-        expected = ", ".join((*known, f"{symbols}or {numbers}"))
+        expected = ", ".join((*axis_names, f"{symbols}or {numbers}"))
         problem = "an unknown axis"
         if name in names.following:
             problem = "a number that follows from others"
-        near = nearest(name, (*known, *names.symbols)) or nearest(name, names.numeric)
+        near = nearest(name, (*axis_names, *names.symbols)) or nearest(name, names.numeric)
         self.mistakes.refuse(leaf, f"{table}.{name}", expected, problem, near)
 
     def _put_part(self, table: str, name: str, rest: Path, leaf: Leaf, section: Section) -> None:

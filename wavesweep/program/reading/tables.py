@@ -57,29 +57,29 @@ class KeyValues(dict[str, Any], TableValue):
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values by names of keys as nested tables: those of `gain.from` and `gain.to` are in
     the table `gain`."""
-    found: dict[str, Any] = {}
+    root: dict[str, Any] = {}
     for name, value in values.items():
         *parents, last = name.split(".")
-        table = found
+        table = root
         for parent in parents:
             table = table.setdefault(parent, {})
         table[last] = list(value) if isinstance(value, tuple) else value
-    return found
+    return root
 
 
 def several(leaves: Mapping[str, Leaf]) -> Iterator[Mapping[str, Leaf]]:
     """Yield the leaves of a table by their names in it, or of each table of a list of them."""
     itself = leaves.get("")
     listed = itself.value if itself and isinstance(itself.value, list) else []
-    if not (listed and all(isinstance(each, dict) for each in listed)):
+    if not (listed and all(isinstance(table, dict) for table in listed)):
         yield leaves
         return
-    for each in listed:
-        own = {
+    for table in listed:
+        leaves_of_table = {
             ".".join(path): Leaf(leaf.value, itself.place)
-            for path, leaf in leaves_of(each, itself.place)
+            for path, leaf in leaves_of(table, itself.place)
         }
-        yield own or {"": itself}
+        yield leaves_of_table or {"": itself}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,9 +151,9 @@ class SpecTable:
             if inside:  # a table, which has leaves of its own unless it is empty or no table
                 del named[name]
                 path = f"{self.path}.{name}" if name else self.path
-                found = "an empty table" if leaf.value == {} else show(leaf.value)
+                text_found = "an empty table" if leaf.value == {} else show(leaf.value)
                 expected = f"a table with some of {', '.join(inside)}"
-                mistakes.refuse(leaf, path, expected, found, of_key=False)
+                mistakes.refuse(leaf, path, expected, text_found, of_key=False)
         return mistakes.read(self.keys_in_it, named, self.path)
 
 
@@ -220,15 +220,17 @@ def sections() -> Mapping[tuple[str, ...], Section]:
 
     Tables of capabilities in one of these are keys of it.
     """
-    found = {("sweep",): Section(("along",)), ("bode",): Section(("from", "to"))}
+    sections_by_path = {("sweep",): Section(("along",)), ("bode",): Section(("from", "to"))}
     for table in tables().values():
-        found |= {tuple(path.split(".")): section for path, section in table.sections.items()}
+        sections_by_path |= {
+            tuple(path.split(".")): section for path, section in table.sections.items()
+        }
     for path in tables():
         parent, _, name = path.rpartition(".")
-        if (parent,) in found:
-            section = found[parent,]
-            found[parent,] = replace(section, own=(*section.own, name))
-    return found
+        if (parent,) in sections_by_path:
+            section = sections_by_path[parent,]
+            sections_by_path[parent,] = replace(section, own=(*section.own, name))
+    return sections_by_path
 
 
 def section_of(path: tuple[str, ...]) -> tuple[str, ...]:

@@ -138,9 +138,9 @@ def _spellings(text: str) -> Iterator[str]:
         small = written.lower()
         yield written
         yield small
-        for at, letter in enumerate(small):
+        for place, letter in enumerate(small):
             if letter in "nahv":
-                yield small[:at] + letter.upper() + small[at + 1 :]
+                yield small[:place] + letter.upper() + small[place + 1 :]
 
 
 def _factor(spelling: str, expected: str) -> Fraction | None:
@@ -154,10 +154,12 @@ def _factor(spelling: str, expected: str) -> Fraction | None:
     known_faults = (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError)
     try:
         unit = registry.parse_units(spelling)
-        zero, one = (registry.Quantity(Fraction(number), unit).to(expected).m for number in (0, 1))
+        zero, unity = (
+            registry.Quantity(Fraction(number), unit).to(expected).m for number in (0, 1)
+        )
     except (*known_faults, SyntaxError, TokenError):
         return None
-    return None if zero else Fraction(one)
+    return None if zero else Fraction(unity)
 
 
 def is_unit(cell: str) -> bool:
@@ -216,7 +218,7 @@ def converted(
         raise UsageError(
             f"{path}: {column}: expected {' or '.join(expected)}, found {named_unit(text)}{hint}"
         )
-    written, taken = (re.sub(r"[\W_]", "", each) for each in (text, unit.spelling))
+    written, taken = (re.sub(r"[\W_]", "", spelling) for spelling in (text, unit.spelling))
     said = f"{column} is taken as {name} in {unit.spelling}, times {float(unit.factor):.6g}"
     if unit.factor == 1 and (not text or written == taken):
         said = ""

@@ -117,9 +117,9 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the keys of the specs of a run, the short ones if there are some, and their values."""
     short = {path: symbol for symbol, path in SYMBOLS.items()}
-    along = facts.get("along")
-    if isinstance(along, Mapping):  # of `why`, which an option may name
-        yield "along", along.get("name")
+    axis = facts.get("along")
+    if isinstance(axis, Mapping):  # of `why`, which an option may name
+        yield "along", axis.get("name")
     for name, tables in (facts.get("specs") or {"": facts.get("spec", {})}).items():
         if not isinstance(tables, Mapping):  # a package that somebody has changed
             continue

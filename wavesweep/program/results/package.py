@@ -314,20 +314,20 @@ def package_differences(
         yield "its text does not have the hash that it gives"
 
 
-def _differences(found: Any, expected: Any, place: str) -> Iterator[str]:
+def _differences(value: Any, expected: Any, place: str) -> Iterator[str]:
     """Yield each place of a JSON value that is not as expected, and how."""
-    if isinstance(found, Mapping) and isinstance(expected, Mapping):
-        for name in {**expected, **found}:
-            at = f"{place}.{name}" if place else name
-            if name not in found or name not in expected:
-                yield f"{at} is {'missing' if name in expected else 'in it, and expected by nothing'}"
+    if isinstance(value, Mapping) and isinstance(expected, Mapping):
+        for name in {**expected, **value}:
+            inner_place = f"{place}.{name}" if place else name
+            if name not in value or name not in expected:
+                yield f"{inner_place} is {'missing' if name in expected else 'in it, and expected by nothing'}"
             else:
-                yield from _differences(found[name], expected[name], at)
-    elif isinstance(found, list) and isinstance(expected, list) and len(found) == len(expected):
-        for number, (item, wanted) in enumerate(zip(found, expected, strict=True)):
+                yield from _differences(value[name], expected[name], inner_place)
+    elif isinstance(value, list) and isinstance(expected, list) and len(value) == len(expected):
+        for number, (item, wanted) in enumerate(zip(value, expected, strict=True)):
             yield from _differences(item, wanted, f"{place}[{number}]")
-    elif type(found) is not type(expected) or found != expected:
-        yield f"{place} is {json.dumps(found)[:60]}, not {json.dumps(expected)[:60]}"
+    elif type(value) is not type(expected) or value != expected:
+        yield f"{place} is {json.dumps(value)[:60]}, not {json.dumps(expected)[:60]}"
 
 
 def packaged_kinds(csv: Path) -> dict[str, FieldKind]:

@@ -141,10 +141,10 @@ def _cells(column: np.ndarray) -> Any:
         return _decimals(array)
     bits = pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers())  # 0 is not -0
     coded = bits.dictionary_encode()
-    each = pyarrow.Array.from_buffers(
+    values = pyarrow.Array.from_buffers(
         pyarrow.float64(), len(coded.dictionary), coded.dictionary.buffers()
     )
-    return _decimals(each).take(coded.indices)
+    return _decimals(values).take(coded.indices)
 
 
 def _decimals(array: Any) -> Any:
@@ -487,13 +487,13 @@ def _numpy(column: Any) -> np.ndarray:
     elif column.null_count:
         not_a_number = _made("float64", 1, None, np.array([np.nan]))[0]
         column = column.fill_null(not_a_number)
-    held: Any = np.uint8 if kind == "bool" else _NUMPY[kind]
+    kind_in_buffer: Any = np.uint8 if kind == "bool" else _NUMPY[kind]
     chunks: Any = (
-        np.frombuffer(chunk.buffers()[1], held, chunk.offset + len(chunk))[chunk.offset :]
+        np.frombuffer(chunk.buffers()[1], kind_in_buffer, chunk.offset + len(chunk))[chunk.offset :]
         for chunk in column.chunks
         if chunk
     )
-    return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
+    return np.concatenate([np.empty(0, kind_in_buffer), *chunks]).astype(_NUMPY[kind], copy=False)
 
 
 def _words(texts: Any) -> np.ndarray:

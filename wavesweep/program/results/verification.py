@@ -323,15 +323,15 @@ def _starts(parquet: Path) -> np.ndarray | None:
     return np.concatenate(starts)
 
 
-def first_difference(found: Columns, expected: Columns, exact: bool, first_row: int) -> str:
+def first_difference(columns: Columns, expected: Columns, exact: bool, first_row: int) -> str:
     """The first difference of two tables as a text, empty for equal tables.
 
     found, expected: columns. exact: to the bit; otherwise numbers may differ by SAME_NUMBER,
     relative. first_row: number of the rows before these.
     """
-    if sorted(found) != sorted(expected):
-        return f"columns {', '.join(found)} and not {', '.join(expected)}"
-    for name, column in found.items():
+    if sorted(columns) != sorted(expected):
+        return f"columns {', '.join(columns)} and not {', '.join(expected)}"
+    for name, column in columns.items():
         wanted = np.asarray(expected[name])
         if len(column) != len(wanted):
             return f"{len(column)} rows and not {len(wanted)}"

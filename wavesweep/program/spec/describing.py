@@ -96,11 +96,11 @@ def _values(key: Key) -> str:
         "rows": "list of rows",
         "ports": "list of names",
     }
-    most = f" and <= {key.high:.16g}" if key.high is not None else ""
+    limit = f" and <= {key.high:.16g}" if key.high is not None else ""
     return (
         ", ".join(map(str, key.choices))
         or lists.get(key.type)
-        or expectation(key).removeprefix("a ") + most
+        or expectation(key).removeprefix("a ") + limit
     )
 
 

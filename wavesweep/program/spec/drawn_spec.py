@@ -77,9 +77,9 @@ def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
         path[1] for path in leaves if path[0] == "block" and len(path) > 1
     }  # those of a class have two names
     named = [path[len(section) :] for path in leaves if (section := section_of(path))]
-    along = leaves.get(("sweep", "along"))
-    if along and isinstance(along.value, str):
-        named.append(tuple(along.value.split(".")))
+    axis_leaf = leaves.get(("sweep", "along"))
+    if axis_leaf and isinstance(axis_leaf.value, str):
+        named.append(tuple(axis_leaf.value.split(".")))
     return frozenset(
         ".".join(names[: 3 + (".".join(names[1:3]) in blocks)])
         for names in named

@@ -219,12 +219,12 @@ def _as_written(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, s
         return path
     full = in_full(path)
     number = in_full(path[: depth + 1])
-    for other in leaves:
-        if other[:depth] == section != other:
-            name = in_full(other[: depth + 1])
-            if name != other[: depth + 1] and full[: len(name)] == name:
-                return (*other[: depth + 1], *full[len(name) :])
-            if other[: len(number)] == number or _alike(full, other):
+    for source_path in leaves:
+        if source_path[:depth] == section != source_path:
+            name = in_full(source_path[: depth + 1])
+            if name != source_path[: depth + 1] and full[: len(name)] == name:
+                return (*source_path[: depth + 1], *full[len(name) :])
+            if source_path[: len(number)] == number or _alike(full, source_path):
                 return full
     return path
 
@@ -273,9 +273,9 @@ def _unit_at(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]
     return unit
 
 
-def _alike(one: Path, other: Path) -> bool:
+def _alike(first: Path, second: Path) -> bool:
     """Whether one path is at, above or below the other."""
-    return all(a == b for a, b in zip(one, other, strict=False))
+    return all(a == b for a, b in zip(first, second, strict=False))
 
 
 def _override(

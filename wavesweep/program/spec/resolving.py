@@ -215,11 +215,11 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
     return None
 
 
-def _short_fraction(quotient: float, most: int) -> tuple[int, int]:
+def _short_fraction(quotient: float, most_ticks: int) -> tuple[int, int]:
     """Ticks, at most so many, and slow steps of the nearest ratio of both."""
     from fractions import Fraction
 
-    return Fraction(quotient).limit_denominator(int(most / quotient)).as_integer_ratio()
+    return Fraction(quotient).limit_denominator(int(most_ticks / quotient)).as_integer_ratio()
 
 
 def _resolve_filter(
@@ -317,13 +317,13 @@ def exceeds_limit(path: str, number: float, values: Mapping) -> str:
     if (
         path == DELAY
         and number != values["rates.ratio"]
-        and number > (most := longest_delay(values))
+        and number > (longest := longest_delay(values))
     ):
-        if values["rates.ratio"] == most:
+        if values["rates.ratio"] == longest:
             limit = "rates.ratio"
         else:
             limit = 'the longest frame, or "frame"'
-        return f"a whole number <= {most} ({limit})"
+        return f"a whole number <= {longest} ({limit})"
     rate = values["rates.fast_hz"]
     if path == "device.dead_time" and number * rate + values["device.delay"] > LONGEST_DELAY:
         return f"at most {(LONGEST_DELAY - values['device.delay']) / rate:g} s, {LONGEST_DELAY} ticks with device.delay"

@@ -122,11 +122,11 @@ def _drawn(definitions: Schema) -> Schema:
 
 def _port_part(part) -> Schema:
     """The value of a part of a port, see `drawing_ports.PORTS`."""
-    one = {"type": part.type}
+    single = {"type": part.type}
     if not part.several:
-        return one
-    several = {"type": "array", "items": one, "minItems": 1}
-    return _either({"type": "array"}, several, one)
+        return single
+    several = {"type": "array", "items": single, "minItems": 1}
+    return _either({"type": "array"}, several, single)
 
 
 def _studies(shapes: Shapes) -> Schema:
@@ -210,13 +210,15 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
     return nested
 
 
-def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
-    """A table with these keys and, if `others` says what they hold, any further ones. more: as
+def _tables(
+    properties: Mapping[str, Schema], further: Schema | bool = False, **more: Any
+) -> Schema:
+    """A table with these keys and, if `further` says what they hold, any further ones. more: as
     `required`, `description`."""
     return {
         "type": "object",
         "properties": dict(properties),
-        "additionalProperties": others or UNKNOWN,
+        "additionalProperties": further or UNKNOWN,
         **more,
     }
 
@@ -240,10 +242,10 @@ class Shapes:
             name: KEYS[path] for name, path in SYMBOLS.items() if not self.drawn
         }
 
-    def axes(self, others: Mapping[str, Schema] = MappingProxyType({})) -> Schema:
+    def axes(self, further: Mapping[str, Schema] = MappingProxyType({})) -> Schema:
         """A table of axes. others: keys beside them."""
         axes = {name: _reference(f"axis_of_{key.path}") for name, key in self.numbers.items()}
-        return self.table({**others, **axes, **self.nested(axes)}, AXIS if self.drawn else False)
+        return self.table({**further, **axes, **self.nested(axes)}, AXIS if self.drawn else False)
 
     def keys(self, keys: Mapping[str, Key], **more: Any) -> Schema:
         """A table of keys by their names in it. more: as of `table`."""

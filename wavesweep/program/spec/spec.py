@@ -89,9 +89,9 @@ class Spec(Studies):
     @property
     def files(self) -> list[Path]:
         """The file of the spec, and those that its tables name; none for a dict."""
-        own = [Path(self.source)] if self.source else []
+        spec_file = [Path(self.source)] if self.source else []
         folder = Path(self.source or "").parent
-        return own + [folder / name for value in self._asked() for name in value.files]
+        return spec_file + [folder / name for value in self._asked() for name in value.files]
 
     @property
     def given(self) -> frozenset[str]:
@@ -114,9 +114,10 @@ class Spec(Studies):
         """
         if path != "rates.fast_hz":
             return self.names.keys[path].structural
-        given = (*self._given.leaves, *changes)
+        paths = (*self._given.leaves, *changes)
         return any(
-            other == "rates.slow_hz" or other.rpartition(".")[2] in BAND_EDGES for other in given
+            path_given == "rates.slow_hz" or path_given.rpartition(".")[2] in BAND_EDGES
+            for path_given in paths
         )
 
     @property
@@ -138,9 +139,9 @@ class Spec(Studies):
         """The paths of the device preset's numbers that have no public source and that the spec
         does not give itself."""
         device = self._given.device()
-        own = self._own()
+        of_spec = self._own()
         numbers = device.numbers.items() if device else ()
-        return frozenset(path for path, number in numbers if number.assumed and path not in own)
+        return frozenset(path for path, number in numbers if number.assumed and path not in of_spec)
 
     def _own(self) -> frozenset[str]:
         """The paths of the keys that the spec itself gives."""
@@ -173,12 +174,12 @@ class Spec(Studies):
         """The same for an input and an output, None for all. Errors: UsageError for an unknown
         name."""
         drawing = self.drawing
-        asked = source is not None or output is not None
-        if drawing is None and asked:
+        names_a_signal = source is not None or output is not None
+        if drawing is None and names_a_signal:
             raise UsageError(
                 "from, to: expected a drawn loop, found a controller, whose responses are those at the hand"
             )
-        if drawing is None or (drawing.hand and not asked):
+        if drawing is None or (drawing.hand and not names_a_signal):
             return ()
         for end, name, ports in (("from", source, "inputs"), ("to", output, "outputs")):
             fault = None if name is None else unknown_end(drawing, name, ports)
@@ -315,22 +316,22 @@ class Spec(Studies):
             for parent in parents:
                 table = table.setdefault(parent, {})
             table[last] = value
-        with_axes, others, inside = self._written_tables()
-        along = {"along": self.along} if self.along else {}
+        with_axes, of_capabilities, inside = self._written_tables()
+        axis_key = {"along": self.along} if self.along else {}
         swept = {axis.name: axis.written() for axis in self.sweep}
-        loop["sweep"] = {**along, **inside.pop("sweep", {}), **swept}
+        loop["sweep"] = {**axis_key, **inside.pop("sweep", {}), **swept}
         for parent, tables_in_it in inside.items():
             with_axes[parent] = with_axes.get(parent, {}) | tables_in_it
         bode = dict(self.route)
         for axis in (self._frequencies, *self.bode):
             bode[axis.name] = axis.written()
-        return loop | with_axes | {"bode": bode} | others
+        return loop | with_axes | {"bode": bode} | of_capabilities
 
     def _written_tables(self) -> tuple[dict, dict, dict]:
         """The tables of capabilities: those that hold axes as [sweep] does, all others, and those
         in others, by these."""
         with_axes: dict[str, dict] = {}
-        others: dict[str, dict] = {}
+        of_capabilities: dict[str, dict] = {}
         inside: dict[str, dict] = {}
         # the order decides the digest
         for table in sorted(tables().values(), key=lambda table: not table.always):
@@ -346,8 +347,8 @@ class Spec(Studies):
             elif table.path in table.sections:
                 with_axes[table.name] = table_written
             else:
-                others[table.name] = table_written
-        return with_axes, others, inside
+                of_capabilities[table.name] = table_written
+        return with_axes, of_capabilities, inside
 
     def _written(self) -> dict[tuple[str, ...], object]:
         """The values of the loop by their paths, as a spec could give them."""
@@ -446,8 +447,8 @@ def _axis_name(spec: Spec, along: str | None) -> str:
             raise SpecError([spec.mistake("ports", expected, "no wall")])
         if not name:
             expected = "along = ..., the number whose stable intervals are wanted"
-            found = "none, and not a single axis that is only a span"
-            raise SpecError([spec.mistake("sweep", expected, found)])
+            text_found = "none, and not a single axis that is only a span"
+            raise SpecError([spec.mistake("sweep", expected, text_found)])
         if along == "K_VE":
             return spec.drawing.wall[0]
     return name

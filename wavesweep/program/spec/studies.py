@@ -109,15 +109,15 @@ class Request:
             axes = {} if section.takes else self.belongs.axes.get(table, {})
             for name, leaves in axes.items():
                 quantity = quantity_of(getattr(self.names.find(name), "path", name))
-                where, other = first.setdefault(quantity, (table, name))
-                if other == name:
+                where, name_before = first.setdefault(quantity, (table, name))
+                if name_before == name:
                     continue
                 expected = "one key for one number in all tables"
-                found = f"{other} of [{where}] beside it"
+                text_found = f"{name_before} of [{where}] beside it"
                 if where == table:
                     expected = "each key once"
-                    found = f"the key of the axis {other} again"
-                self.mistakes.refuse(axis_place(leaves), f"{table}.{name}", expected, found)
+                    text_found = f"the key of the axis {name_before} again"
+                self.mistakes.refuse(axis_place(leaves), f"{table}.{name}", expected, text_found)
 
     def refuse_other_edges(self, section: str, axes: Iterable[Axis], spared: bool = False) -> None:
         """Add the mistakes of axes of a filter that is given in the other way. spared: whether
@@ -222,9 +222,9 @@ def _route(request: Request) -> dict[str, str]:
 
 def _frequencies(request: Request, axes: Iterable[Axis]) -> Axis:
     """The axis of frequencies of [bode], or the default one; axes: of [bode]."""
-    given = next((axis for axis in axes if axis.path == DEFAULT_FREQUENCIES.path), None)
-    if given or not (request.stepped and request.hz):
-        return given or DEFAULT_FREQUENCIES
+    frequency_axis = next((axis for axis in axes if axis.path == DEFAULT_FREQUENCIES.path), None)
+    if frequency_axis or not (request.stepped and request.hz):
+        return frequency_axis or DEFAULT_FREQUENCIES
     # The usual frequencies of responses between inputs and outputs, of the tick's rate.
     start, stop = (share * request.hz for share in (1e-5, 0.49))
     return replace(
@@ -255,7 +255,7 @@ def value_of(path: str, keys: Mapping[str, object]) -> TableValue:
     Errors: SpecError with every mistake, UsageError if the capability is not installed.
     """
     table = table_at(path)
-    leaves = {".".join(at): leaf for at, leaf in leaves_of({path: dict(keys)}, Place())}
+    leaves = {".".join(place): leaf for place, leaf in leaves_of({path: dict(keys)}, Place())}
     request = Request(belongs=Sorted(leaves), given=Given({}, Place()), mistakes=Mistakes())
     value = table.value(request)
     if request.mistakes:
@@ -291,7 +291,7 @@ def axis_fault(name: str, names: Names) -> tuple[str, str] | None:
 
 
 def refuse_beyond_half(
-    frequency: Axis, axes: Iterable[Axis], own: float, rate: str, mistakes: Mistakes
+    frequency: Axis, axes: Iterable[Axis], design_rate: float, rate: str, mistakes: Mistakes
 ) -> None:
     """Add the mistake of frequencies of [bode] beyond half the rate, where the response to a held
     force is not defined.
@@ -299,7 +299,7 @@ def refuse_beyond_half(
     axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its
     path.
     """
-    least = min((axis.start for axis in axes if axis.path == rate), default=own)
+    least = min((axis.start for axis in axes if axis.path == rate), default=design_rate)
     if frequency.stop > least / 2:
         expected, highest = apart(least / 2, frequency.stop)
         mistakes.refuse(
@@ -311,10 +311,10 @@ def refuse_beyond_half(
         )
 
 
-def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axis:
+def fitting(frequency: Axis, axes: Iterable[Axis], design_rate: float, rate: str) -> Axis:
     """Return the frequencies of [bode], the default ones lower if half the rate is; axes, own,
     rate: as above."""
-    least = min((axis.start for axis in axes if axis.path == rate), default=own)
+    least = min((axis.start for axis in axes if axis.path == rate), default=design_rate)
     if frequency is not DEFAULT_FREQUENCIES or frequency.stop <= least / 2:
         return frequency
     stop = least / 2
@@ -323,7 +323,7 @@ def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axi
     return replace(frequency, values=logarithmic(start, stop, num), start=start, stop=stop)
 
 
-def apart(one: float, other: float) -> tuple[str, str]:
+def apart(first: float, second: float) -> tuple[str, str]:
     """Return two different numbers with enough digits to differ, at least six."""
-    texts = ((f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(6, 18))
-    return next((pair for pair in texts if pair[0] != pair[1]), (repr(one), repr(other)))
+    texts = ((f"{first:.{digits}g}", f"{second:.{digits}g}") for digits in range(6, 18))
+    return next((pair for pair in texts if pair[0] != pair[1]), (repr(first), repr(second)))

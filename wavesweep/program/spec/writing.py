@@ -35,8 +35,8 @@ def _table(name: str, table: Mapping[str, object]) -> Iterator[str]:
         yield from (
             f"{_key(key)} = {_value(value)}" for key, value in plain.items() if value is not None
         )
-    for at, (key, block) in enumerate(table.items() if name == "block" else ()):
-        yield from ["", f"[block.{_key(key)}]"] if at or plain else [f"[block.{_key(key)}]"]
+    for number, (key, block) in enumerate(table.items() if name == "block" else ()):
+        yield from ["", f"[block.{_key(key)}]"] if number or plain else [f"[block.{_key(key)}]"]
         yield from (
             f"{_key(name)} = {_value(value)}" for name, value in block.items() if value is not None
         )

@@ -288,9 +288,9 @@ class FileCheckpoint:
         moved = f"it was moved to {self.place.name}{DAMAGED}, and its slices are computed again"
         self.warnings.append(f"{self.place}: {error}; {moved}")
 
-    def _of_another_run(self, other):
+    def _of_another_run(self, identity):
         try:
-            ours, theirs = json.loads(self._identity), json.loads(other)
+            ours, theirs = json.loads(self._identity), json.loads(identity)
             names = [
                 f"{name} ({theirs.get(name)}, not {ours[name]})"
                 for name in ours

@@ -21,21 +21,21 @@ def expected_bytes(job: Job) -> int:
     return int(job.kind.rows * (job.slices * job.dtype.itemsize + job.size * row))
 
 
-def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
-    """Raise UsageError if the disk of the file `kept`, in which the jobs keep their chunks, cannot
+def refuse_full_disk(checkpoint: Path | None, jobs: Iterable[Job]) -> None:
+    """Raise UsageError if the disk of the file `checkpoint`, in which the jobs keep their chunks, cannot
     hold their results.
 
     Chunks of a run that was stopped are counted as part of the results.
     """
-    if kept is None:
+    if checkpoint is None:
         return
-    place = next(folder for folder in kept.absolute().parents if folder.is_dir())
-    present = kept.stat().st_size if kept.is_file() else 0
+    place = next(folder for folder in checkpoint.absolute().parents if folder.is_dir())
+    present = checkpoint.stat().st_size if checkpoint.is_file() else 0
     need = sum(map(expected_bytes, jobs)) - present
     free = free_bytes(place)
     if need > free:
         raise UsageError(
-            f"{kept.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
+            f"{checkpoint.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
             "another folder for the results, or sweep fewer values"
         )
 

@@ -171,11 +171,11 @@ def refuse_rows(table: str, rows: int) -> None:
         )
 
 
-def _refuse_too_many(what, axes, most):
-    if _count(axes) > most:
+def _refuse_too_many(counted, axes, limit):
+    if _count(axes) > limit:
         product = " x ".join(f"{axis.name}[{len(axis.values)}]" for axis in axes)
         raise UsageError(
-            f"expected at most {most} {what}, found {product} = {_count(axes):.3g}; sweep fewer values at a time"
+            f"expected at most {limit} {counted}, found {product} = {_count(axes):.3g}; sweep fewer values at a time"
         )
 
 

@@ -63,8 +63,8 @@ def fields_of(
     field_names = {field.name for field in kind_named(kind).fields}
     axes = [name for name in columns if name not in field_names]
     rows_along = columns.get("along", ())
-    along = str(rows_along[0]) if len(rows_along) else "K_VE"
-    table_fields = list(fields(kind, axes, along, columns, facts))
+    interval_axis = str(rows_along[0]) if len(rows_along) else "K_VE"
+    table_fields = list(fields(kind, axes, interval_axis, columns, facts))
     for number, column in enumerate(table_fields):
         if column.name not in axes or column.kind != "integer":
             continue
@@ -241,9 +241,9 @@ def kinds_by_name() -> dict[str, FieldKind]:
     return kinds_of_columns
 
 
-def _axis(name: str, own: Mapping[str, Field] = MappingProxyType({})) -> Field:
-    if name in own:
-        return own[name]
+def _axis(name: str, own_fields: Mapping[str, Field] = MappingProxyType({})) -> Field:
+    if name in own_fields:
+        return own_fields[name]
     key = KEYS.get(SYMBOLS.get(name, name))
     if key is None or not key.numeric:
         raise WavesweepError(

@@ -53,14 +53,14 @@ class Hands:
         return None
 
 
-def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:
+def guarantees_of(job: Job, hands: Hands | None) -> Iterable[Guarantee]:
     """The guarantees of a run beside the spec's own job: what capabilities make of the hands asked for, and of the spec.
 
     Errors: UsageError for one that cannot be had.
     """
     guarantees: Iterable[Guarantee] = hands.guarantees if hands else ()
     for module in modules("guarantee"):
-        guarantees = module.of_run(own, guarantees)
+        guarantees = module.of_run(job, guarantees)
     return guarantees
 
 
@@ -99,11 +99,11 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
     return None
 
 
-def device_held(kind: str, own: Job) -> "HeldLoop":
+def device_held(kind: str, job: Job) -> "HeldLoop":
     """The spec's own loop, whose device any hand can hold. Errors: UsageError if its hand does not hold one mass alone."""
     from wavesweep.haptics.held_loop import held_loop
 
-    loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
+    loop = held_loop(own_loop(job.grid.spec, job.asked.axis.path))
     if loop.device is None:
         raise UsageError(
             f"hand {kind}: expected a hand whose force acts on one block mass or inertia and on nothing else, and whose "
@@ -112,9 +112,9 @@ def device_held(kind: str, own: Job) -> "HeldLoop":
     return loop
 
 
-def refuse_velocity(own: Job) -> None:
+def refuse_velocity(job: Job) -> None:
     """Raise UsageError if the spec's own loop reads the velocity of the device, or no passive hand can hold it."""
-    loop, spec = device_held("passive", own), own.grid.spec
+    loop, spec = device_held("passive", job), job.grid.spec
     if loop.reads_velocity:
         raise UsageError(
             'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '

@@ -68,12 +68,12 @@ class InCommon:
             if high["high"] >= span[1]:
                 high["high_at"] = {}
             intervals.append(low | high)
-        found: dict[str, Any] = {"intervals": intervals}
+        common: dict[str, Any] = {"intervals": intervals}
         if self._without is not None:
-            found["without"] = self._without
+            common["without"] = self._without
         elif not intervals and above[0, 0] <= self._gaps[BELOW][0, 1]:
-            found |= self._end("low", self._gaps[BELOW][0], 1) | self._end("high", above[0], 0)
-        return found
+            common |= self._end("low", self._gaps[BELOW][0], 1) | self._end("high", above[0], 0)
+        return common
 
     def _end(self, name: str, gap: np.ndarray, end: int) -> dict[str, Any]:
         """An end of a gap, and the values of the axes that set it, those that the loop reads."""

@@ -85,11 +85,11 @@ class Sentences:
     def few_slices(self) -> Iterator[str]:
         """Yield the stable intervals of each slice, if these are few and say more than the largest value."""
         for piece in self._numbers["few_slices"]:
-            at = self._numbers_in_words(piece["at"])
+            place = self._numbers_in_words(piece["at"])
             intervals = " and ".join(span_in_words(*interval) for interval in piece["intervals"])
             parts = [f"{intervals}{self._unit}" if intervals else "none"]
             parts += [open_in_words(places, self._unit) for places in piece["open"]]
-            yield f"  {at}{': ' if at else ''}{self._along} {', '.join(parts)}"
+            yield f"  {place}{': ' if place else ''}{self._along} {', '.join(parts)}"
 
     def certified(self) -> Line:
         """How many rows are known as the claim says, and the reasons of doubt about the others."""
@@ -143,9 +143,7 @@ class Sentences:
         value = f"largest {value_of_rows(claim, self._along)}: {below}{rounded_down(largest['value'])}{self._unit}"
         open_places = None if self._numbers["few_slices"] else largest["open"]
         gap = self._gap(claim, largest["from"], open_places)
-        return (
-            f"{value}{gap}{self._place(largest)}{ended}{unless(claim, known=largest['certified'])}"
-        )
+        return f"{value}{gap}{self._place(largest)}{ended}{unless(claim, certain=largest['certified'])}"
 
     def _none(self) -> str:
         """That there is no interval, or none that could be found."""
@@ -168,17 +166,17 @@ class Sentences:
         mode = self._numbers.get("in_the_way")
         if not mode:
             return ""
-        at = self._numbers_in_words(mode["at"])
+        place = self._numbers_in_words(mode["at"])
         said = mode_in_words(mode, self._along, self._unit)
-        return f"at {at}: {said}" if at else said
+        return f"at {place}: {said}" if place else said
 
     def _without_wall(self) -> str:
         """A loop that is unstable where its wall is not touched, though with it it is stable."""
         unstable = self._numbers.get("without_wall")
         if not (unstable and self._numbers["largest"]):
             return ""
-        at = self._numbers_in_words(unstable["at"])
-        return f"{at}{': ' if at else ''}{without_wall_in_words(unstable['radius'])}"
+        place = self._numbers_in_words(unstable["at"])
+        return f"{place}{': ' if place else ''}{without_wall_in_words(unstable['radius'])}"
 
     def _least(self, upwards: bool) -> str:
         """The least stable value and its place; empty if the largest one says it already."""
@@ -194,7 +192,7 @@ class Sentences:
             said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         elif least["unknown_below"]:
             said += ", below which it is not known"
-        said += f"{_set_by(least)}{unless(claim, known=least['certified'])}"
+        said += f"{_set_by(least)}{unless(claim, certain=least['certified'])}"
         if upwards:
             if self._numbers["stable_intervals"] > 1:
                 goes = "every interval goes"
@@ -211,7 +209,7 @@ class Sentences:
         claim = self._claim.of_row(certified=without["certified"])
         first = f"{everywhere(claim)} for every {self._along} from {rounded_up(self._numbers['range'][0])} up to"
         number = rounded_down(without["value"])
-        return f"{first} {number}{self._unit}{self._place(without)}{unless(claim, known=without['certified'])}"
+        return f"{first} {number}{self._unit}{self._place(without)}{unless(claim, certain=without['certified'])}"
 
     def _in_common(self) -> str:
         """The values that all slices have in common, or what rules them out; empty for one slice."""
@@ -220,13 +218,13 @@ class Sentences:
             return ""
         known = not self._numbers["doubts"]
         spans = []
-        for each in common["intervals"]:
-            low = f"{rounded_up(each['low'])}{self._at(each['low_at'])}"
-            high = f"{rounded_down(each['high'])}{self._unit}{self._at(each['high_at'])}"
+        for interval in common["intervals"]:
+            low = f"{rounded_up(interval['low'])}{self._at(interval['low_at'])}"
+            high = f"{rounded_down(interval['high'])}{self._unit}{self._at(interval['high_at'])}"
             spans.append(f"{low} to {high}")
         values = f"{value_of_rows(self._claim, self._along)} for all of them"
         if spans:
-            return f"{values}: {' and '.join(spans)}{unless(self._claim, known=known)}"
+            return f"{values}: {' and '.join(spans)}{unless(self._claim, certain=known)}"
         why = ""
         if "without" in common:
             why = f": none{self._at(common['without'])}"
@@ -254,7 +252,7 @@ class Sentences:
             said += ", at an end of an interval"
         said += f": {rounded_down(felt['value'])} {felt['unit']}"
         said += f" with {self._along} = {self._inside(felt)}{self._unit}{self._gap(self._claim, felt['from'])}"
-        return f"{said}{self._place(felt)}{unless(self._claim.of_row(certified=felt['certified']), known=felt['certified'])}"
+        return f"{said}{self._place(felt)}{unless(self._claim.of_row(certified=felt['certified']), certain=felt['certified'])}"
 
     def _inside(self, felt: Numbers) -> str:
         """An end of an interval, rounded into it."""
@@ -321,9 +319,9 @@ class Sentences:
             edge = " (the edge of that axis)" if name in extreme["at_the_edge_of"] else ""
             places.append(f"{name} = {value:g}{self._unit_of(name)}{edge}")
         said = f" at {', '.join(places)}"
-        others = extreme["equal_rows"] - 1
-        if others:
-            return f"{said}, and in {count(others, 'other row')}"
+        equal_rows = extreme["equal_rows"] - 1
+        if equal_rows:
+            return f"{said}, and in {count(equal_rows, 'other row')}"
         return said
 
 

@@ -41,9 +41,9 @@ class Extreme:
         room = self._rounding * abs(self.value) if self.row else 0.0
         if not (values >= self.value - room).any():
             return
-        most = np.nanmax(values)
-        if most > self.value + room:
-            row = int(np.argmax(values >= most - self._rounding * abs(most)))
+        largest = np.nanmax(values)
+        if largest > self.value + room:
+            row = int(np.argmax(values >= largest - self._rounding * abs(largest)))
             self.value = float(values[row])
             self.ties = 0
             self.row = {name: _plain(column[row]) for name, column in columns.items()}

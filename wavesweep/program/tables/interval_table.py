@@ -86,19 +86,19 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
     return [*stages, *_guaranteed(job, hands)]
 
 
-def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
+def _guaranteed(job: Job, hands: Hands | None) -> Iterator[Stage]:
     """Yield the stages of what a run guarantees beside its own job."""
     from wavesweep.program.analyses.interval_jobs import guaranteed
     from wavesweep.program.sweep.job import cut_otherwise
     from wavesweep.program.tables.hand_rows import guarantees_of
 
-    for guarantee in guarantees_of(own, hands):
+    for guarantee in guarantees_of(job, hands):
         yield Stage(
-            guarantee.kind, guaranteed(cut_otherwise(own, deep=1), guarantee), guarantee.method
+            guarantee.kind, guaranteed(cut_otherwise(job, deep=1), guarantee), guarantee.method
         )
 
 
-def of_calls(own: Job, progress: bool) -> tuple[Columns, dict[str, Claim]]:
+def of_calls(job: Job, progress: bool) -> tuple[Columns, dict[str, Claim]]:
     """The rows of a job of the library, computed in this process, those of what is guaranteed beside, and what all of these say.
 
     progress: whether to show a bar. Errors: UsageError for numbers,
@@ -107,7 +107,7 @@ def of_calls(own: Job, progress: bool) -> tuple[Columns, dict[str, Claim]]:
     from wavesweep.program.sweep.progress_bar import reporting
     from wavesweep.program.sweep.running import in_memory
 
-    stages = [Stage("", own, ""), *_guaranteed(own, None)]
+    stages = [Stage("", job, ""), *_guaranteed(job, None)]
     if len(stages) > 1:
         import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
     blocks = []
@@ -115,7 +115,7 @@ def of_calls(own: Job, progress: bool) -> tuple[Columns, dict[str, Claim]]:
         for stage in stages:
             rows = in_memory(stage.job, report)
             blocks.append(_finished(rows, stage, stages, None))
-    return joined(blocks), claims_of(own.grid.spec, stages)
+    return joined(blocks), claims_of(job.grid.spec, stages)
 
 
 def rows_again(
@@ -153,11 +153,11 @@ def _finished(block: Columns, stage: Stage, stages: Sequence[Stage], hands: Any)
         return block
     rows = len(block["along"])
     columns: dict[str, np.ndarray] = {}
-    for other in stages:
-        for name in other.job.dtype.names or ():
+    for stage_of_run in stages:
+        for name in stage_of_run.job.dtype.names or ():
             if name in (RECORD.names or ()):
                 continue
-            if other.job.dtype[name].kind == "U":
+            if stage_of_run.job.dtype[name].kind == "U":
                 columns[name] = np.full(rows, "", object)
             else:
                 columns[name] = np.full(rows, np.nan)
@@ -219,15 +219,15 @@ def claims_of(spec: Spec, stages: Sequence[Stage]) -> dict[str, Claim]:
 
     claims = {}
     for stage in stages:
-        asked = stage.job.asked
-        if asked.guarantee:
-            claims[stage.hand] = asked.guarantee.claim(spec)
+        query = stage.job.asked
+        if query.guarantee:
+            claims[stage.hand] = query.guarantee.claim(spec)
             continue
-        what = required_by(asked.require, drawn=bool(spec.drawing))
+        claimed = required_by(query.require, drawn=bool(spec.drawing))
         scope = own_scope(stage.job.grid.spec)
         if stage.hand == "free":
             scope = replace(scope, hands=NOBODY)
-        claims[stage.hand or "spec"] = Claim(what, scope, Status.CERTIFIED)
+        claims[stage.hand or "spec"] = Claim(claimed, scope, Status.CERTIFIED)
     return claims
 
 
@@ -285,8 +285,8 @@ def _without_wall(stage: Stage) -> dict[str, Any]:
     if unstable is None:
         return {}
     values, radius = unstable
-    at = {axis.name: value for axis, value in zip(axes, values, strict=True)}
-    return {"without_wall": {"at": at, "radius": radius}}
+    place = {axis.name: value for axis, value in zip(axes, values, strict=True)}
+    return {"without_wall": {"at": place, "radius": radius}}
 
 
 def _first_without(

@@ -130,7 +130,7 @@ def whole_kind(
 
 
 def from_spec(
-    make: Callable[..., Any], *given: str, rows: Callable[[Any], int] = lambda _: 0
+    make: Callable[..., Any], *fact_names: str, rows: Callable[[Any], int] = lambda _: 0
 ) -> Callable[[Mapping[str, Any], Callable[[], str]], Recompute]:
     """A way to compute rows again: by `make`, of the spec and these facts of its `Table`; rows: their number, of a spec."""
 
@@ -139,7 +139,9 @@ def from_spec(
 
         spec = load(facts["spec"])
         return Recompute(
-            spec.sha256, lambda: make(spec, *(facts[name] for name in given)).blocks(), rows(spec)
+            spec.sha256,
+            lambda: make(spec, *(facts[name] for name in fact_names)).blocks(),
+            rows(spec),
         )
 
     return again
@@ -156,14 +158,16 @@ def counted_doubts(words: np.ndarray) -> dict[str, int]:
     return dict(Counter(word for word in words.tolist() if word).most_common())
 
 
-def in_doubt(doubts: Mapping[str, int], rows: int, what: str, noun: str = "row") -> Iterator[Line]:
+def in_doubt(
+    doubts: Mapping[str, int], rows: int, affected: str, noun: str = "row"
+) -> Iterator[Line]:
     """Yield the warning about rows in doubt, if there are any.
 
     doubts: how many have each word. what: is not so of them. noun: what is in a row.
     """
     if doubts:
         words = ", ".join(f"{word} {number}" for word, number in doubts.items())
-        yield f"{sum(doubts.values())} of {count(rows, noun)} {what} ({words})", True
+        yield f"{sum(doubts.values())} of {count(rows, noun)} {affected} ({words})", True
 
 
 def count(number: int, noun: str) -> str:

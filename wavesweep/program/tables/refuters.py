@@ -50,7 +50,7 @@ def in_a_sentence(refuter: str) -> str:
     patterns = []
     for channel in messages.split("; "):
         name, _, told = channel.partition(": ")
-        patterns.append(f"{name}: {_shown([_message(each) for each in told.split(', ')])}")
+        patterns.append(f"{name}: {_shown([_message(message) for message in told.split(', ')])}")
     return f"{numbers}messages of {'; of '.join(patterns)}"
 
 
@@ -77,13 +77,13 @@ def repeated(pattern: list[str]) -> str:
                 return f"({said}) x {times}"
             return f"{said} x {times}"
     parts: list[str] = []
-    for each, run in groupby(pattern):
+    for symbol, run in groupby(pattern):
         count = len(list(run))
         # Three equal frames in a row are counted; two are written.
         if count < 3:
-            parts += [each] * count
+            parts += [symbol] * count
         else:
-            parts.append(f"({each} x {count})" if parts else f"{each} x {count}")
+            parts.append(f"({symbol} x {count})" if parts else f"{symbol} x {count}")
     return ", ".join(parts)
 
 

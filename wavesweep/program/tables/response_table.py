@@ -110,16 +110,16 @@ def routes_of(spec: Spec) -> tuple[tuple[str, str] | None, ...]:
     return spec.routes or (None,)
 
 
-def _blocks(kind: str, asked: Mapping[str, Job], found: Run) -> Iterator[Columns]:
+def _blocks(kind: str, jobs: Mapping[str, Job], found: Run) -> Iterator[Columns]:
     """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
     from wavesweep.program.analyses.response_jobs import has_values
 
     rough = set()
-    for job in asked.values():
+    for job in jobs.values():
         for axis in job.asked.names:
             if not has_values(job.grid.spec, job.grid.axes, axis, job.asked.read):
                 rough.add(axis)
-    for name in asked:
+    for name in jobs:
         for block in found.blocks(name):
             columns = dict(block)
             for axis in rough:
@@ -196,32 +196,32 @@ class BodeTally:
         }
 
 
-def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _differ(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Where two columns differ; a missing number equals another."""
-    known = (one == one) | (other == other)  # noqa: PLR0124 - a missing number is unequal to itself
-    return np.asarray((one != other) & known)
+    numbers = (first == first) | (second == second)  # noqa: PLR0124 - a missing number is unequal to itself
+    return np.asarray((first != second) & numbers)
 
 
-def bode_lines(found: Numbers) -> Iterator[Line]:
+def bode_lines(facts: Numbers) -> Iterator[Line]:
     """Yield what is said of curves, of loops without a steady response, and of rows in doubt."""
-    frequencies = "frequency" if found["frequencies"] == 1 else "frequencies"
-    if found["rows"] != found["curves"] * found["frequencies"]:
+    frequencies = "frequency" if facts["frequencies"] == 1 else "frequencies"
+    if facts["rows"] != facts["curves"] * facts["frequencies"]:
         frequencies = f"different {frequencies}"
-    yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
-    if found["unstable_specs"]:
-        share = f"{found['unstable_curves']} of {count(found['curves'], 'curve')}"
-        specs = ", ".join(found["unstable_specs"])
+    yield f"{count(facts['curves'], 'curve')} of {facts['frequencies']} {frequencies}", False
+    if facts["unstable_specs"]:
+        share = f"{facts['unstable_curves']} of {count(facts['curves'], 'curve')}"
+        specs = ", ".join(facts["unstable_specs"])
         yield f"{share} of unstable loops, without a steady response (of {specs})", True
-    if found["undecided_curves"]:
-        share = f"{found['undecided_curves']} of {count(found['curves'], 'curve')}"
+    if facts["undecided_curves"]:
+        share = f"{facts['undecided_curves']} of {count(facts['curves'], 'curve')}"
         yield f"{share} of loops not known to be stable, see the column doubt", True
-    if found["doubted_worst_gains"]:
-        rows = count(found["doubted_worst_gains"], "row")
+    if facts["doubted_worst_gains"]:
+        rows = count(facts["doubted_worst_gains"], "row")
         yield f"{rows} without a reliable worst gain, the rest of them reliable", True
-    others = found["doubted_rows"] - found["doubted_worst_gains"]
-    if others:
-        words = ", ".join(found["doubts"])
-        yield f"{count(others, 'row')} without a reliable value ({words})", True
+    remaining = facts["doubted_rows"] - facts["doubted_worst_gains"]
+    if remaining:
+        words = ", ".join(facts["doubts"])
+        yield f"{count(remaining, 'row')} without a reliable value ({words})", True
 
 
 def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute:

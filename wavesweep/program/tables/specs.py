@@ -43,9 +43,9 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
     columns = joined(_with_all_columns(blocks))
     felt = [(spec.name, spec.at_port("N/m")) for spec in specs]
     units = {name: units_in(swept, name) for name in names}
-    for what, unit_in_specs in (("", walls), ("felt_", felt), ("open_", walls)):
-        units[f"{what}low"] = unit_in_specs
-        units[f"{what}high"] = unit_in_specs
+    for prefix, unit_in_specs in (("", walls), ("felt_", felt), ("open_", walls)):
+        units[f"{prefix}low"] = unit_in_specs
+        units[f"{prefix}high"] = unit_in_specs
     facts = with_unlike_units(_facts(specs, tables, [axis.path for axis in axes]), units)
 
     def forget() -> None:

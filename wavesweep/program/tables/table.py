@@ -119,8 +119,10 @@ def _assumed(specs: Sequence[Spec], swept: Collection[str], claims: Mapping[str,
     several = len(specs) > 1
     models = []
     for spec in specs:
-        own = [claims[word] for word in claims if not several or word.split("/")[0] == spec.name]
-        told = {path for claim in own for path in claim.scope.paths()}
+        of_spec = [
+            claims[word] for word in claims if not several or word.split("/")[0] == spec.name
+        ]
+        told = {path for claim in of_spec for path in claim.scope.paths()}
         axes = {axis.path for axis in (*spec.sweep, *spec.bode)}
         models.append(model_in_words(spec, axes & {*swept} if several else swept, told))
     if len(set(models)) == 1:

@@ -160,14 +160,14 @@ def _analysed_around(spec: Spec, controller: str) -> list[str]:
     from wavesweep.simulation.controller_group import assumed_of_rest, group_of
 
     around = [*assumed_of_rest(spec, group_of(spec, controller))]
-    found = own_design(spec)
-    own, *_ = own_lines(spec, found)
+    design = own_design(spec)
+    own_line, *_ = own_lines(spec, design)
     judging = offered("verdict")
     if judging is None or not asks_more(spec):
-        return [own, *around]
-    found |= judging.further(spec, found, progress("at work on the verdict"))
-    asked = verdict_lines(judging.of_spec(spec, found), f"{spec.name}, {spec.kind}")
-    return [*asked, f"  own numbers: {own.partition(': ')[2]}", *around]
+        return [own_line, *around]
+    design |= judging.further(spec, design, progress("at work on the verdict"))
+    lines = verdict_lines(judging.of_spec(spec, design), f"{spec.name}, {spec.kind}")
+    return [*lines, f"  own numbers: {own_line.partition(': ')[2]}", *around]
 
 
 def _lines(facts: Mapping[str, Any], claim: Claim) -> Iterator[tuple[str, bool]]:

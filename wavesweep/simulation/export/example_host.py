@@ -39,12 +39,12 @@ class ExampleHost:
 
     def texts(self) -> dict[str, Any]:
         """Return the texts for the names of the template."""
-        own = self.own
+        controller = self.own
         members = self.members
         names = self._names()
         moved = list(self._moved(names))
-        shown = [f"in.{members[name]}" for name in own.inputs]
-        shown += [f"out.{members[name]}" for name in own.outputs]
+        shown = [f"in.{members[name]}" for name in controller.inputs]
+        shown += [f"out.{members[name]}" for name in controller.outputs]
         computed = [f"        next[{i}] = {total};" for i, (_, total) in enumerate(moved)]
         written = [f"        {name} = next[{i}];" for i, (name, _) in enumerate(moved)]
         return {
@@ -69,7 +69,7 @@ class ExampleHost:
 
     def _sensed(self, names: Mapping[str, str]) -> Iterator[str]:
         """Yield the lines that give the controller what it reads."""
-        own = self.own
+        controller = self.own
         members = self.members
         for block in self.plants:
             for port in block.outputs:
@@ -77,8 +77,8 @@ class ExampleHost:
                 if name in members:
                     total = _sum(block, block.law.gives[port], names)
                     yield f"        in.{members[name]} = {total};"
-        for name in own.inputs:
-            if name in own.outside:
+        for name in controller.inputs:
+            if name in controller.outside:
                 yield f"        in.{members[name]} = {'given' if name == self.entry else '0.0'};"
 
     def _pushed(self, names: Mapping[str, str]) -> list[str]:
@@ -93,9 +93,9 @@ class ExampleHost:
             now, *past = (names[f"{block.name}.{name}"] for name in ("u", *_past(block)))
             port, gain = self._into(block)
             taken.add(port)
-            asked = product_in_c(1.0 / gain, self._given_out(port))
-            given = self._given(port) if gain == 1.0 else ""
-            lines.append(f"        {now} = 0.0{asked}{given};")
+            product = product_in_c(1.0 / gain, self._given_out(port))
+            added = self._given(port) if gain == 1.0 else ""
+            lines.append(f"        {now} = 0.0{product}{added};")
             brought[f"{block.name}.y"] = past[-1]
             brought[f"{block.name}.next"] = f"({[now, *past][-2]} - {past[-1]})"
         for port in (f"{block.name}.{port}" for block in self.plants for port in _used(block)):
@@ -104,14 +104,14 @@ class ExampleHost:
                 product_in_c(float(gain), brought[name]) for gain, name in terms if name in brought
             ]
             force = "0.0" if port in taken or AT in port else self._given_out(port)
-            given = "" if AT in port else self._given(port)
-            lines.append(f"        {names[port]} = {force}{''.join(products)}{given};")
+            added = "" if AT in port else self._given(port)
+            lines.append(f"        {names[port]} = {force}{''.join(products)}{added};")
         return lines
 
     def _into(self, block: RunningBlock) -> tuple[str, float]:
         """The port at which the controller gives what goes into a dead time, and the factor with which it acts there: its own,
         or the one that the amplifier of a built-in controller drives."""
-        drawn = any(each.name == block.name for each in self.own.loop.blocks)
+        drawn = any(inner.name == block.name for inner in self.own.loop.blocks)
         for port, terms in self.whole.wires.items():
             for gain, name in terms:
                 if name == f"{block.name}.y" and not drawn:
@@ -125,11 +125,11 @@ class ExampleHost:
 
     def _given(self, port: str) -> str:
         """The product that adds what the example gives at a port; empty if nothing."""
-        own = self.own
-        terms = own.beside.get(port)
+        controller = self.own
+        terms = controller.beside.get(port)
         if not terms:
-            wires = own.loop.wires.get(port, ())
-            terms = [term for term in wires if term[1] in own.loop.inputs]
+            wires = controller.loop.wires.get(port, ())
+            terms = [term for term in wires if term[1] in controller.loop.inputs]
         share = sum(float(gain) for gain, name in terms if name == self.entry)
         if share:
             return product_in_c(share, "given")
@@ -148,7 +148,7 @@ class ExampleHost:
 def _used(block: RunningBlock) -> list[str]:
     """The inputs of a block that have an effect; what a whole tick of dead time brings has none within it."""
     law = block.law
-    terms = [term for made in (law.keeps, law.gives) for each in made.values() for term in each]
+    terms = [term for made in (law.keeps, law.gives) for total in made.values() for term in total]
     return [port for port in block.inputs if any(gain and name == port for gain, name in terms)]
 
 

@@ -99,19 +99,19 @@ def float_rounding(spec: Spec) -> FloatRounding:
     steps = steps_of(spec)
     effects = effects_of(spec)
     loop = loop_with(spec, drawing_of(spec, amplifier=True), spec.values, None)
-    own = controller_of(
+    controller = controller_of(
         with_late_device(loop_with(spec, drawing_of(spec), spec.values, None)),
         bool(effects.late or effects.dropped or loop.channels or steps),
     )
-    refuse_decisions(own)
+    refuse_decisions(controller)
     blocks = [replace(each, plant=each.plant or each.type == "dead time") for each in loop.blocks]
     exact = {block.name for block in blocks if block.plant}
     ticks = TickSums(replace(loop, blocks=tuple(blocks)))
     programs = [ticks.program(k, frozenset(), touching=True) for k in range(loop.frame)]
     entry = ticks.place(entry_of(spec) or loop.hand)
-    outputs = [ticks.place(name) for name in own.outputs]
+    outputs = [ticks.place(name) for name in controller.outputs]
     names = [*ticks.places]
-    rounded = [name in own.outputs or name.rpartition(".")[0] not in exact for name in names]
+    rounded = [name in controller.outputs or name.rpartition(".")[0] not in exact for name in names]
     places = [ticks.place(name) for name in (DEPTH, SPEED, FORCE)]
     kinds = {id(program): program for program in programs}
     maps = {key: _map_of(each, rounded, outputs, places) for key, each in kinds.items()}
@@ -139,16 +139,16 @@ def float_rounding(spec: Spec) -> FloatRounding:
 def floats_in_words(spec: Spec) -> str:
     """What floats do to the controller of a spec, in a line."""
     try:
-        found = float_rounding(spec)
+        rounding = float_rounding(spec)
     except WavesweepError as error:
         return f"floats: no bound on what they move: {str(error).removeprefix('export: ')}"
     said = []
-    for port, (by, largest) in found.moves.items():
+    for port, (by, largest) in rounding.moves.items():
         said.append(
             f"{as_drawn(port)} by at most {rounded_up(by, 3)} (its largest is {largest:.4g})"
         )
     stalled = []
-    for block, error in found.stalls.items():
+    for block, error in rounding.stalls.items():
         least = rounded_down(error, 2)
         stalled.append(
             f"; at its largest, the integral of {block} stalls below {least} of {block}.u"
@@ -191,8 +191,8 @@ def _map_of(program: Program, rounded: Sequence[bool], outputs, places) -> _Tick
     for line, worse in sums:
         now[line[0]] = summed(line, worse)
     shown = now[outputs]
-    kept = [(line[0], summed(line, 1.0)) for line in program.keeps]
-    for target, total in kept:
+    states_kept = [(line[0], summed(line, 1.0)) for line in program.keeps]
+    for target, total in states_kept:
         now[target] = total
     for source, first, last in program.moves:
         now[first + 1 : last] = now[first : last - 1].copy()
@@ -200,9 +200,9 @@ def _map_of(program: Program, rounded: Sequence[bool], outputs, places) -> _Tick
     n = len(rounded)
     of_terms = np.zeros((count, len(terms)))
     column = 0
-    for row, each in enumerate(share):
-        of_terms[row, column : column + len(each)] = each
-        column += len(each)
+    for row, share_of_term in enumerate(share):
+        of_terms[row, column : column + len(share_of_term)] = share_of_term
+        column += len(share_of_term)
     terms = np.array(terms).reshape(-1, n)
     return _TickMap(now[:, :n], now[:, n:], shown[:, :n], shown[:, n:], terms, of_terms)
 
@@ -235,7 +235,7 @@ def _errors(
     # One or two rounds of errors cover what they move, or none do.
     for _ in range(4):
         # Of the errors of a run, with room for those of the same run in floats.
-        errors = [1.01 * each for each in needed]
+        errors = [1.01 * bound for bound in needed]
         moved = [_at_frames(in_turn, errors, settling)]
         needed = []
         for tick, size, error in zip(in_turn, terms, errors, strict=True):
@@ -259,8 +259,8 @@ def _without_drift(frame: np.ndarray, bears: np.ndarray) -> np.ndarray:
     right = right[:, :drifts]
     if np.abs(bears @ right).max(initial=0.0) > UNSEEN * np.abs(bears).max():
         raise UsageError(SLOW)
-    left = schur(frame.T, sort=_drifts)[1][:, :drifts]
-    return np.eye(len(frame)) - right @ np.linalg.solve(left.T @ right, left.T)
+    basis = schur(frame.T, sort=_drifts)[1][:, :drifts]
+    return np.eye(len(frame)) - right @ np.linalg.solve(basis.T @ right, basis.T)
 
 
 def _drifts(real: float, imaginary: float) -> bool:
@@ -286,7 +286,9 @@ def _at_frames(
     raise UsageError(SLOW)
 
 
-def _moved(in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], at: np.ndarray) -> np.ndarray:
+def _moved(
+    in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], sizes: np.ndarray
+) -> np.ndarray:
     """By how much errors of these sizes move the outputs at most, in the worst tick of a frame;
     at: see `_errors`."""
     frame = len(in_turn)
@@ -301,7 +303,7 @@ def _moved(in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], at: np.nda
                 moved[k] += np.abs(rows[k] @ tick.E) @ errors[(k - back) % frame]
                 rows[k] = rows[k] @ tick.A
         ticks += frame * frame
-        rest = np.einsum("kij,kj->ki", np.abs(rows), at)
+        rest = np.einsum("kij,kj->ki", np.abs(rows), sizes)
         # Ticks that are looked at one by one, 2 s; and how small the bound of the rest is, of the sum
         # over all ticks, where it ends.
         if ticks >= 100_000 or (rest <= 1e-3 * moved).all():
@@ -322,25 +324,25 @@ def _refuse_range(
             if rounded[target]:
                 factors += [abs(factor) for factor, _ in products if factor]
     numbers = max(largest.max(), max(error.max(initial=0.0) for error in errors) / UNIT)
-    for what, least, most in (
+    for quantity, least, greatest in (
         ("factors", min(factors), max(factors)),
         ("numbers", LEAST, numbers),
     ):
-        if not (least >= LEAST and most <= MOST):
+        if not (least >= LEAST and greatest <= MOST):
             raise UsageError(
-                f"export: expected {what} within the range of floats, {LEAST:.3g} to {MOST:.3g}, for bounds on "
-                f"floats, found {most if most > MOST else least:.3g}"
+                f"export: expected {quantity} within the range of floats, {LEAST:.3g} to {MOST:.3g}, for bounds on "
+                f"floats, found {greatest if greatest > MOST else least:.3g}"
             )
 
 
 def _refuse_limits(
-    programs: Iterable[Program], z: np.ndarray, most: np.ndarray, names: Sequence[str]
+    programs: Iterable[Program], z: np.ndarray, moved: np.ndarray, names: Sequence[str]
 ) -> None:
     """Refuse a run in which the linear loop reaches a limit; most: what rounding moves it by."""
     for program in programs:
         for place, (low, high) in program.limits.items():
             of_run = z[:, place]
-            if not (low < of_run.min() - most[place] and of_run.max() + most[place] < high):
+            if not (low < of_run.min() - moved[place] and of_run.max() + moved[place] < high):
                 raise UsageError(
                     f"export: expected a run within the limits of {names[place]} for bounds on floats, found one that reaches them"
                 )

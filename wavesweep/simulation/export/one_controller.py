@@ -92,17 +92,17 @@ def _step_texts(group: ControllerGroup, in_c: dict[str, str]) -> dict[str, objec
     refuse_large(programs, len(programs))
     z = {signal: ticks.place(signal) for signal in (*group.inputs, *group.outputs)}
     names = identifiers([*ticks.places], "ws_z_")
-    functions = [tick_function(index, each, names) for index, each in enumerate(programs)]
+    functions = [tick_function(index, part, names) for index, part in enumerate(programs)]
     return {
-        "places": "\n".join(f"    {each}," for each in names),
+        "places": "\n".join(f"    {part}," for part in names),
         "size": len(names),
         "programs": "\n".join(functions),
         "turns": listed(turns),
         "count": len(turns),
         "cases": "\n".join(branch(index) for index in reversed(range(len(functions)))),
-        "given": "\n".join(f"    s->z[{names[z[each]]}] = {in_c[each]};" for each in group.inputs),
+        "given": "\n".join(f"    s->z[{names[z[part]]}] = {in_c[part]};" for part in group.inputs),
         "taken": "\n".join(
-            f"    *{in_c[each]} = s->z[{names[z[each]]}];" for each in group.outputs
+            f"    *{in_c[part]} = s->z[{names[z[part]]}];" for part in group.outputs
         ),
     }
 
@@ -201,21 +201,24 @@ class _Run:
         split = [self._around(program) if steps else program for program, steps in self.programs]
         refuse_large(split, len(split))
         z = {signal: self.ticks.place(self._as_read(signal)) for signal in self.signals}
-        sent = [(self.ticks.place(each), self.ticks.place(arrived(each))) for _, each in self.sent]
+        sent = [
+            (self.ticks.place(signal_name), self.ticks.place(arrived(signal_name)))
+            for _, signal_name in self.sent
+        ]
         names = identifiers([*self.ticks.places], "loop_")
         call = ["    make_step(z);"]
         functions = [
             tick_function(index, program, names, call if steps else ())
             for index, (program, (_, steps)) in enumerate(zip(split, self.programs, strict=True))
         ]
-        given = [f"z[{names[z[signal]]}]" for signal in self.group.inputs]
+        inputs = [f"z[{names[z[signal]]}]" for signal in self.group.inputs]
         taken = [f"&z[{names[z[signal]]}]" for signal in self.group.outputs]
         compared = [
             f'        compare(z[{names[z[signal]]}], strtod(at + 1, &at), "{signal}", tick);'
             for signal in self.signals
         ]
         return {
-            "loop_places": "\n".join(f"    {each}," for each in names),
+            "loop_places": "\n".join(f"    {signal_name}," for signal_name in names),
             "ticks": len(self.rows),
             "count_sent": len(sent),
             "computed": ", ".join(names[place] for place, _ in sent),
@@ -223,7 +226,7 @@ class _Run:
             "loop_programs": "\n".join(functions),
             "loop_cases": "\n".join(branch(index) for index in reversed(range(len(functions)))),
             "entry": names[self.entry],
-            "call": ", ".join([*given, *taken]),
+            "call": ", ".join([*inputs, *taken]),
             "compared": "\n".join(compared),
             "signals": len(self.signals),
         }
@@ -237,9 +240,9 @@ class _Run:
                 mine.add(place)
         for _, signal in self.sent:
             mine.discard(self.ticks.place(arrived(signal)))
-        others = [line for line in program.first if line[0] not in mine]
+        outside = [line for line in program.first if line[0] not in mine]
         needed = {self.ticks.place(self._as_read(signal)) for signal in self.group.inputs}
-        for target, terms in reversed(others):
+        for target, terms in reversed(outside):
             if target in needed:
                 needed.update(source for _, source in terms)
         computed = {target for target, _ in program.first}
@@ -249,11 +252,15 @@ class _Run:
                 f"--controller: expected a rest that answers a tick later at the earliest, found {names[back[0]]}, which comes back to "
                 f"{self.group.name} within its step; a delay on the way, or the blocks on it named with commas, make it a program"
             )
-        kept = [line for line, (target, _) in enumerate(program.keeps) if target not in mine]
+        kept_lines = [line for line, (target, _) in enumerate(program.keeps) if target not in mine]
         return program._replace(
-            first=[line for line in others if line[0] in needed],
-            second=[line for line in others if line[0] not in needed],
-            keeps=[program.keeps[line] for line in kept],
+            first=[line for line in outside if line[0] in needed],
+            second=[line for line in outside if line[0] not in needed],
+            keeps=[program.keeps[line] for line in kept_lines],
             moves=[move for move in program.moves if move[1] not in mine],
-            stops=[(kept.index(line), *places) for line, *places in program.stops if line in kept],
+            stops=[
+                (kept_lines.index(line), *places)
+                for line, *places in program.stops
+                if line in kept_lines
+            ],
         )

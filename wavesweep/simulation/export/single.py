@@ -22,14 +22,14 @@ def operations_of(functions: Sequence[str]) -> int:
     """How many operations and constants a tick has at most, the rounding of what it begins with and
     of a wall among them. functions: its programs in C."""
     return 10 + max(
-        2 * each.count("*") + each.count(" + ") + each.count(" - ") for each in functions
+        2 * text.count("*") + text.count(" + ") + text.count(" - ") for text in functions
     )
 
 
-def refuse_decisions(own: ExportedController) -> None:
+def refuse_decisions(controller: ExportedController) -> None:
     """Raise UsageError for a controller whose ticks decide something by the size of a number."""
-    wall = own.loop.wall
-    if own.late or (wall and (wall.position is not None or not wall.pulls)):
+    wall = controller.loop.wall
+    if controller.late or (wall and (wall.position is not None or not wall.pulls)):
         raise UsageError(
             "export: --float is for a linear loop, and [simulate] has late results, frames that vary or a one-sided wall; --set "
             "leaves them out"
@@ -37,7 +37,7 @@ def refuse_decisions(own: ExportedController) -> None:
 
 
 def single(
-    own: ExportedController,
+    controller: ExportedController,
     files: Mapping[str, str],
     flags: Mapping[str, bool],
     values: Mapping[str, Any],
@@ -47,7 +47,7 @@ def single(
 
     Errors: see `refuse_decisions`.
     """
-    refuse_decisions(own)
+    refuse_decisions(controller)
 
     def renamed(text, letter):
         apart = text.replace('"controller', f'"controller_{letter}')

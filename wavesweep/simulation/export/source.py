@@ -59,40 +59,40 @@ def exported(spec: Spec, *, floats: bool = False) -> dict[str, str]:
     drawing = drawing_of(spec, steps)
     loop = with_late_device(loop_with(spec, drawing, spec.values, all_steps))
     late = effects.late or effects.dropped or loop.channels or steps
-    own = controller_of(loop, bool(late))
-    outputs = {name: name.removesuffix(" besides") for name in own.outputs}
-    march = march_of(spec, loop, steps, own.inputs, outputs)
+    controller = controller_of(loop, bool(late))
+    outputs = {name: name.removesuffix(" besides") for name in controller.outputs}
+    march = march_of(spec, loop, steps, controller.inputs, outputs)
     signals = march.under(hand_force(spec).force).signals
     count = len(signals["time_s"])
     if not count:
         raise UsageError(
             "export: expected an experiment with at least one tick for the vectors, found none"
         )
-    names = [*own.inputs, *own.outputs]
+    names = [*controller.inputs, *controller.outputs]
     members = dict(zip(names, identifiers(names), strict=True))
-    columns = timing_of(march, steps, count, late=own.late)
+    columns = timing_of(march, steps, count, late=controller.late)
     for name, member in members.items():
-        columns[member] = signals[name if name in own.inputs else SEEN + name]
-    amplifier = _amplifier_ticks(spec, own)
-    host = ExampleHost(own, march.loop, members, march.entry)
+        columns[member] = signals[name if name in controller.inputs else SEEN + name]
+    amplifier = _amplifier_ticks(spec, controller)
+    host = ExampleHost(controller, march.loop, members, march.entry)
     # the flags of the templates' conditional parts
     flags = {
-        "wall": own.loop.wall is not None,
-        "late": own.late,
-        "results": bool(own.results),
-        "tells": any(result.touches for result in own.results),
-        "several": len(own.programs) > 1,
-        "zero": own.late and any(result.zero for result in own.results),
+        "wall": controller.loop.wall is not None,
+        "late": controller.late,
+        "results": bool(controller.results),
+        "tells": any(result.touches for result in controller.results),
+        "several": len(controller.programs) > 1,
+        "zero": controller.late and any(result.zero for result in controller.results),
         "steps": steps is not None,
     }
     flags["amplifier"] = bool(amplifier)
     flags["dead_times"] = bool(dead_times_of(spec))
     flags |= {"single": False, "sizes": False}
-    values = _values(spec, own, march.entry, steps)
+    values = _values(spec, controller, march.entry, steps)
     values["late"] = f"{amplifier:g}"
     values["dead_times"] = ", ".join(dead_times_of(spec))
-    values["pending"] = (_longest_delay(columns) + 2) * max(1, len(own.results))
-    values |= _signals(own, members)
+    values["pending"] = (_longest_delay(columns) + 2) * max(1, len(controller.results))
+    values |= _signals(controller, members)
     values |= host.texts()
     files = {
         "controller.h": filled("controller.h", flags, values),
@@ -102,7 +102,7 @@ def exported(spec: Spec, *, floats: bool = False) -> dict[str, str]:
         "vectors.csv": table_of(columns),
         "Makefile": filled("Makefile", flags, values),
     }
-    return single(own, files, flags, values) if floats else files
+    return single(controller, files, flags, values) if floats else files
 
 
 def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
@@ -118,7 +118,7 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
     hand = (drawing.hand or ("",))[0]
     of_device = {hand, *(f"{name}.y" for name in drawing.dead_times)}
     outside = {signal for _, signal, _ in drawing.inputs}
-    found = {}
+    terms_by_port = {}
     for port, all_terms in drawing.wires:
         terms = tuple(term for term in all_terms if term[0] not in of_device)
         if port.rpartition(".")[0] not in plants or all(name in outside for name, _ in terms):
@@ -127,8 +127,8 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
         for name, gain in terms:
             coefficient = 0.0 + gain.value(numbers)
             told.append({"from": name, "gain": gain.text, "coefficient": coefficient})
-        found[port] = {"sum": sum_of(terms), "terms": told}
-    return found
+        terms_by_port[port] = {"sum": sum_of(terms), "terms": told}
+    return terms_by_port
 
 
 def dead_times_of(spec: Spec) -> list[str]:
@@ -146,19 +146,23 @@ def _longest_delay(columns: Mapping[str, Any]) -> int:
     return int(max(late, default=0))
 
 
-def _amplifier_ticks(spec: Spec, own: ExportedController) -> float:
+def _amplifier_ticks(spec: Spec, controller: ExportedController) -> float:
     """The ticks by which the amplifier of a built-in controller's device is late."""
     if spec.drawing:
         return 0.0
-    return spec.values["device.delay"] + spec.values["device.dead_time"] * own.loop.rate
+    return spec.values["device.delay"] + spec.values["device.dead_time"] * controller.loop.rate
 
 
-def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None) -> dict[str, Any]:
+def _values(
+    spec: Spec, controller: ExportedController, entry: str, steps: Steps | None
+) -> dict[str, Any]:
     """The texts for the templates' names. entry: the signal from outside that the example gives."""
-    loop = own.loop
-    kinds, ticks = _phases(own, steps)
-    names = [own.places[name] for name in own.ticks.places]
-    functions = [tick_function(index, program, names) for index, program in enumerate(own.programs)]
+    loop = controller.loop
+    kinds, ticks = _phases(controller, steps)
+    names = [controller.places[name] for name in controller.ticks.places]
+    functions = [
+        tick_function(index, program, names) for index, program in enumerate(controller.programs)
+    ]
     in_drawing = bool(spec.drawing)
     # what enters each output, a line for each term
     lines = []
@@ -166,7 +170,7 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
         lines.append(f" *   {port} = {made['sum']}")
         for term in made["terms"]:
             lines.append(f" *     {term['coefficient']:g} times {term['from']}")
-    for port in own.beside:
+    for port in controller.beside:
         lines.append(f" *   {as_drawn(port)}: from outside alone, so the host's")
     texts = {
         "entry": f"{entry} = 1 from rest" if in_drawing else "pushed with 1 N from rest",
@@ -178,20 +182,20 @@ def _values(spec: Spec, own: ExportedController, entry: str, steps: Steps | None
         "tick_ms": f"{1e3 * loop.tick:g}",
         "plants": ", ".join(block.name for block in loop.blocks if block.plant),
         "frame": loop.frame,
-        "count": len(own.outputs),
+        "count": len(controller.outputs),
         "programs": "\n".join(functions),
         "operations": operations_of(functions),
         "kinds": listed(kinds),
         "phases": len(ticks),
-        "table": listed(own.table),
-        "sets": len(own.table) // len(own.ticks.sets),
+        "table": listed(controller.table),
+        "sets": len(controller.table) // len(controller.ticks.sets),
         "cases": "\n".join(branch(index) for index in reversed(range(len(functions)))),
         "sums": "\n".join(lines),
-        "places": "\n".join(f"    {name}," for name in own.places.values()),
+        "places": "\n".join(f"    {name}," for name in controller.places.values()),
     }
     texts |= constants({"fast_hz": loop.rate, "T": loop.tick})
-    texts |= _wall(own)
-    texts |= _results(own, ticks)
+    texts |= _wall(controller)
+    texts |= _results(controller, ticks)
     return texts | _steps(steps) if steps else texts
 
 
@@ -201,13 +205,13 @@ def branch(index: int) -> str:
     return f"    {label}:\n        tick_{index}(s);\n        break;"
 
 
-def _wall(own: ExportedController) -> dict[str, Any]:
+def _wall(controller: ExportedController) -> dict[str, Any]:
     """The texts about the wall, and about the place of a program in the table, which depends on
     it."""
-    wall = own.loop.wall
+    wall = controller.loop.wall
     position = wall.position if wall else None
-    touched_at_rest = own.loop.walled and (position is None or position < 0.0)
-    place = " + 2 * in_time" if own.late else ""
+    touched_at_rest = controller.loop.walled and (position is None or position < 0.0)
+    place = " + 2 * in_time" if controller.late else ""
     if wall:
         place += " + (unsigned int)s->touching"
     return {
@@ -215,9 +219,9 @@ def _wall(own: ExportedController) -> dict[str, Any]:
         "touching": int(touched_at_rest),
         "one_sided": int(position is not None),
         "pulls": int(wall is None or wall.pulls),
-        "wall_depth": own.places[DEPTH],
-        "wall_speed": own.places[SPEED],
-        "wall_force": own.places[FORCE],
+        "wall_depth": controller.places[DEPTH],
+        "wall_speed": controller.places[SPEED],
+        "wall_force": controller.places[FORCE],
         **constants(
             {
                 "K": wall.K if wall else 0.0,
@@ -228,7 +232,7 @@ def _wall(own: ExportedController) -> dict[str, Any]:
     }
 
 
-def _phases(own: ExportedController, steps: Steps | None) -> tuple[list[int], list[int]]:
+def _phases(controller: ExportedController, steps: Steps | None) -> tuple[list[int], list[int]]:
     """The kind of each tick of a frame, and a tick with each phase that slow blocks and results
     have.
 
@@ -236,16 +240,18 @@ def _phases(own: ExportedController, steps: Steps | None) -> tuple[list[int], li
     before, and the last phase is that of all ticks in which no slow block runs.
     """
     if steps is None:
-        return own.ticks.kinds, list(range(own.loop.frame))
-    latest = max(block.rhythm.phases[0] for block in own.loop.blocks if block.rhythm.periods)
-    starts = own.loop.frames.starts
+        return controller.ticks.kinds, list(range(controller.loop.frame))
+    latest = max(block.rhythm.phases[0] for block in controller.loop.blocks if block.rhythm.periods)
+    starts = controller.loop.frames.starts
     last = steps.lengths.index(max(steps.lengths))
     if steps.lengths[last] <= latest + 1:
         raise UsageError(f"export: expected frames of more than {latest + 1} ticks, found none")
     rest = starts[last] + latest + 1
     kinds = []
     for start in (*starts[1:], starts[0]):  # the frame after one of each length
-        kinds += [own.ticks.kinds[tick] for tick in (*range(start, start + latest + 1), rest)]
+        kinds += [
+            controller.ticks.kinds[tick] for tick in (*range(start, start + latest + 1), rest)
+        ]
     return kinds, [*range(latest + 1), rest]
 
 
@@ -271,26 +277,26 @@ def _steps(steps: Steps) -> dict[str, Any]:
     }
 
 
-def _signals(own: ExportedController, members: Mapping[str, str]) -> dict[str, str]:
+def _signals(controller: ExportedController, members: Mapping[str, str]) -> dict[str, str]:
     """The texts with a line for each input, or for each output."""
-    entries = {signal for _, signal in own.loop.entries}
+    entries = {signal for _, signal in controller.loop.entries}
     declared_inputs = []
     given = []
     read = []
-    for name in own.inputs:
+    for name in controller.inputs:
         member = members[name]
-        note = _note(own, name) if name in entries else ""
+        note = _note(controller, name) if name in entries else ""
         declared_inputs.append(f"    double {member}; /* {name}{note} */")
-        given.append(f"    z[{own.places[name]}] = in.{member};")
+        given.append(f"    z[{controller.places[name]}] = in.{member};")
         read.append(f"        in.{member} = strtod(at + 1, &at);")
     declared_outputs = []
     taken = []
     compared = []
-    for name in own.outputs:
+    for name in controller.outputs:
         member = members[name]
         port = as_drawn(name)
         declared_outputs.append(f"    double {member}; /* {port} */")
-        taken.append(f"    out.{member} = z[{own.places[name]}];")
+        taken.append(f"    out.{member} = z[{controller.places[name]}];")
         compared.append(f'        compare(out.{member}, strtod(at + 1, &at), "{port}", ticks);')
     return {
         "inputs": "\n".join(declared_inputs),
@@ -302,11 +308,11 @@ def _signals(own: ExportedController, members: Mapping[str, str]) -> dict[str, s
     }
 
 
-def _note(own: ExportedController, name: str) -> str:
+def _note(controller: ExportedController, name: str) -> str:
     """What a comment says of a signal from outside that is part of outputs."""
     ports = []
-    for output in own.outputs:
-        terms = own.loop.wires[output.removesuffix(" besides")]
+    for output in controller.outputs:
+        terms = controller.loop.wires[output.removesuffix(" besides")]
         if any(source == name for _, source in terms):
             ports.append(as_drawn(output))
     if ports:
@@ -314,12 +320,12 @@ def _note(own: ExportedController, name: str) -> str:
     return ""
 
 
-def _newer_forces(own: ExportedController, ticks: Sequence[int]) -> list[list[int]]:
+def _newer_forces(controller: ExportedController, ticks: Sequence[int]) -> list[list[int]]:
     """For each result and tick, how many forces of the wall are newer when it is shown; -2 if it
     is not shown."""
-    frame = own.loop.frame
+    frame = controller.loop.frame
     newer = []
-    for result in own.results:
+    for result in controller.results:
         row = []
         for tick in ticks:
             if not result.shown(tick):
@@ -331,16 +337,16 @@ def _newer_forces(own: ExportedController, ticks: Sequence[int]) -> list[list[in
     return newer
 
 
-def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
+def _results(controller: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
     """The texts about slow results: for each of them, when it is shown, and how many forces of
     the wall are newer by then."""
-    results = own.results
-    newer = _newer_forces(own, ticks)
+    results = controller.results
+    newer = _newer_forces(controller, ticks)
     computed = []
     come = []
-    for result in results if own.late else ():
-        computed.append([own.places[signal] for signal in result.signals])
-        come.append([own.places[arrived(signal)] for signal in result.signals])
+    for result in results if controller.late else ():
+        computed.append([controller.places[signal] for signal in result.signals])
+        come.append([controller.places[arrived(signal)] for signal in result.signals])
     return {
         "groups": len(results),
         "most": max((len(result.signals) for result in results), default=1),
