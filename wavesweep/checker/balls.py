@@ -40,8 +40,8 @@ class Refused(Exception):
 
 def decimal(text: str) -> Fraction:
     """A number as it is written, of no more digits than somebody would write."""
-    found = DECIMAL.fullmatch(text)
-    if not found or len(text) > LONGEST or abs(int(found[1] or 0)) > EXPONENT:
+    match = DECIMAL.fullmatch(text)
+    if not match or len(text) > LONGEST or abs(int(match[1] or 0)) > EXPONENT:
         raise Unreadable(f"{text[:LONGEST]!r} is no decimal number of at most {LONGEST} characters")
     return Fraction(text)
 
@@ -72,10 +72,14 @@ class Ring:
     def __init__(self, sides: int):
         self.order = ORDERS.get(sides, 2)
         powers = [
-            each for each in all_of(range(self.order + 1), repeat=sides) if sum(each) <= self.order
+            powers_of_sides
+            for powers_of_sides in all_of(range(self.order + 1), repeat=sides)
+            if sum(powers_of_sides) <= self.order
         ]
-        self.monomials = sorted(powers, key=lambda each: (sum(each), each[::-1]))
-        places = {each: at for at, each in enumerate(self.monomials)}
+        self.monomials = sorted(
+            powers, key=lambda powers_of_sides: (sum(powers_of_sides), powers_of_sides[::-1])
+        )
+        places = {powers_of_sides: index for index, powers_of_sides in enumerate(self.monomials)}
         self.table = [
             [
                 places.get(tuple(i + j for i, j in zip(a, b, strict=True)), -1)
@@ -95,17 +99,17 @@ class Ring:
             return (radius >> BITS) + 2, (a[1] * b[1]) >> BITS
         radius = sum(map(abs, a[1:])) * b[0] + a[0] * (sum(map(abs, b[1:])) + b[0])
         if len(a) == 2 or len(b) == 2:
-            factor, other = (a[1], b) if len(a) == 2 else (b[1], a)
-            found = [factor * c for c in other[1:]]
+            factor, polynomial = (a[1], b) if len(a) == 2 else (b[1], a)
+            product = [factor * c for c in polynomial[1:]]
         else:
-            found = [0] * len(self.monomials)
+            product = [0] * len(self.monomials)
             for row, x in zip(self.table, a[1:], strict=False):
                 for place, y in zip(row, b[1:], strict=False):
                     if place < 0:
                         radius += abs(x * y)
                     else:
-                        found[place] += x * y
-        return (radius >> BITS) + len(found) + 1, *(c >> BITS for c in found)
+                        product[place] += x * y
+        return (radius >> BITS) + len(product) + 1, *(c >> BITS for c in product)
 
     def series(self, h, values, rest):
         """values[0] + values[1] h + values[2] h^2 + ... +- rest."""
@@ -229,8 +233,8 @@ def _logarithm(c: int):
 
 def _log_near_one(m: int) -> int:
     """2 (t + t^3/3 + t^5/5 + ...), t = (m - 1)/(m + 1), with the guard bits."""
-    one = ONE << GUARD
-    t = ((m - one) << (BITS + GUARD)) // (m + one)
+    unity = ONE << GUARD
+    t = ((m - unity) << (BITS + GUARD)) // (m + unity)
     total = 0
     power = t
     k = 1
@@ -266,7 +270,9 @@ class Cell:
             centre = ball((low + high) / 2)
             if name in wide:
                 half = ball((high - low) / 2)
-                place = self.ring.monomials.index(tuple(int(other == name) for other in wide))
+                place = self.ring.monomials.index(
+                    tuple(int(name_of_side == name) for name_of_side in wide)
+                )
                 self.powers[name, 1] = (centre[0] + half[0], centre[1], *[0] * (place - 1), half[1])
             else:
                 self.powers[name, 1] = centre
@@ -349,9 +355,9 @@ class Number:
             total = dict(self.exact)
             for monomial, share in other.exact.items():
                 total[monomial] = total.get(monomial, 0) + share
-            found = _exactly(total)
-            if found is not None:
-                return found
+            total_of_both = _exactly(total)
+            if total_of_both is not None:
+                return total_of_both
         return Number(None, sum_of, (self, other))
 
     def __mul__(self, other):
@@ -362,9 +368,9 @@ class Number:
                 for further, factor in other.exact.items():
                     both = _together(monomial, further)
                     total[both] = total.get(both, 0) + share * factor
-            found = _exactly(total)
-            if found is not None:
-                return found
+            product = _exactly(total)
+            if product is not None:
+                return product
         if not self or not other:
             return Number({})
         return Number(None, Ring.multiply, (self, other))
@@ -431,23 +437,23 @@ class Side(str):
 
 
 def side(name: str, ends: tuple[Fraction, Fraction]) -> Number:
-    known = Side(name)
-    known.ends = ends
-    return Number({((known, 1),): Fraction(1)})
+    named = Side(name)
+    named.ends = ends
+    return Number({((named, 1),): Fraction(1)})
 
 
-def number(given) -> Number:
-    if isinstance(given, Number):
-        return given
+def number(value) -> Number:
+    if isinstance(value, Number):
+        return value
     if isinstance(
-        given, float | str
+        value, float | str
     ):  # a constant in an expression: the shortest decimal number of its double
-        given = decimal(str(given))
-    if isinstance(given, bool) or not isinstance(given, int | Fraction):
-        raise Unreadable(f"{given!r} is no number")
-    if given.numerator.bit_length() + given.denominator.bit_length() > LARGEST:
+        value = decimal(str(value))
+    if isinstance(value, bool) or not isinstance(value, int | Fraction):
+        raise Unreadable(f"{value!r} is no number")
+    if value.numerator.bit_length() + value.denominator.bit_length() > LARGEST:
         raise Unreadable("a number with too many digits")
-    return Number({(): Fraction(given)} if given else {})
+    return Number({(): Fraction(value)} if value else {})
 
 
 def exact(value) -> Fraction:
@@ -479,16 +485,16 @@ def least(value) -> Fraction:
 def ends(value) -> tuple[Fraction, Fraction]:
     """The least and the largest value of a sum of sides; of what is computed otherwise what it surely reaches at corners, those
     left out at which it has none. Refused if it has none anywhere."""
-    found = number(value)
-    if found.exact is not None and all(
-        sum(power for _, power in each) in (0, 1) for each in found.exact
+    value_of_ends = number(value)
+    if value_of_ends.exact is not None and all(
+        sum(power for _, power in monomial) in (0, 1) for monomial in value_of_ends.exact
     ):
-        return least(found), -least(-found)
+        return least(value_of_ends), -least(-value_of_ends)
     values = []
     why = None
-    for corner in all_of(*_sides(found)):
+    for corner in all_of(*_sides(value_of_ends)):
         try:
-            values.append(found.value(Cell({name: (end, end) for name, end in corner})))
+            values.append(value_of_ends.value(Cell({name: (end, end) for name, end in corner})))
         except Refused as refused:
             why = refused
     if why and not values:
@@ -498,11 +504,11 @@ def ends(value) -> tuple[Fraction, Fraction]:
     return Fraction(low, ONE), Fraction(high, ONE)
 
 
-def _sides(found: Number) -> list[list[tuple[str, Fraction]]]:
+def _sides(value: Number) -> list[list[tuple[str, Fraction]]]:
     """The ends of each side that a number depends on."""
     sides: dict[str, list] = {}
     seen: set[int] = set()
-    waiting = [found]
+    waiting = [value]
     while waiting:
         now = waiting.pop()
         if now.moves and id(now) not in seen:
@@ -514,14 +520,14 @@ def _sides(found: Number) -> list[list[tuple[str, Fraction]]]:
 
 
 def whole(value) -> int:
-    found = exact(value)
-    if found.denominator != 1:
-        raise Unreadable(f"{float(found)} has to be a whole number")
-    return int(found)
+    count = exact(value)
+    if count.denominator != 1:
+        raise Unreadable(f"{float(count)} has to be a whole number")
+    return int(count)
 
 
-def at_least(value, other) -> bool:
-    radius, middle = (number(value) - number(other)).value(POINT)
+def at_least(value, bound) -> bool:
+    radius, middle = (number(value) - number(bound)).value(POINT)
     if abs(middle) <= radius:
         raise Refused("two numbers are too near to each other to say which is larger")
     return middle > 0

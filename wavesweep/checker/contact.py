@@ -52,34 +52,44 @@ def opened(schedule: Schedule, stiffness: str) -> tuple[Schedule, Schedule]:
 
     The wall's numbers are the sides: one equation has them, once in a frame, and each coefficient is linear in them.
     """
-    found = []
+    walls = []
     for kind, instant in (*schedule.kinds.items(), ("", schedule.motion)):
         for rows in (instant.equations, instant.writes):
             for name, terms in rows.items():
                 if any(number(c).moves for c in terms.values()):
-                    found.append((kind, rows is instant.equations, name))
-    kind, *place = found[0] if len(found) == 1 else ("", False, "")
-    if not place[0] or sum(each == kind for _, each in schedule.times) != 1:
+                    walls.append((kind, rows is instant.equations, name))
+    kind, *place = walls[0] if len(walls) == 1 else ("", False, "")
+    if not place[0] or sum(kind_of_instant == kind for _, kind_of_instant in schedule.times) != 1:
         raise Refused("the wall's numbers are not those of one force that acts once in a frame")
     name = place[1]
     instant = schedule.kinds[kind]
     reads: dict[str, Number] = {}
     damps: dict[str, Number] = {}
-    others: dict[str, Number] = {FORCE: number(1)}
-    for other, given in instant.equations[name].items():
-        c = number(given)
+    remaining: dict[str, Number] = {FORCE: number(1)}
+    for name_read, factor in instant.equations[name].items():
+        c = number(factor)
         if c.exact is None or any(
-            [power for _, power in each] not in ([], [1]) for each in c.exact
+            [power for _, power in kind_of_instant] not in ([], [1]) for kind_of_instant in c.exact
         ):
             raise Refused("the wall's force is not linear in its numbers")
-        reads[other] = Number({each: share for each, share in c.exact.items() if each})
-        damps[other] = Number(
-            {each: share for each, share in reads[other].exact.items() if each[0][0] != stiffness}
+        reads[name_read] = Number(
+            {
+                kind_of_instant: share
+                for kind_of_instant, share in c.exact.items()
+                if kind_of_instant
+            }
         )
-        others[other] = c - reads[other]
+        damps[name_read] = Number(
+            {
+                kind_of_instant: share
+                for kind_of_instant, share in reads[name_read].exact.items()
+                if kind_of_instant[0][0] != stiffness
+            }
+        )
+        remaining[name_read] = c - reads[name_read]
     cuts = []
     for y in (reads, damps):
-        equations = {**instant.equations, name: others, READ: y}
+        equations = {**instant.equations, name: remaining, READ: y}
         cut = Instant(equations, {**instant.writes, FORCE: {READ: 1}})
         cuts.append(replace(schedule, kinds={**schedule.kinds, kind: cut}))
     return cuts[0], cuts[1]
@@ -94,7 +104,7 @@ class Opened(NamedTuple):
 
 
 def opened_at(
-    cell: Cell, A, rest: Form | None, states: list[str], stiff: bool, held: bool
+    cell: Cell, A, rest: Form | None, states: list[str], stiff: bool, is_held: bool
 ) -> Opened:
     """At a point of the sides. A: the rows of a frame; rest: p first, and what moves with it; stiff: whether K is not 0.
 
@@ -107,29 +117,33 @@ def opened_at(
     read = [y.get(name, zero) for name in (*states, FORCE)]
     read[-1] = add(read[-1], (0, -ONE))
     free = reduced(cell, A, [rest] if rest else [])
-    moved = [[free[name].get(other, zero) for other in (*states, FORCE)] for name in states]
+    moved = [
+        [free[name].get(column_name, zero) for column_name in (*states, FORCE)] for name in states
+    ]
     if not (rest and stiff):
         return Opened(moved, read, zero)
     p = next(iter(rest))
     k = _dot(cell, y, {name: share.value(cell) for name, share in rest.items()})
     *l, r = (A[p].get(name, zero) for name in (*states, FORCE))
-    left = [[negative(row[column]) for row in moved] for column in range(len(states))]  # 1 - A'
-    for at, row in enumerate(left):
-        row[at] = add(row[at], (0, ONE))
-    w = dict(enumerate(_solved(cell, left, l)))
-    R = add(r, _dot(cell, w, {at: row[-1] for at, row in enumerate(moved)}))
-    turns = zero if held else ring.multiply(k, R)
-    if not held and turns[0] + turns[1] >= 0:
+    transposed = [
+        [negative(row[column]) for row in moved] for column in range(len(states))
+    ]  # 1 - A'
+    for index, row in enumerate(transposed):
+        row[index] = add(row[index], (0, ONE))
+    w = dict(enumerate(_solved(cell, transposed, l)))
+    R = add(r, _dot(cell, w, {index: row[-1] for index, row in enumerate(moved)}))
+    turns = zero if is_held else ring.multiply(k, R)
+    if not is_held and turns[0] + turns[1] >= 0:
         raise Refused("a force of the wall does not move the rest away from it")
-    for at, share in w.items():
-        read[at] = add(read[at], negative(ring.multiply(k, share)))
+    for index, share in w.items():
+        read[index] = add(read[index], negative(ring.multiply(k, share)))
     return Opened(moved, read, turns)
 
 
-def _dot(cell: Cell, left: dict, right: dict) -> Ball:
+def _dot(cell: Cell, row: dict, right: dict) -> Ball:
     total = (0, 0)
-    for name in left.keys() & right.keys():
-        total = add(total, cell.ring.multiply(left[name], right[name]))
+    for name in row.keys() & right.keys():
+        total = add(total, cell.ring.multiply(row[name], right[name]))
     return total
 
 
@@ -157,8 +171,8 @@ def left_over(loop: Opened, e: list[Fraction], h: list[Fraction], P: form.Rows) 
     size = len(P) + 1
     last = size - 1  # the place of u_t; u_(t-j) is j places before
     rows = [[*row, *[(0, 0)] * N] for row in loop.moved]
-    for at in range(len(rows) + 1, size):
-        rows.append([(0, ONE * (at == other)) for other in range(size)])
+    for index in range(len(rows) + 1, size):
+        rows.append([(0, ONE * (index == column)) for column in range(size)])
     S = _matrix(rows)
     f = [[*loop.read, *[(0, 0)] * N]]  # f_(t-N), and then f_(t-N+1) .. f_t
     for _ in range(N):
@@ -210,10 +224,11 @@ def goes_on(loop: Opened, u: list[Fraction]) -> bool:
     states = [[(0, ONE * (i == j)) for j in size] for i in size] + [[(0, 0)] * n]  # as columns
     for force in forces:
         states = [
-            _moved(loop, column, force if at == n else (0, 0)) for at, column in enumerate(states)
+            _moved(loop, column, force if index == n else (0, 0))
+            for index, column in enumerate(states)
         ]
-    left = [[add((0, ONE * (i == j)), negative(states[j][i])) for j in size] for i in size]
-    eta = _solved(POINT, left, states[n])
+    difference = [[add((0, ONE * (i == j)), negative(states[j][i])) for j in size] for i in size]
+    eta = _solved(POINT, difference, states[n])
     turned = (0, 0)
     points = []
     for x, force in zip(u, forces, strict=True):

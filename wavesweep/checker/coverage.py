@@ -131,13 +131,13 @@ def in_words(tables: dict, ran: str, question: Sequence[Ask], claims: Sequence) 
                 f" at {sum(whole for *_, whole in rows)} of {len(rows)} combinations all is covered up to openings"
             )
         parts.append(scope + ";".join(said))
-    left = [*_less(tables, ran, question)]
+    outside = [*_less(tables, ran, question)]
     whole = (
         bool(question)
-        and not left
+        and not outside
         and all(all_of_it for rows in scopes.values() for *_, all_of_it in rows)
     )
-    return "; ".join(parts + left) or "nothing is asked", whole
+    return "; ".join(parts + outside) or "nothing is asked", whole
 
 
 def _written(numbers: dict[str, Fraction]) -> str:

@@ -15,54 +15,58 @@ APART = "~"  # in the name of a variable, before a number
 
 
 def drifts_of(
-    schedules: list[Schedule], given: Iterable[list[str]], live: set[str], middle: Cell
+    schedules: list[Schedule], named: Iterable[list[str]], live: set[str], middle: Cell
 ) -> list[Form]:
     """The shares over the memory of each drift in all kinds of frames, first those of a memory of its own.
 
     middle: of the sides; there no divisor may be 0, so that one is 0 at places without an inside alone, and what holds elsewhere
     holds there too. A sum that nothing reads is a drift although it goes on with another one.
     """
-    found: list[Form] = []
+    drifts: list[Form] = []
     silent: set[str] = set()
-    for names in given:
+    for names in named:
         v = drift_of(at_rest(schedules, live - silent), names, middle)
         if is_unread(schedules, names, live):
             silent.update(names)
         if any(name.startswith((INPUT, OUTPUT)) for name in v):
             raise Refused(f"an input, or an output, takes part in the drift of {names[0]}")
-        found.append({name: share for name, share in v.items() if name in live})
-    for v, names in zip(found, given, strict=True):
-        if names[0] not in v or sum(names[0] in other for other in found) > 1:
+        drifts.append({name: share for name, share in v.items() if name in live})
+    for v, names in zip(drifts, named, strict=True):
+        if names[0] not in v or sum(names[0] in drift for drift in drifts) > 1:
             raise Refused(f"a drift of {names[0]}, which is no memory of its own")
-    return found
+    return drifts
 
 
 def drift_of(equations: list[Form], names: list[str], middle: Cell) -> Form:
     """The shares of a drift. Refused, unless every equation holds for them whatever the sides are."""
     identities = Identities()
-    first, *others = names
-    unknown = {name for row in equations for name in row if name.partition(APART)[0] in others}
+    first, *followers = names
+    unknown = {name for row in equations for name in row if name.partition(APART)[0] in followers}
     rows = [
         {name: c for name, c in row.items() if name in unknown or name == first}
         for row in equations
     ]
-    left = [dict(row) for row in rows]
+    remaining = [dict(row) for row in rows]
     steps: list[tuple[str, Form]] = []
     while unknown:
-        row, name = _next(left, unknown, identities)
-        own = row.pop(name)
-        solved = {other: -c / own for other, c in row.items()}
+        row, name = _next(remaining, unknown, identities)
+        pivot = row.pop(name)
+        solved = {unknown_name: -c / pivot for unknown_name, c in row.items()}
         row.clear()
-        for each in left:
-            if name in each:
-                share = each.pop(name)
-                for other, c in solved.items():
-                    each[other] = each[other] + share * c if other in each else share * c
+        for equation in remaining:
+            if name in equation:
+                share = equation.pop(name)
+                for unknown_name, c in solved.items():
+                    equation[unknown_name] = (
+                        equation[unknown_name] + share * c
+                        if unknown_name in equation
+                        else share * c
+                    )
         steps.append((name, solved))
         unknown.discard(name)
     v = {first: number(1)}
     for name, solved in reversed(steps):
-        v[name] = _sum(c * v[other] for other, c in solved.items())
+        v[name] = _sum(c * v[unknown_name] for unknown_name, c in solved.items())
     for share in v.values():
         share.value(middle)
     if not all(identities.vanishes(_sum(c * v[name] for name, c in row.items())) for row in rows):
@@ -102,7 +106,9 @@ def needed(schedules: Iterable[Schedule], memory: set[str]) -> set[str]:
             for each in (instant.equations, instant.writes)
             for name in more
         )
-        more = {other for terms in terms_of for other, c in terms.items() if number(c)} - wanted
+        more = {
+            name_read for terms in terms_of for name_read, c in terms.items() if number(c)
+        } - wanted
     return wanted
 
 
@@ -111,7 +117,7 @@ def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
 
     A variable with another equation at other instants may have another value there, and has a number after APART in its name.
     """
-    found: dict[frozenset, Form] = {}
+    names_of_equations: dict[frozenset, Form] = {}
     instants = [(kind, False) for schedule in schedules for kind in schedule.kinds.values()]
     instants += [(schedule.motion, True) for schedule in schedules]
     wanted = needed(schedules, memory)
@@ -119,25 +125,25 @@ def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
     for instant, flows in instants:
         here = {}
         for name, terms in instant.equations.items():
-            known = variants.setdefault(name, {})
-            here[name] = known.setdefault(
-                _contents(terms), f"{name}{APART}{len(known)}" if known else name
+            names_of_terms = variants.setdefault(name, {})
+            here[name] = names_of_terms.setdefault(
+                _contents(terms), f"{name}{APART}{len(names_of_terms)}" if names_of_terms else name
             )
         for written, equations in ((False, instant.equations), (True, instant.writes)):
             for name, terms in equations.items():
                 if name not in wanted:
                     continue
                 row = {
-                    here.get(other, other): number(c)
-                    for other, c in terms.items()
-                    if not other.startswith(("!", INPUT))
+                    here.get(name_read, name_read): number(c)
+                    for name_read, c in terms.items()
+                    if not name_read.startswith(("!", INPUT))
                 }
                 own = here.get(name, name)
                 if not (written and flows):
                     row[own] = row.get(own, number(0)) - 1
-                row = {other: c for other, c in row.items() if c}
-                found.setdefault(_contents(row), row)
-    return list(found.values())
+                row = {name_read: c for name_read, c in row.items() if c}
+                names_of_equations.setdefault(_contents(row), row)
+    return list(names_of_equations.values())
 
 
 def _contents(terms: Mapping[str, Any]) -> frozenset:
@@ -166,11 +172,11 @@ def reduced(cell: Cell, A, drifts: list[Form]) -> dict[str, dict[str, tuple]]:
     A = {name: dict(row) for name, row in A.items()}
     for v in drifts:
         k = next(iter(v))
-        own = A.pop(k)
+        row_of_memory = A.pop(k)
         for name, row in A.items():
             if name in v:
                 share = negative(v[name].value(cell))
-                for column, c in own.items():
+                for column, c in row_of_memory.items():
                     term = cell.ring.multiply(share, c)
                     row[column] = add(row[column], term) if column in row else term
             row.pop(k, None)

@@ -139,8 +139,8 @@ class Family:
 
     def matrix(self, kind: str, cell: Cell) -> form.Matrix:
         if self.word and not kind:
-            frames = {each: self.matrix(each, cell) for each in self.word}
-            return form.product_of([frames[each] for each in self.word])
+            frames = {letter: self.matrix(letter, cell) for letter in self.word}
+            return form.product_of([frames[letter] for letter in self.word])
         A = form.matrix_of(cell, self.rows(kind, cell), self.states)
         return A if self.radius == 1 else form.divided(A, self.radius)
 
@@ -193,18 +193,18 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     middle = Cell({name: ((low + high) / 2,) * 2 for name, (low, high) in claim.sides.items()})
     drifts = drifts_of([*schedules.values()], claim.drifts, frames.live, middle)
     rest = None
-    given = [names for names in claim.drifts if names[0] != contact.FORCE]
-    held = len(given) < len(claim.drifts)
+    drifts_named = [names for names in claim.drifts if names[0] != contact.FORCE]
+    has_force = len(drifts_named) < len(claim.drifts)
     drifts = [drift for drift in drifts if next(iter(drift)) != contact.FORCE]
     if claim.rest:
-        *_, rest = drifts_of([free], [*given, claim.rest], frames.live, middle)
+        *_, rest = drifts_of([free], [*drifts_named, claim.rest], frames.live, middle)
     if any(contact.FORCE in drift for drift in (*drifts, rest or ())):
         raise Refused("a drift that takes a force of the wall")
     states = states_of(frames, [*drifts, rest] if rest else drifts)
     states = [
         name for name in states if name != contact.FORCE and not name.startswith((INPUT, OUTPUT))
     ]
-    return Family(frames, drifts, states, moves, start, word, claim.radius, rest, held)
+    return Family(frames, drifts, states, moves, start, word, claim.radius, rest, has_force)
 
 
 def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
@@ -221,14 +221,14 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
         )
 
     loop = loop_with({})
-    own = {"": loop.schedule()}
+    schedules = {"": loop.schedule()}
     if claim.gain:
-        own = {"": opened(tables, own[""], claim.gain)}
+        schedules = {"": opened(tables, schedules[""], claim.gain)}
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker, or nothing reads it")
     if claim.claim in ("modes", "gain"):
-        return own, {None: {"": ("", None, None)}}, None
+        return schedules, {None: {"": ("", None, None)}}, None
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
     messages = for_all.has_messages(loop)
@@ -248,7 +248,7 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
         return for_all.frames_of(allowed, loop_with, random)
     if random:
         raise Unreadable("the spec has no chances")
-    return own, {None: {"": ("", None, None)}}, None
+    return schedules, {None: {"": ("", None, None)}}, None
 
 
 def times_of(claim: Claim, low: Fraction, high: Fraction) -> dict[str, tuple[Fraction, Fraction]]:
@@ -259,7 +259,7 @@ def times_of(claim: Claim, low: Fraction, high: Fraction) -> dict[str, tuple[Fra
         parts = list(pairwise([low, *claim.ticks, high]))
         if any(begin >= end for begin, end in parts):
             raise Refused("the times of ticks do not rise from the shortest to the longest one")
-        return {str(at): part for at, part in enumerate(parts)}
+        return {str(index): part for index, part in enumerate(parts)}
     times = {}
     for letter in claim.word:
         time = {"start": low, "stop": high}.get(letter) or decimal(letter)
@@ -393,25 +393,25 @@ def _lines(file: IO[bytes]) -> Iterator[dict]:
 
 
 def _once(pairs):
-    found = dict(pairs)
-    if len(found) != len(pairs):
+    table = dict(pairs)
+    if len(table) != len(pairs):
         raise Unreadable("a field that is there twice")
-    return found
+    return table
 
 
 def _no_number(text):
     raise Unreadable(f"{text} stands there as a number and not as a decimal string")
 
 
-def _expect(given, kind, what, length=None):
-    wrong = not isinstance(given, kind) or isinstance(given, bool)
-    if wrong or (length is not None and len(given) != length):
-        raise Unreadable(f"{what} is not what it has to be")
-    return given
+def _expect(value, kind, name, length=None):
+    wrong = not isinstance(value, kind) or isinstance(value, bool)
+    if wrong or (length is not None and len(value) != length):
+        raise Unreadable(f"{name} is not what it has to be")
+    return value
 
 
-def _fraction(given) -> Fraction:
-    return decimal(_expect(given, str, "a number"))
+def _fraction(text) -> Fraction:
+    return decimal(_expect(text, str, "a number"))
 
 
 def ask_of(line) -> Ask:
@@ -428,18 +428,18 @@ def ask_of(line) -> Ask:
     return Ask(kind, *_numbers_and_sides(line), radius, openings, gain)
 
 
-def _ends(name: str, given) -> tuple[Fraction, Fraction]:
-    low, high = map(_fraction, _expect(given, list, name, 2))
+def _ends(name: str, pair) -> tuple[Fraction, Fraction]:
+    low, high = map(_fraction, _expect(pair, list, name, 2))
     if low > high:
         raise Unreadable(f"{name} ends before it begins")
     return low, high
 
 
 def _numbers_and_sides(line) -> tuple[dict[str, Fraction], dict[str, tuple[Fraction, Fraction]]]:
-    given = _expect(line.get("sides", {}), dict, "sides")
-    sides = {name: _ends(f"the side {name}", ends) for name, ends in given.items()}
-    given = _expect(line.get("numbers", {}), dict, "numbers")
-    numbers = {name: _fraction(value) for name, value in given.items()}
+    table = _expect(line.get("sides", {}), dict, "sides")
+    sides = {name: _ends(f"the side {name}", ends) for name, ends in table.items()}
+    table = _expect(line.get("numbers", {}), dict, "numbers")
+    numbers = {name: _fraction(value) for name, value in table.items()}
     if len(sides) > SIDES or sides.keys() & numbers.keys():
         raise Unreadable(f"more than {SIDES} sides, or a side that is a number too")
     return numbers, sides
@@ -487,11 +487,11 @@ def claim_of(line) -> Claim:
     return claim if "states" not in line else _with_coordinates(claim, line)
 
 
-def _gain(given: dict) -> Gain:
-    if given.keys() not in ({"from", "to", "at_most"}, {"cut", "less", "at_most"}):
+def _gain(table: dict) -> Gain:
+    if table.keys() not in ({"from", "to", "at_most"}, {"cut", "less", "at_most"}):
         raise Unreadable("a gain has from, to and at_most, or cut, less and at_most")
-    names = [_expect(given.get(key, ""), str, key) for key in ("from", "to", "cut")]
-    less, at_most = (_fraction(given.get(key, "0")) for key in ("less", "at_most"))
+    names = [_expect(table.get(key, ""), str, key) for key in ("from", "to", "cut")]
+    less, at_most = (_fraction(table.get(key, "0")) for key in ("less", "at_most"))
     if at_most <= 0 or not 0 <= less < 1:
         raise Unreadable(
             "the level of a gain is above 0, and the share that is taken off from 0 to 1"
@@ -524,9 +524,9 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
         _is_member(
             allowed,
             {
-                names_of: claim.numbers[own]
-                for names_of, own in names.items()
-                if own in claim.numbers
+                names_of: claim.numbers[number]
+                for names_of, number in names.items()
+                if number in claim.numbers
             },
         )
     for member in members:
@@ -585,11 +585,11 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
             raise Refused("a loop without states has no form; it ends in one frame")
         if "split" in line:
             name = _expect(line["split"], str, "split")
-            at = _fraction(line.get("at"))
-            low, high = box.get(name, (at, at))
-            if set(line) != {"split", "at"} or not low < at < high:
-                raise Refused(f"a cut at {float(at)!r} of {name} that divides nothing")
-            boxes += [{**box, name: (at, high)}, {**box, name: (low, at)}]
+            cut = _fraction(line.get("at"))
+            low, high = box.get(name, (cut, cut))
+            if set(line) != {"split", "at"} or not low < cut < high:
+                raise Refused(f"a cut at {float(cut)!r} of {name} that divides nothing")
+            boxes += [{**box, name: (cut, high)}, {**box, name: (low, cut)}]
         elif claim.claim == "contact":
             _rests(family, line, box)
         elif claim.gain:
@@ -624,8 +624,8 @@ def _rests(family: Family, line: dict, box):
     wide = [name for name, (low, high) in box.items() if low < high]
     if len(wide) > 1:
         raise Refused("more than one number of the wall has a range")
-    for at, rows in enumerate(_expect(line["P"], list, "P", 1 + len(wide))):
-        point = {name: ends[at if name in wide else 0] for name, ends in box.items()}
+    for index, rows in enumerate(_expect(line["P"], list, "P", 1 + len(wide))):
+        point = {name: ends[index if name in wide else 0] for name, ends in box.items()}
         loop = opened_at(family, point)
         if not contact.stable(
             loop, form_from({"L": line["L"]}, balls.POINT, [1] * len(family.states))
@@ -742,7 +742,7 @@ def _chain(family: Family, cell: Cell, line: dict, box):
 
 
 def _with_coordinates(claim: Claim, line: dict) -> Claim:
-    drifts = [_taking_part(given) for given in _expect(line.get("drifts", []), list, "drifts")]
+    drifts = [_taking_part(names) for names in _expect(line.get("drifts", []), list, "drifts")]
     states = [_expect(name, str, "a state") for name in _expect(line.get("states"), list, "states")]
     rest = []
     if "rest" in line:
@@ -752,8 +752,8 @@ def _with_coordinates(claim: Claim, line: dict) -> Claim:
     return replace(claim, drifts=drifts, states=states, rest=rest)
 
 
-def _taking_part(given) -> list[str]:
-    names = [_expect(name, str, "a name") for name in _expect(given, list, "a drift")]
+def _taking_part(listed) -> list[str]:
+    names = [_expect(name, str, "a name") for name in _expect(listed, list, "a drift")]
     if not names or len(set(names)) < len(names):
         raise Unreadable("a drift of nothing, or of a name twice")
     return names
@@ -792,8 +792,8 @@ def _outside(family: Family, claim: Claim, cell: Cell, line: dict, box) -> Any:
 def form_from(line, cell: Cell, signs) -> form.Matrix:
     """The form that a line of the file gives."""
     slopes = []
-    for given in _expect(line.get("Q", []), list, "Q"):
-        exponents, rows = _expect(given, list, "a slope", 2)
+    for slope in _expect(line.get("Q", []), list, "Q"):
+        exponents, rows = _expect(slope, list, "a slope", 2)
         m = tuple(
             _expect(power, int, "an exponent") for power in _expect(exponents, list, "exponents")
         )
@@ -803,28 +803,24 @@ def form_from(line, cell: Cell, signs) -> form.Matrix:
     return form.form_of(cell.width, rows_of(line.get("L"), len(signs)), signs, slopes)
 
 
-def rows_of(given, size: int) -> form.Rows:
+def rows_of(lists, size: int) -> form.Rows:
     """A matrix of a form in units of 2^-BITS, rounded to half of these digits."""
     rows = [
         _expect(row, list, f"a row of {size}", size)
-        for row in _expect(given, list, f"a matrix of {size} rows", size)
+        for row in _expect(lists, list, f"a matrix of {size} rows", size)
     ]
     shift = balls.BITS - form.HALF
     return [[int(_decimal(x) * (1 << form.HALF)) << shift for x in row] for row in rows]
 
 
-def _decimal(given) -> Decimal:
+def _decimal(text) -> Decimal:
     """Of a form, which is what its numbers are rounded to."""
-    if (
-        not isinstance(given, str)
-        or len(given) > balls.LONGEST
-        or not balls.DECIMAL.fullmatch(given)
-    ):
-        raise Unreadable(f"{given!r} is no decimal number of a form")
-    found = Decimal(given)
-    if abs(found.adjusted()) > balls.EXPONENT:
-        raise Unreadable(f"{given} is too large or too small")
-    return found
+    if not isinstance(text, str) or len(text) > balls.LONGEST or not balls.DECIMAL.fullmatch(text):
+        raise Unreadable(f"{text!r} is no decimal number of a form")
+    value = Decimal(text)
+    if abs(value.adjusted()) > balls.EXPONENT:
+        raise Unreadable(f"{text} is too large or too small")
+    return value
 
 
 def _in_words(box) -> str:

@@ -33,47 +33,47 @@ class Matrix(NamedTuple):
 
 
 def _sum(matrices: Iterable[Rows]) -> Rows:
-    first, *others = matrices
+    first, *further = matrices
     total = [list(row) for row in first]
-    for matrix in others:
+    for matrix in further:
         total = [
-            [x + y for x, y in zip(row, other, strict=True)]
-            for row, other in zip(total, matrix, strict=True)
+            [x + y for x, y in zip(row, addend, strict=True)]
+            for row, addend in zip(total, matrix, strict=True)
         ]
     return total
 
 
-def _dot(left: Rows, right: Rows) -> Rows:
+def _dot(A: Rows, right: Rows) -> Rows:
     """The product in units of 2^-BITS, rounded down."""
     columns = transposed(right)
-    return [[sum(map(mul, row, column)) >> BITS for column in columns] for row in left]
+    return [[sum(map(mul, row, column)) >> BITS for column in columns] for row in A]
 
 
-def _mirrored(left: Rows, right: Rows) -> Rows:
+def _mirrored(A: Rows, right: Rows) -> Rows:
     """The same above the diagonal, and mirrored below: of terms whose sum is symmetric."""
     columns = transposed(right)
     upper = [
-        [sum(map(mul, row, column)) >> BITS for column in columns[at:]]
-        for at, row in enumerate(left)
+        [sum(map(mul, row, column)) >> BITS for column in columns[index:]]
+        for index, row in enumerate(A)
     ]
-    size = range(len(left))
-    return [[upper[min(at, other)][abs(at - other)] for other in size] for at in size]
+    size = range(len(A))
+    return [[upper[min(index, other)][abs(index - other)] for other in size] for index in size]
 
 
-def multiplied(left: Matrix, right: Matrix, dot=_dot) -> Matrix:
+def multiplied(A_and_error: Matrix, right: Matrix, dot=_dot) -> Matrix:
     """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b), and 1 for each product that is rounded down."""
     found: dict[tuple, Rows] = {}
-    for m, A in left.parts.items():
+    for m, A in A_and_error.parts.items():
         for k, B in right.parts.items():
             both = tuple(i + j for i, j in zip(m, k, strict=True))
             term = dot(A, B)
             found[both] = _sum((found[both], term)) if both in found else term
-    rounded = len(left.parts) * len(right.parts) + 2
-    bounds = [[[rounded] * len(right.error[0]) for _ in left.error]]
+    rounded = len(A_and_error.parts) * len(right.parts) + 2
+    bounds = [[[rounded] * len(right.error[0]) for _ in A_and_error.error]]
     if any(map(any, right.error)):
-        bounds.append(_dot(left.size, right.error))
-    if any(map(any, left.error)):
-        bounds.append(_dot(left.error, _sum((right.size, right.error))))
+        bounds.append(_dot(A_and_error.size, right.error))
+    if any(map(any, A_and_error.error)):
+        bounds.append(_dot(A_and_error.error, _sum((right.size, right.error))))
     return Matrix(found, _sum(bounds))
 
 
@@ -84,11 +84,11 @@ def turned(matrix: Matrix) -> Matrix:
 
 
 def minus(left: Matrix, right: Matrix) -> Matrix:
-    found = dict(left.parts)
+    difference = dict(left.parts)
     for m, part in right.parts.items():
         negative = [[-x for x in row] for row in part]
-        found[m] = _sum((found[m], negative)) if m in found else negative
-    return Matrix(found, _sum((left.error, right.error)))
+        difference[m] = _sum((difference[m], negative)) if m in difference else negative
+    return Matrix(difference, _sum((left.error, right.error)))
 
 
 def _cut(matrix: Matrix, order: int) -> Matrix:
@@ -100,11 +100,11 @@ def _cut(matrix: Matrix, order: int) -> Matrix:
 
 def matrix_of(cell: Cell, A: dict, states: list[str], columns: list[str] | None = None) -> Matrix:
     """The matrix of a frame in the order of its states, or of these rows with other columns."""
-    most = max((len(c) for row in A.values() for c in row.values()), default=2)
-    nothing = (0,) * most
+    longest = max((len(c) for row in A.values() for c in row.values()), default=2)
+    nothing = (0,) * longest
     entries = [[A[row].get(column, nothing) for column in columns or states] for row in states]
     parts = {}
-    for place in range(1, most):
+    for place in range(1, longest):
         rows = [[c[place] if place < len(c) else 0 for c in row] for row in entries]
         if place == 1 or any(map(any, rows)):
             parts[cell.ring.monomials[place - 1]] = rows
@@ -138,8 +138,8 @@ def form_of(
         )
     }
     for m, Q in slopes:
-        found = _dot(L_t, _dot(Q, L))
-        parts[m] = _symmetric(found)
+        product_of_rows = _dot(L_t, _dot(Q, L))
+        parts[m] = _symmetric(product_of_rows)
     return Matrix(parts, [[0] * len(L) for _ in L])
 
 
@@ -169,8 +169,8 @@ def control_points(A: Matrix) -> list[Matrix]:
 def _symmetric(rows: Rows) -> Rows:
     """(M + M')/2, rounded down by less than 1."""
     return [
-        [(x + y) // 2 for x, y in zip(row, other, strict=True)]
-        for row, other in zip(rows, transposed(rows), strict=True)
+        [(x + y) // 2 for x, y in zip(row, mirrored, strict=True)]
+        for row, mirrored in zip(rows, transposed(rows), strict=True)
     ]
 
 
@@ -238,7 +238,7 @@ def _definite(F: Rows, R: Rows) -> bool:
     slack = (n + 2) * (max(map(max, size)) * n // ONE + 4)  # of products that are rounded down
     for k, row in enumerate(G):
         error = (sum(size[i][k] * across[i] for i in range(n)) >> BITS) + n * slack
-        if row[k] <= sum(abs(x) for other, x in enumerate(row) if other != k) + error:
+        if row[k] <= sum(abs(x) for column, x in enumerate(row) if column != k) + error:
             return False
     return True
 
@@ -271,7 +271,7 @@ def _inverse(A: Matrix, turn: int) -> Matrix:
     first = _solved(
         [[(i == j) + turn * x for j, x in enumerate(row)] for i, row in enumerate(parts[still])]
     )
-    found = {still: first}
+    parts_of_inverse = {still: first}
     lower = [m for m in parts if m != still and sum(m) <= 2]
     for order in (1, 2):
         for m in all_of(range(order + 1), repeat=width):
@@ -280,15 +280,18 @@ def _inverse(A: Matrix, turn: int) -> Matrix:
             total = [[0.0] * n for _ in range(n)]
             for k in lower:
                 rest = tuple(i - j for i, j in zip(m, k, strict=True))
-                if rest in found:
-                    term = product(parts[k], found[rest])
+                if rest in parts_of_inverse:
+                    term = product(parts[k], parts_of_inverse[rest])
                     total = [
-                        [x - turn * y for x, y in zip(row, other, strict=True)]
-                        for row, other in zip(total, term, strict=True)
+                        [x - turn * y for x, y in zip(row, addend, strict=True)]
+                        for row, addend in zip(total, term, strict=True)
                     ]
             if any(map(any, total)):
-                found[m] = product(first, total)
-    exact = {m: [[int(x * 2.0**BITS) for x in row] for row in part] for m, part in found.items()}
+                parts_of_inverse[m] = product(first, total)
+    exact = {
+        m: [[int(x * 2.0**BITS) for x in row] for row in part]
+        for m, part in parts_of_inverse.items()
+    }
     return Matrix(exact, [[0] * n for _ in range(n)])
 
 

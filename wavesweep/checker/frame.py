@@ -44,19 +44,24 @@ def solved(instant: Instant) -> dict[str, dict[str, Number]]:
             needed.add(name)
             wanted += rows[name]
     rows = {name: rows[name] for name in sorted(needed)}
-    left = set(rows)
-    while left:  # those first that wait for nobody
+    unsolved = set(rows)
+    while unsolved:  # those first that wait for nobody
         name = min(
-            left, key=lambda each: (sum(k in left for k in rows[each]), each in rows[each], each)
+            unsolved,
+            key=lambda candidate: (
+                sum(k in unsolved for k in rows[candidate]),
+                candidate in rows[candidate],
+                candidate,
+            ),
         )
-        left.discard(name)
-        own = rows[name].pop(name, None)
-        if own is not None:
-            rows[name] = {k: c / (1 - own) for k, c in rows[name].items()}
-        for other, row in rows.items():
-            if other != name and name in row:
+        unsolved.discard(name)
+        loop_gain = rows[name].pop(name, None)
+        if loop_gain is not None:
+            rows[name] = {k: c / (1 - loop_gain) for k, c in rows[name].items()}
+        for addend, row in rows.items():
+            if addend != name and name in row:
                 share = row.pop(name)
-                rows[other] = _clean(_sum(row, share, rows[name]))
+                rows[addend] = _clean(_sum(row, share, rows[name]))
     found = {}
     for name, terms in instant.writes.items():
         total: dict[str, Number] = {}
@@ -71,9 +76,9 @@ def _clean(terms) -> dict[str, Number]:
     return {name: c for name, c in numbers.items() if c}
 
 
-def _sum(row, factor, other):
+def _sum(row, factor, addend):
     total = dict(row)
-    for name, c in other.items():
+    for name, c in addend.items():
         term = factor * c
         total[name] = total[name] + term if name in total else term
     return total
@@ -162,16 +167,16 @@ def _divided(c, n: int):
     return -(-c[0] // n) + len(c), *(part // n for part in c[1:])
 
 
-def _times(cell: Cell, rows, others):
+def _times(cell: Cell, rows, table):
     """The product of two square tables."""
-    return {name: _row(cell, row, others, lambda _: {}) for name, row in rows.items()}
+    return {name: _row(cell, row, table, lambda _: {}) for name, row in rows.items()}
 
 
-def _row(cell: Cell, row, others, missing):
+def _row(cell: Cell, row, table, missing):
     """A row times a table. missing: gives the row of the table for a name without one."""
     total: dict[str, tuple] = {}
     for k, c in row.items():
-        for further, e in (others[k] if k in others else missing(k)).items():
+        for further, e in (table[k] if k in table else missing(k)).items():
             term = cell.ring.multiply(c, e)
             total[further] = add(total[further], term) if further in total else term
     return total
@@ -215,17 +220,17 @@ class Frames:
         """Steps in a row that depend on no side as one map, of what is wanted after it: [(step or map, wanted after it)]."""
         wanted = _needed(steps, self.live)[1:]
         maps = {step: step.map(POINT) for step in set(steps) if not step.moves}
-        found: list[tuple] = []
+        gathered: list[tuple] = []
         still = None
         for step, after in zip(steps, wanted, strict=True):
             if step.moves:
-                found += [(still[0], still[1])] if still else []
-                found.append((step, after))
+                gathered += [(still[0], still[1])] if still else []
+                gathered.append((step, after))
                 still = None
             else:
                 now = maps[step]
                 still = (_after(POINT, still[0], now, after) if still else now, after)
-        return found + ([still] if still else [])
+        return gathered + ([still] if still else [])
 
     def matrix(self, name: str, cell: Cell) -> dict[str, dict[str, tuple]]:
         """The rows of a frame's matrix over all memory."""
@@ -250,11 +255,11 @@ def _needed(steps, live) -> list[set[str]]:
 
 def _after(cell: Cell, first, then, wanted):
     """The map of `then` after `first`, of what is wanted."""
-    found = {name: row for name, row in first.items() if name in wanted and name not in then}
+    composed = {name: row for name, row in first.items() if name in wanted and name not in then}
     for name, row in then.items():
         if name in wanted:
-            found[name] = _row(cell, row, first, lambda k: {k: UNIT})
-    return found
+            composed[name] = _row(cell, row, first, lambda k: {k: UNIT})
+    return composed
 
 
 def steps_of(schedules: dict[str, Schedule]) -> dict[str, list[Written | Flow]]:
@@ -285,10 +290,10 @@ def _in_order(schedule: Schedule, maps, motion, silent) -> list[Written | Flow]:
     instants = {kind: Written(_without(rows, silent)) for kind, rows in maps.items()}
     motion = _without(motion, silent)
     flows: dict[frozenset, Flow] = {}
-    found: list[Written | Flow] = []
+    steps: list[Written | Flow] = []
     ends = [time for time, _ in schedule.times[1:]] + [schedule.period]
     for (time, kind), until in zip(schedule.times, ends, strict=True):
-        found.append(instants[kind])
+        steps.append(instants[kind])
         duration = number(until - time)
         if duration and least(duration) <= 0:
             raise Unreadable(
@@ -297,8 +302,8 @@ def _in_order(schedule: Schedule, maps, motion, silent) -> list[Written | Flow]:
         if duration and motion:
             key = frozenset(duration.exact.items())
             flows.setdefault(key, Flow(motion, duration))
-            found.append(flows[key])
-    return found
+            steps.append(flows[key])
+    return steps
 
 
 def _without(rows, silent):

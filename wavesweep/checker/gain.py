@@ -76,8 +76,8 @@ def source_of(tables: dict, name: str) -> str:
             raise Unreadable(f"the input of a controller is f_h, and not {name!r}")
         return "hand"
     ports = tables.get("ports", {})
-    given = ports.get("inputs", {}).get(name, name)
-    return given["signal"] if isinstance(given, dict) else given
+    port = ports.get("inputs", {}).get(name, name)
+    return port["signal"] if isinstance(port, dict) else port
 
 
 def _renamed(row: dict, source: str, into: str) -> dict:

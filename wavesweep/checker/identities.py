@@ -58,8 +58,8 @@ class Identities:
     def _sum(self, first: Ratio, second: Ratio) -> Ratio:
         bottom = _powers(first.bottom, second.bottom, max)
         total: Polynomial = {}
-        for top, own in (first, second):
-            missing = {factor: power - own.get(factor, 0) for factor, power in bottom.items()}
+        for top, powers in (first, second):
+            missing = {factor: power - powers.get(factor, 0) for factor, power in bottom.items()}
             total = _added(total, self._times(top, self._product(missing)))
         return _shortened(total, bottom)
 
@@ -103,10 +103,10 @@ class Identities:
                 total[both] = total.get(both, 0) + x * y
         if len(total) > TERMS:
             raise Refused("numbers that are too long to be compared")
-        found: Polynomial = {}
+        product: Polynomial = {}
         for m, x in total.items():
-            found = _added(found, self._reduced(m, x))
-        return found
+            product = _added(product, self._reduced(m, x))
+        return product
 
     def _reduced(self, monomial, share) -> Polynomial:
         for symbol, power in monomial:
@@ -118,24 +118,26 @@ class Identities:
 
 def _shortened(top: Polynomial, bottom: dict[frozenset, int]) -> Ratio:
     """Without factors that divide the numerator."""
-    left = {}
+    remaining = {}
     for factor, power in bottom.items():
         count = power
         while count and (shorter := _quotient(top, dict(factor))) is not None:
             top = shorter
             count -= 1
         if count:
-            left[factor] = count
-    return Ratio(top, left)
+            remaining[factor] = count
+    return Ratio(top, remaining)
 
 
 def _powers(first: dict, second: dict, together) -> dict:
-    return {each: together((first.get(each, 0), second.get(each, 0))) for each in first | second}
+    return {
+        symbol: together((first.get(symbol, 0), second.get(symbol, 0))) for symbol in first | second
+    }
 
 
 def _together(monomial, further) -> frozenset:
     return frozenset(
-        each for each in _powers(dict(monomial), dict(further), sum).items() if each[1]
+        item for item in _powers(dict(monomial), dict(further), sum).items() if item[1]
     )
 
 
@@ -146,9 +148,9 @@ def _inverse(monomial) -> frozenset:
 def _common(polynomial: Polynomial) -> frozenset:
     """The largest monomial that divides all; powers of sides, and of no other symbol, may be negative."""
     powers = [dict(m) for m in polynomial]
-    symbols = {symbol for each in powers for symbol in each}
-    least = ((symbol, min(each.get(symbol, 0) for each in powers)) for symbol in symbols)
-    return frozenset(each for each in least if each[1])
+    symbols = {symbol for monomial in powers for symbol in monomial}
+    least = ((symbol, min(monomial.get(symbol, 0) for monomial in powers)) for symbol in symbols)
+    return frozenset(monomial for monomial in least if monomial[1])
 
 
 def _added(a: Polynomial, b: Polynomial) -> Polynomial:
@@ -169,13 +171,13 @@ def _quotient(top: Polynomial, factor: Polynomial) -> Polynomial | None:
         return [powers.get(symbol, 0) for symbol in symbols]
 
     lead = max(factor, key=order)
-    found = {}
+    quotient = {}
     while rest:
-        most = max(rest, key=order)
-        place = _together(most, _inverse(lead))
+        leading = max(rest, key=order)
+        place = _together(leading, _inverse(lead))
         if any(power < 0 for _, power in place):
             return None
-        share = rest[most] / factor[lead]
-        found[_together(place, _inverse(common))] = share
+        share = rest[leading] / factor[lead]
+        quotient[_together(place, _inverse(common))] = share
         rest = _added(rest, {_together(place, m): -share * x for m, x in factor.items()})
-    return found
+    return quotient

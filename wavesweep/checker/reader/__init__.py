@@ -68,12 +68,12 @@ def unknown_key(tables: dict, loop: Controller | Drawing) -> str | None:
         )
         return next(unknown, None)
     tables = loop.key.tables
-    known = {"rates", "numbers", "block", "signals", "wire", "ports"}
-    own = [table for table in tables if table not in known | OTHERS]
+    tables_known = {"rates", "numbers", "block", "signals", "wire", "ports"}
+    own = [table for table in tables if table not in tables_known | OTHERS]
     own += [f"rates.{key}" for key in tables["rates"] if key != "tick_hz"]
-    for port, given in tables.get("ports", {}).items():
+    for port, entry in tables.get("ports", {}).items():
         named = port in ("inputs", "outputs")
-        parts = [part for part in given.values() if isinstance(part, dict)] if named else [given]
+        parts = [part for part in entry.values() if isinstance(part, dict)] if named else [entry]
         keys = {key for part in parts for key in part} - PORTS.get(port, set())
         own += [f"ports.{port}.{key}" for key in keys] + [f"ports.{port}"] * (port not in PORTS)
     for name, block in loop.blocks.items():

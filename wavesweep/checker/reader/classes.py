@@ -15,11 +15,11 @@ def written_out(tables: dict) -> dict:
     whole = {**tables, **{name: flat(tables.get(name, {})) for name in ("wire", "signals")}}
     for _ in range(MOST):
         blocks = whole.get("block", {})
-        left = [name for name, block in blocks.items() if block.get("type") in classes]
-        if not left:
+        instances = [name for name, block in blocks.items() if block.get("type") in classes]
+        if not instances:
             whole.pop("type", None)
             return whole
-        whole = _one(whole, left[0], classes[blocks[left[0]]["type"]])
+        whole = _one(whole, instances[0], classes[blocks[instances[0]]["type"]])
     raise Unreadable(f"more than {MOST} blocks of classes, or a class in itself")
 
 
@@ -29,34 +29,40 @@ def _one(tables: dict, name: str, drawing: dict) -> dict:
     if unknown:
         raise Unreadable(f"the key {min(unknown)} of a class is not known")
     blocks = dict(tables["block"])
-    given = dict(blocks.pop(name))
-    given.pop("type")
+    instance = dict(blocks.pop(name))
+    instance.pop("type")
     numbers = dict(tables.get("numbers", {}))
     signals = dict(tables["signals"])
     wires = dict(tables["wire"])
     drawing = {**drawing, **{part: flat(drawing.get(part, {})) for part in ("wire", "signals")}}
     ports = drawing.get("ports", {})
-    own = {number: f"{name}_{number}" for number in drawing.get("numbers", {})}
+    names = {number: f"{name}_{number}" for number in drawing.get("numbers", {})}
     for part in ("block", "signals"):
-        own |= {each: f"{name}.{each}" for each in drawing.get(part, {})}
-    own |= {port: f"{name}.{port}" for port in ports.get("inputs", [])}
-    made = [*own.values(), *(f"{name}.{output}" for output in ports.get("outputs", {}))]
-    taken = [each for each in made if each in {*numbers, *blocks, *signals} or made.count(each) > 1]
+        names |= {name_made: f"{name}.{name_made}" for name_made in drawing.get(part, {})}
+    names |= {port: f"{name}.{port}" for port in ports.get("inputs", [])}
+    made = [*names.values(), *(f"{name}.{output}" for output in ports.get("outputs", {}))]
+    taken = [
+        name_made
+        for name_made in made
+        if name_made in {*numbers, *blocks, *signals} or made.count(name_made) > 1
+    ]
     taken += [port for port in drawing.get("wire", {}) if f"{name}.{port}" in wires]
     if taken:
         raise Unreadable(f"{taken[0]} of the class of {name} is there twice")
     for block, keys in drawing.get("block", {}).items():
-        changed = {key: _renamed(value, own) for key, value in keys.items() if key != "type"}
-        changed |= given.pop(block, {})
+        changed = {key: _renamed(value, names) for key, value in keys.items() if key != "type"}
+        changed |= instance.pop(block, {})
         blocks[f"{name}.{block}"] = {"type": keys["type"], **changed}
     for number, value in drawing.get("numbers", {}).items():
-        numbers[own[number]] = given.pop(number) if number in given else _renamed(value, own)
-    for key in given:
+        numbers[names[number]] = (
+            instance.pop(number) if number in instance else _renamed(value, names)
+        )
+    for key in instance:
         raise Unreadable(f"block.{name}.{key} is no number and no block of its class")
     texts = drawing["signals"], ports.get("outputs", {}), drawing["wire"]
     for target, meanings in zip((signals, signals, wires), texts, strict=True):
         for key, text in meanings.items():
-            target[f"{name}.{key}"] = _renamed(text, own)
+            target[f"{name}.{key}"] = _renamed(text, names)
     for port in ports.get("inputs", []):
         signals[f"{name}.{port}"] = wires.pop(f"{name}.{port}")
     return {**tables, "block": blocks, "numbers": numbers, "signals": signals, "wire": wires}

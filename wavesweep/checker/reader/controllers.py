@@ -131,9 +131,9 @@ class Controller:
         self.arithmetic = arithmetic
         self.key = key = Keys(tables)
         for path, rule in RULES.items():
-            given = Keys(tables)(path)
-            if given is not None and (path, given) != ("environment.delay", "frame"):
-                rule.refuse(path, given, arithmetic)
+            value = Keys(tables)(path)
+            if value is not None and (path, value) != ("environment.delay", "frame"):
+                rule.refuse(path, value, arithmetic)
         self.kind = key("controller.kind")
         if self.kind is None:
             raise Unreadable("controller.kind is missing")
@@ -167,23 +167,23 @@ class Controller:
         if ratio is not None and slow is not None:
             raise Unreadable("rates.ratio and rates.slow_hz are one number, and both stand there")
         if slow is None:
-            given = 20 if ratio is None else ratio
-            self.arithmetic.whole(given)
-            return self.arithmetic.exact(given)
-        found = fast / self.arithmetic.exact(slow)
-        if not 1 <= found <= 1000 or (
-            found.denominator > 1 and (found < 2 or found.numerator > 10_000)
+            frame = 20 if ratio is None else ratio
+            self.arithmetic.whole(frame)
+            return self.arithmetic.exact(frame)
+        quotient = fast / self.arithmetic.exact(slow)
+        if not 1 <= quotient <= 1000 or (
+            quotient.denominator > 1 and (quotient < 2 or quotient.numerator > 10_000)
         ):
             raise Unreadable(
-                f"rates.slow_hz makes frames of {float(found):g} ticks: expected 1 to 1000 of them, in step within 10,000"
+                f"rates.slow_hz makes frames of {float(quotient):g} ticks: expected 1 to 1000 of them, in step within 10,000"
             )
-        return found
+        return quotient
 
     def number(self, path, default):
-        given = self.key(path, default)
-        if given is None:
+        value = self.key(path, default)
+        if value is None:
             raise Unreadable(f"{path} is missing")
-        return self.arithmetic.number(given)
+        return self.arithmetic.number(value)
 
     def read_device(self):
         key = self.key
@@ -302,9 +302,11 @@ class Controller:
         if "slow.speed" in law:
             law = f"{law}; {AVATAR[self.integration]}"
         spring = SPRING[self.integration].format(place="slow")
-        own, kept = self.laws(law, x=x, v=v, wave=wave, place="slow", step="Ts", spring=spring)
-        equations |= own
-        writes |= kept
+        equations_of_law, writes_of_law = self.laws(
+            law, x=x, v=v, wave=wave, place="slow", step="Ts", spring=spring
+        )
+        equations |= equations_of_law
+        writes |= writes_of_law
         for name in RESULTS[self.kind].split():
             writes[f"@{event} {name}"] = {f"new {name}": 1}
 
@@ -316,9 +318,11 @@ class Controller:
             law = f"{law}; {AVATAR[self.local_integration]}"
         local = "memory.v_2" if self.local_delay else "lp2.out"
         spring = SPRING[self.local_integration].format(place="local")
-        own, kept = self.laws(law, local=local, place="local", step="T", spring=spring)
-        equations |= own
-        writes |= kept
+        equations_of_law, writes_of_law = self.laws(
+            law, local=local, place="local", step="T", spring=spring
+        )
+        equations |= equations_of_law
+        writes |= writes_of_law
         for name in FILTERS_OF.get(self.kind, ()):
             add_sections(equations, writes, name, self.filters[name], *FILTERED[name])
         if self.kind == "pmw-mean":
@@ -333,11 +337,11 @@ class Controller:
         order, cutoff, side = FILTERS[name]
         path = f"filters.{name}"
         edges = {edge: self.key(f"{path}.{edge}") for edge in EDGES}
-        given = [edge for edge in EDGES if edges[edge] is not None]
-        if given and len(given) < len(EDGES):
-            raise Unreadable(f"{path} has {given[0]} without all of {', '.join(EDGES)}")
+        edges_written = [edge for edge in EDGES if edges[edge] is not None]
+        if edges_written and len(edges_written) < len(EDGES):
+            raise Unreadable(f"{path} has {edges_written[0]} without all of {', '.join(EDGES)}")
         own_order, own_cutoff = self.key(f"{path}.order"), self.key(f"{path}.cutoff_hz")
-        if given:
+        if edges_written:
             order, warped = filters.order_and_cutoff(edges, self.warped, side, self.arithmetic)
             same = own_cutoff is None or self.alike(self.warped(own_cutoff), warped)
             if own_order not in (None, order) or not same:
@@ -351,9 +355,9 @@ class Controller:
             warped = self.warped(cutoff if own_cutoff is None else own_cutoff)
         return filters.butterworth(order, warped, side, self.arithmetic)
 
-    def alike(self, value, other) -> bool:
+    def alike(self, value, reference) -> bool:
         """Whether two numbers differ by the rounding of doubles alone."""
-        low, high = self.arithmetic.ends(value / other - 1)
+        low, high = self.arithmetic.ends(value / reference - 1)
         return low > -ROUNDING and high < ROUNDING
 
     def warped(self, hertz):

@@ -27,7 +27,7 @@ AXES = {"five-bar": "xy", "pantograph": "xy", "delta": "xyz"}
 
 def parts_of(kind: str, value, arithmetic) -> tuple:
     """value: a key's number, of the key and its default."""
-    of = {key: value(key, Fraction(given)) for key, given in DEFAULTS[kind].items()}
+    of = {key: value(key, Fraction(default)) for key, default in DEFAULTS[kind].items()}
     axes = list(AXES[kind])
     mass, damping, stiffness = (
         diagonal([value(f"hand_{key}_{axis}", 0) for axis in axes])
@@ -120,9 +120,9 @@ def _two_links(reach, side, l1, l2, c2, arithmetic):
     """
     x, y = reach
     far = x * x + y * y
-    along = (l1 * l1 + far - l2 * l2) / (2 * far)
-    aside = side * arithmetic.sqrt(l1 * l1 / far - along * along)
-    elbow = [along * x - aside * y, along * y + aside * x]
+    radial = (l1 * l1 + far - l2 * l2) / (2 * far)
+    aside = side * arithmetic.sqrt(l1 * l1 / far - radial * radial)
+    elbow = [radial * x - aside * y, radial * y + aside * x]
     of_q = [-elbow[1], elbow[0]]  # motion of the elbow for q' = 1
     of_a = [-(y - elbow[1]), x - elbow[0]]  # of the hand for a' = 1
     size = of_q[0] * of_a[1] - of_q[1] * of_a[0]
@@ -134,4 +134,4 @@ def _two_links(reach, side, l1, l2, c2, arithmetic):
 
 def _square(matrix):
     columns = transposed(matrix)
-    return [[dot(column, other) for other in columns] for column in columns]
+    return [[dot(column, second) for second in columns] for column in columns]

@@ -156,8 +156,8 @@ class Drawing:
         self.key = Keys(written_out(tables))
         self.key("type")
         self.numbers = {}
-        for name, given in self.key("numbers", {}).items():
-            table = given if isinstance(given, dict) else {"value": given}
+        for name, entry in self.key("numbers", {}).items():
+            table = entry if isinstance(entry, dict) else {"value": entry}
             if not is_name(name.replace(".", "_")):  # that of a class in a class has dots
                 raise Unreadable(f"{name!r} is no name of a number")
             if "value" not in table or table.keys() - {"value", "unit", "description"}:
@@ -182,7 +182,7 @@ class Drawing:
             {**self.signals, **{f"wire {port}": wire for port, wire in self.wires.items()}}
         )
         bounded_parts(
-            {name: given for name, given in self.numbers.items() if isinstance(given, str)}
+            {name: entry for name, entry in self.numbers.items() if isinstance(entry, str)}
         )
         for block, keys in self.blocks.items():
             for key in keys:
@@ -201,17 +201,17 @@ class Drawing:
 
     # Numbers and names
 
-    def number(self, given, dt: Fraction | None = None):
+    def number(self, entry, dt: Fraction | None = None):
         """A number, or what an expression in numbers gives."""
-        if given is None:
+        if entry is None:
             raise Unreadable("a number is missing")
-        if not isinstance(given, str):
-            return self.arithmetic.number(given)
+        if not isinstance(entry, str):
+            return self.arithmetic.number(entry)
 
         def value_of(name):
             return {"": self.constant(name, dt)}
 
-        return number(given, value_of, self.arithmetic)
+        return number(entry, value_of, self.arithmetic)
 
     def constant(self, name: str, dt: Fraction | None):
         """A number by its name, pi, or dt where there is a period."""
@@ -223,9 +223,9 @@ class Drawing:
 
     def number_called(self, name: str):
         if name not in self.known and name in self.numbers:
-            given = self.numbers.pop(name)  # so that one that reads itself is not known
-            self.known[name] = self.number(given)
-            self.numbers[name] = given
+            entry = self.numbers.pop(name)  # so that one that reads itself is not known
+            self.known[name] = self.number(entry)
+            self.numbers[name] = entry
         if name not in self.known:  # of a device: its block's name and its key
             block, _, key = name.partition("_")
             if block not in self.blocks:
@@ -235,18 +235,18 @@ class Drawing:
 
     def value(self, block: str, key: str, default=None):
         """A key of a block that is a number."""
-        given = self.word(block, key, default)
-        if given is None:
+        entry = self.word(block, key, default)
+        if entry is None:
             raise Unreadable(f"block.{block}.{key} is missing")
-        return self.number(given, self.period(block))
+        return self.number(entry, self.period(block))
 
     def refuse(self, block: str, key: str) -> None:
         """Unreadable for a key that its type of block does not allow."""
-        given = self.blocks[block][key]
+        entry = self.blocks[block][key]
         rule = OF_BLOCKS[self.blocks[block]["type"]][key]
         if not rule.words:
-            given = self.number(given, None if key == "every" else self.period(block))
-        rule.refuse(f"block.{block}.{key}", given, self.arithmetic)
+            entry = self.number(entry, None if key == "every" else self.period(block))
+        rule.refuse(f"block.{block}.{key}", entry, self.arithmetic)
 
     def refuse_unfit(self, block: str, keys: dict) -> None:
         """Unreadable for limits, and for losses of messages, that do not fit together; the loop itself does not read them."""
@@ -277,8 +277,8 @@ class Drawing:
                     raise Unreadable(f"{path}.{key} stands beside messages that are lost at random")
 
     def whole(self, block: str, key: str, default=None) -> int:
-        given = self.number(self.word(block, key, default))
-        return bounded(self.arithmetic.whole(given), f"block.{block}.{key}")
+        entry = self.number(self.word(block, key, default))
+        return bounded(self.arithmetic.whole(entry), f"block.{block}.{key}")
 
     def word(self, block: str, key: str, default=None):
         self.key.asked.add(f"block.{self.blocks[block]['type']}.{key}")
@@ -286,10 +286,10 @@ class Drawing:
         return self.blocks[block].get(key, default)
 
     def matrix(self, block: str, key: str, rows: int, columns: int):
-        given = self.word(block, key, [])
-        if not given and (key in ("D", "damping", "stiffness") or not rows * columns):
+        entries = self.word(block, key, [])
+        if not entries and (key in ("D", "damping", "stiffness") or not rows * columns):
             return [[0] * columns for _ in range(rows)]
-        values = [[self.number(entry, self.period(block)) for entry in row] for row in given]
+        values = [[self.number(entry, self.period(block)) for entry in row] for row in entries]
         if len(values) != rows or any(len(row) != columns for row in values):
             raise Unreadable(
                 f"block.{block}.{key} is no matrix of {rows} rows and {columns} columns"
@@ -311,16 +311,16 @@ class Drawing:
     def inputs(self) -> set[str]:
         """Names of signals from outside."""
         for port, needed in NEEDED.items():
-            given = self.key(f"ports.{port}", {})
-            if given and needed - given.keys():
-                raise Unreadable(f"ports.{port}.{min(needed - given.keys())} is missing")
-        found: set[str] = set()
+            entry = self.key(f"ports.{port}", {})
+            if entry and needed - entry.keys():
+                raise Unreadable(f"ports.{port}.{min(needed - entry.keys())} is missing")
+        signals: set[str] = set()
         for end in ("hand", "environment"):
             force = self.key(f"ports.{end}.force", [])
-            found |= {force} if isinstance(force, str) else set(force)
-        for given in self.key("ports.inputs", {}).values():
-            found.add(given["signal"] if isinstance(given, dict) else given)
-        return found
+            signals |= {force} if isinstance(force, str) else set(force)
+        for entry in self.key("ports.inputs", {}).values():
+            signals.add(entry["signal"] if isinstance(entry, dict) else entry)
+        return signals
 
     # Signals
 
@@ -437,10 +437,10 @@ class Drawing:
 
     def names_of(self, block: str, key: str, default: list[str]) -> list[str]:
         """Different names of ports."""
-        found = self.word(block, key, default)
-        if not all(map(is_name, found)) or len(set(found)) < len(found):
+        listed = self.word(block, key, default)
+        if not all(map(is_name, listed)) or len(set(listed)) < len(listed):
             raise Unreadable(f"block.{block}.{key} is no list of different names")
-        return found
+        return listed
 
     def mass_matrix(self, name: str):
         axes = self.names_of(name, "axes", ["x", "y"])
@@ -453,13 +453,13 @@ class Drawing:
         J = self.matrix(name, "through", coordinates, len(axes)) if through else identity(len(axes))
         parts = []
         for key in ("mass", "damping", "stiffness"):
-            given = self.word(name, key, [])
-            rows = 1 if len(given) == 1 else coordinates
+            entries = self.word(name, key, [])
+            rows = 1 if len(entries) == 1 else coordinates
             part = self.matrix(name, key, rows, coordinates)
             if key == "mass" and rows > 1:
                 self.refuse_askew(part, name)
             parts.append(
-                product(product(transposed(J), diagonal(part[0]) if len(given) == 1 else part), J)
+                product(product(transposed(J), diagonal(part[0]) if len(entries) == 1 else part), J)
             )
         return self.body(axes, *parts)
 
@@ -493,24 +493,24 @@ class Drawing:
     def wire_of_plant(self, block: str, port: str):
         """(what acts continuously, what is sampled in a tick and held, what arrives between ticks)."""
         continuous: dict = {}
-        held: dict = {}
+        held_form: dict = {}
         arriving: dict = {}
         self.key.asked.add(f"wire.{block}.{port}")
         text = self.wires.get(f"{block}.{port}")
         if text is None:
             self.refuse_loose(block, port)
-            return continuous, held, arriving
+            return continuous, held_form, arriving
         for acts, factor, signal in self.products_of(block, text):
             for name, coefficient in scaled(factor, self.signal(signal, block)).items():
                 owner = self.owner(name)
                 if owner in self.late and self.late[owner][1]:
-                    held = form(held, (coefficient, f"{owner} read"))
+                    held_form = form(held_form, (coefficient, f"{owner} read"))
                     arriving = form(arriving, (coefficient, f"@{owner} arrived"))
                 elif acts and owner in self.plants:
                     continuous = form(continuous, (coefficient, name))
                 else:
-                    held = form(held, (coefficient, name))
-        return continuous, held, arriving
+                    held_form = form(held_form, (coefficient, name))
+        return continuous, held_form, arriving
 
     def products_of(self, block: str, text):
         """(whether it acts continuously, factor, signal) of each product of a wire to a plant."""
@@ -551,15 +551,15 @@ class Drawing:
                                 f"signals.{name} acts continuously, and is held elsewhere: {port}"
                             )
 
-    def names_read(self, given) -> set[str]:
+    def names_read(self, entry) -> set[str]:
         """All that expressions read, through names of signals and numbers."""
-        if isinstance(given, list):
-            return {name for each in given for name in self.names_read(each)}
-        if not isinstance(given, str):
+        if isinstance(entry, list):
+            return {name for part in entry for name in self.names_read(part)}
+        if not isinstance(entry, str):
             return set()
-        found = names_in(parsed(given))
-        further = [self.signals.get(name, self.numbers.get(name)) for name in found]
-        return found | self.names_read(further)
+        names = names_in(parsed(entry))
+        further = [self.signals.get(name, self.numbers.get(name)) for name in names]
+        return names | self.names_read(further)
 
     def refuse_loose(self, block: str, port: str) -> None:
         """Unreadable for a port without a wire, but for those of a spring that need none."""
@@ -580,29 +580,29 @@ class Drawing:
         for sign, term in terms_of(text, self.signals):
             products = []
             numbers = {*self.numbers, "pi", "dt"}
-            for own, factors, signal in multiplied_out(term, self.signals, numbers):
+            for factor, factors, signal in multiplied_out(term, self.signals, numbers):
                 if signal:
-                    products.append((sign * own, factors, signal))
+                    products.append((sign * factor, factors, signal))
             far = [each for each in products if self.owner(each[2]) in self.plants.keys() - {block}]
             near = [each for each in products if self.owner(each[2]) == block]
             if self.blocks[block]["type"] == "spring":
                 between += products
             elif far and near:
-                left, unmatched, pairs = self.paired(near, far)
+                unpaired, unmatched, pairs = self.paired(near, far)
                 ends = {each[2].rpartition(".")[2] for each in unmatched}
-                if any(each[2].rpartition(".")[2] in ends for each in left):
+                if any(each[2].rpartition(".")[2] in ends for each in unpaired):
                     between += products
                     continue
                 between += pairs
                 halves += unmatched
-                alone += left
+                alone += unpaired
                 sampled += [each for each in products if each not in (*near, *far)]
             elif far:
                 halves += products
             else:
                 (alone if len(near) == len(products) else sampled).extend(products)
-        left, unmatched, pairs = self.paired(alone, halves)
-        return between + pairs + unmatched, sampled + left
+        unpaired, unmatched, pairs = self.paired(alone, halves)
+        return between + pairs + unmatched, sampled + unpaired
 
     def paired(self, near, far):
         """What is left of near ends and of far ends, and those that belong together."""
@@ -611,20 +611,22 @@ class Drawing:
             fits = [each for each in near if each[:2] == (-half[0], half[1]) and each not in pairs]
             fits.sort(key=lambda each: each[2].rpartition(".")[2] != half[2].rpartition(".")[2])
             pairs += [half, *fits[:1]] if fits else []
-        left = [each for each in near if each not in pairs]
-        return left, [each for each in far if each not in pairs], pairs
+        unpaired = [each for each in near if each not in pairs]
+        return unpaired, [each for each in far if each not in pairs], pairs
 
     def motion(self) -> Instant:
         """The derivatives of all plants' states, over states and what is held: x' = A x + B u, y = C x + D u, u = L y + h."""
         moving = Instant()
         for name, (inputs, outputs, A, B, C, D) in self.plants.items():
-            states = [f"@{name} x{at}" for at in range(len(A))]
+            states = [f"@{name} x{state}" for state in range(len(A))]
             acting = [f"u {name}.{port}" for port in inputs]
             for into, port in zip(acting, inputs, strict=True):
                 continuous, sampled, arriving = self.wire_of_plant(name, port)
-                own = {f"y {signal}": coefficient for signal, coefficient in continuous.items()}
+                into_plant = {
+                    f"y {signal}": coefficient for signal, coefficient in continuous.items()
+                }
                 moving.equations[into] = form(
-                    own, arriving, {f"@into {name}.{port}": 1} if sampled else {}
+                    into_plant, arriving, {f"@into {name}.{port}": 1} if sampled else {}
                 )
             shown = [f"y {name}.{port}" for port in outputs]
             moving.equations |= rows_of(shown, C, states, D, acting)
@@ -635,29 +637,29 @@ class Drawing:
         """Outputs of plants as a tick shows them, and what is held from this tick on."""
         for name, (inputs, outputs, A, _, C, D) in self.plants.items():
             for port in inputs:
-                continuous, held, arriving = self.wire_of_plant(name, port)
-                equations[f"held into {name}.{port}"] = held
+                continuous, held_form, arriving = self.wire_of_plant(name, port)
+                equations[f"held into {name}.{port}"] = held_form
                 equations[f"into {name}.{port}"] = form(
                     continuous, arriving, (1, f"held into {name}.{port}")
                 )
-                if held:
+                if held_form:
                     writes[f"@into {name}.{port}"] = {f"held into {name}.{port}": 1}
             shown = [f"{name}.{port}" for port in outputs]
-            states = [f"@{name} x{at}" for at in range(len(A))]
+            states = [f"@{name} x{state}" for state in range(len(A))]
             fed = [f"into {name}.{port}" for port in inputs]
             equations |= rows_of(shown, C, states, D, fed)
 
     # Dead times
 
     def dead_time(self, name: str) -> tuple[int, Any]:
-        given = self.word(name, "seconds")
+        entry = self.word(name, "seconds")
         if (
-            isinstance(given, str)
-            and given in self.numbers
-            and not isinstance(self.numbers[given], str)
+            isinstance(entry, str)
+            and entry in self.numbers
+            and not isinstance(self.numbers[entry], str)
         ):
-            given = self.numbers[given]  # a decimal number, and not the double nearest to it
-        seconds = self.arithmetic.time(self.number(given) if isinstance(given, str) else given)
+            entry = self.numbers[entry]  # a decimal number, and not the double nearest to it
+        seconds = self.arithmetic.time(self.number(entry) if isinstance(entry, str) else entry)
         self.in_each_tick(name)
         return ticks_and_rest(seconds, self.T, f"block.{name}.seconds", self.arithmetic)
 
@@ -669,32 +671,32 @@ class Drawing:
         """
         whole, rest = self.late[name]
         seen: dict = {}
-        given: dict = {}
+        input_form: dict = {}
         for part, coefficient in self.into(name, "u").items():
             if self.owner(part) in self.plants:
                 seen = form(seen, (coefficient, part))
             else:
-                given = form(given, (coefficient, part))
+                input_form = form(input_form, (coefficient, part))
         if rest:
             equations[f"{name} read"] = {f"@{name} seen {whole}": 1} if seen else {}
             equations[f"{name}.y"] = {f"{name} read": 1, f"@{name} arrived": 1}
-            writes |= shifted(f"@{name} given ", whole, given)
-            arrival = {f"@{name} arrived": {f"@{name} given {whole}": 1} if given else {}}
+            writes |= shifted(f"@{name} given ", whole, input_form)
+            arrival = {f"@{name} arrived": {f"@{name} given {whole}": 1} if input_form else {}}
             look = Instant({}, {})
             for part in seen:
                 plant = self.owner(part)
                 _, outputs, A, _, C, _ = self.plants[plant]
                 row = outputs.index(part.rpartition(".")[2])
                 look.equations[part] = form(
-                    *((C[row][at], f"@{plant} x{at}") for at in range(len(A)))
+                    *((C[row][state], f"@{plant} x{state}") for state in range(len(A)))
                 )
             look.writes |= shifted(f"@{name} seen ", whole, dict(seen))
             extra = [(self.T - rest, f"{name} looks", look)] if seen else []
-            if given:
+            if input_form:
                 return [(rest, f"{name} arrives", Instant({}, arrival)), *extra]
             writes |= arrival
             return extra
-        equations[f"{name} now"] = form(seen, given)
+        equations[f"{name} now"] = form(seen, input_form)
         fifo(equations, writes, name, f"{name} now", [(f"{name}.y", whole)])
         return []
 
@@ -748,20 +750,20 @@ class Drawing:
 
     def model(self, name, equations, writes, top, bottom):
         """A transfer function from port u to port y."""
-        given = filters.transfer(top, bottom)
-        add_model(equations, writes, name, given, self.into(name), f"{name}.y")
+        realisation = filters.transfer(top, bottom)
+        add_model(equations, writes, name, realisation, self.into(name), f"{name}.y")
 
     def messages(self, name, new, runs, equations, writes):
         """The receiver gets the message that was sent so many messages before the newest one, or None, and holds what it has."""
         now = [f"{name} now"] * runs
-        kept = (
+        count_kept = (
             self.whole(name, "late", 0) // self.every(name) + 1 - runs
         )  # of those that may still come
-        sent = [*now, *(f"@{name} sent {at}" for at in range(kept))]
+        sent = [*now, *(f"@{name} sent {age}" for age in range(count_kept))]
         if runs:
             equations[f"{name} now"] = self.into(name)
-            for at, message in enumerate(sent):
-                writes[f"@{name} sent {at}"] = {message: 1}
+            for age, message in enumerate(sent):
+                writes[f"@{name} sent {age}"] = {message: 1}
         lost = runs and self.word(name, "missing", "held") == "zero"
         equations[f"{name}.y"] = (
             {sent[new]: 1} if new is not None else {} if lost else {f"@held {name}.y": 1}
@@ -808,10 +810,10 @@ class Drawing:
     def weighted(self, name, equations, writes, weights):
         """The sum of weights times the last inputs, the first one of the newest."""
         equations[f"{name} now"] = self.into(name)
-        outputs = [(f"{name} ago {at}", at) for at in range(len(weights))]
+        outputs = [(f"{name} ago {age}", age) for age in range(len(weights))]
         fifo(equations, writes, name, f"{name} now", outputs)
         equations[f"{name}.y"] = form(
-            *((weight, f"{name} ago {at}") for at, weight in enumerate(weights))
+            *((weight, f"{name} ago {age}") for age, weight in enumerate(weights))
         )
 
     def run_tf(self, name, equations, writes):
@@ -820,7 +822,7 @@ class Drawing:
 
     def run_ss(self, name, equations, writes):
         inputs, outputs, A, B, C, D = self.state_space(name)
-        states = [f"@{name} x{at}" for at in range(len(A))]
+        states = [f"@{name} x{state}" for state in range(len(A))]
         for port in inputs:
             equations[f"into {name}.{port}"] = self.into(name, port)
         fed = [f"into {name}.{port}" for port in inputs]
@@ -877,13 +879,13 @@ class Drawing:
         writes: dict[str, dict] = {}
         extra = []
         for name in running:
-            own: dict[str, dict] = {}
-            kept: dict[str, dict] = {}
-            self.run(name, own, kept)
+            equations_of_block: dict[str, dict] = {}
+            writes_of_block: dict[str, dict] = {}
+            self.run(name, equations_of_block, writes_of_block)
             if name in active:
-                equations |= own
-                writes |= kept
-            for out in own:
+                equations |= equations_of_block
+                writes |= writes_of_block
+            for out in equations_of_block:
                 if self.owner(out) != name:
                     continue
                 if name not in active:
@@ -915,20 +917,20 @@ class Drawing:
 
     def port_signals(self) -> dict[str, str]:
         """Expressions of [ports], by the names of their outputs; of a hand of several axes the first one's."""
-        found = {}
+        signals = {}
         for name in ("displacement", "reaction"):
-            given = self.key(f"ports.hand.{name}")
-            if given:
-                found[f"hand {name}"] = given if isinstance(given, str) else given[0]
-        for name, given in self.key("ports.outputs", {}).items():
-            found[f"output {name}"] = given["signal"] if isinstance(given, dict) else given
-        return found
+            entry = self.key(f"ports.hand.{name}")
+            if entry:
+                signals[f"hand {name}"] = entry if isinstance(entry, str) else entry[0]
+        for name, entry in self.key("ports.outputs", {}).items():
+            signals[f"output {name}"] = entry["signal"] if isinstance(entry, dict) else entry
+        return signals
 
 
 def fifo(equations, writes, name, source, outputs):
     """Each of `outputs`, (variable, runs), is `source` so many runs ago."""
     longest = max(runs for _, runs in outputs)
-    for at in range(longest):
-        writes[f"@{name} ago {at + 1}"] = {f"@{name} ago {at}": 1} if at else {source: 1}
+    for age in range(longest):
+        writes[f"@{name} ago {age + 1}"] = {f"@{name} ago {age}": 1} if age else {source: 1}
     for out, runs in outputs:
         equations[out] = {f"@{name} ago {runs}": 1} if runs else {source: 1}

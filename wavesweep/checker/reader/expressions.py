@@ -107,20 +107,24 @@ def multiplied_out(node, meanings, numbers) -> list[tuple[int, tuple[str, ...], 
     products = []
     for sign, part in terms_of(node, meanings):
         if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Mult | ast.Div):
-            left = multiplied_out(part.left, meanings, numbers)
+            products_of_left = multiplied_out(part.left, meanings, numbers)
             right = [(1, (f"1/({ast.unparse(part.right)})",), "")]
             if isinstance(part.op, ast.Mult):
                 right = multiplied_out(part.right, meanings, numbers)
-            if len(left) * len(right) + len(products) > MOST:
+            if len(products_of_left) * len(right) + len(products) > MOST:
                 raise Unreadable(f"a wire of more than {MOST} products")
-            for one, factors, signal in left:
-                for other, further, behind in right:
+            for first_sign, factors, signal in products_of_left:
+                for second_sign, further, behind in right:
                     products.append(
-                        (sign * one * other, tuple(sorted((*factors, *further))), signal + behind)
+                        (
+                            sign * first_sign * second_sign,
+                            tuple(sorted((*factors, *further))),
+                            signal + behind,
+                        )
                     )
         elif isinstance(part, ast.Call) and part.func.id == "prev":
-            for one, factors, signal in multiplied_out(part.args[0], meanings, numbers):
-                products.append((sign * one, factors, f"prev {signal}"))
+            for first_sign, factors, signal in multiplied_out(part.args[0], meanings, numbers):
+                products.append((sign * first_sign, factors, f"prev {signal}"))
         elif isinstance(part, (ast.Name, ast.Attribute)) and dotted(part) not in numbers:
             products.append((sign, (), dotted(part)))
         else:
@@ -148,24 +152,24 @@ def linear(node, value_of: Callable[[str], dict], arithmetic) -> dict:
         return {"": getattr(arithmetic, function)(number(node.args[0], value_of, arithmetic))}
     if not isinstance(node, ast.BinOp):
         raise Unreadable(f"{ast.unparse(node)[:60]!r} is no arithmetic")
-    left = linear(node.left, value_of, arithmetic)
+    first = linear(node.left, value_of, arithmetic)
     right = linear(node.right, value_of, arithmetic)
     if isinstance(node.op, ast.Add):
-        return form(left, right)
+        return form(first, right)
     if isinstance(node.op, ast.Sub):
-        return form(left, scaled(-1, right))
-    if isinstance(node.op, ast.Mult) and set(left) <= {""}:
-        return scaled(left.get("", 0), right)
+        return form(first, scaled(-1, right))
+    if isinstance(node.op, ast.Mult) and set(first) <= {""}:
+        return scaled(first.get("", 0), right)
     if not set(right) <= {""}:
         raise Unreadable(f"{ast.unparse(node)[:60]!r} is not linear in signals")
     factor = right.get("", 0)
     if isinstance(node.op, ast.Mult):
-        return scaled(factor, left)
+        return scaled(factor, first)
     if isinstance(node.op, ast.Div):
-        return {name: coefficient / factor for name, coefficient in left.items()}
-    if not isinstance(node.op, ast.Pow) or not set(left) <= {""}:
+        return {name: coefficient / factor for name, coefficient in first.items()}
+    if not isinstance(node.op, ast.Pow) or not set(first) <= {""}:
         raise Unreadable(f"{ast.unparse(node)[:60]!r} is no arithmetic")
-    return {"": left.get("", 0) ** factor}
+    return {"": first.get("", 0) ** factor}
 
 
 def equations_of(
@@ -195,8 +199,8 @@ def names_in(node) -> set[str]:
     """All dotted names that a part of an expression mentions, as they stand there."""
     if isinstance(node, (ast.Name, ast.Attribute)):
         return {dotted(node)}
-    found: set[str] = set()
+    names: set[str] = set()
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.expr) and not (isinstance(node, ast.Call) and child is node.func):
-            found |= names_in(child)
-    return found
+            names |= names_in(child)
+    return names

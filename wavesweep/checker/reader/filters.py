@@ -38,10 +38,10 @@ def butterworth(order: int, warped, side: str, arithmetic) -> list[tuple]:
         if side != "low":  # s^2/(...) = 1 + (2 real s - 1)/(...), and s/(...) = (0, 1) + real low
             low = [2 * real * real * low[0] - low[0], 2 * real]
             last = 1
-        along = 1 - warped * real
+        real_part = 1 - warped * real
         aside = warped * turn
-        size = along * along + aside * aside
-        inverse = [[along / size, aside / size], [-aside / size, along / size]]
+        size = real_part * real_part + aside * aside
+        inverse = [[real_part / size, aside / size], [-aside / size, real_part / size]]
         sections.append(_bilinear(A, [0, 1], low, last, warped, inverse))
     if order % 2:
         share = 1 if side == "low" else -1
@@ -53,11 +53,12 @@ def butterworth(order: int, warped, side: str, arithmetic) -> list[tuple]:
 def _bilinear(A, B, C, D, a, inverse):
     """C (s - A)^-1 B + D with s = (z - 1)/(z + 1)/a; inverse: (1 - a A)^-1."""
     places = range(len(B))
-    right = [[int(at == other) + a * A[at][other] for other in places] for at in places]
-    moved = [dot(inverse[at], B) for at in places]
-    seen = [dot(C, [inverse[at][other] for at in places]) for other in places]
+    right = [[int(row == column) + a * A[row][column] for column in places] for row in places]
+    moved = [dot(inverse[row], B) for row in places]
+    seen = [dot(C, [inverse[row][column] for row in places]) for column in places]
     turned = [
-        [dot(inverse[at], [right[of][other] for of in places]) for other in places] for at in places
+        [dot(inverse[row], [right[of][column] for of in places]) for column in places]
+        for row in places
     ]
     return turned, [2 * a * x for x in moved], seen, D + a * dot(C, moved)
 
@@ -73,9 +74,9 @@ def order_and_cutoff(edges: dict, warped, side: str, arithmetic) -> tuple[int, o
     if arithmetic.ends(edges["stopband_db"] - edges["passband_db"])[0] <= 0:
         raise Unreadable("a filter whose stopband_db is not above passband_db")
     lost = _power_of_ten(edges["passband_db"], arithmetic) - 1
-    kept = _power_of_ten(edges["stopband_db"], arithmetic) - 1
+    rejection = _power_of_ten(edges["stopband_db"], arithmetic) - 1
     order = 1
-    while not arithmetic.at_least(wide ** (2 * order) * lost, kept):
+    while not arithmetic.at_least(wide ** (2 * order) * lost, rejection):
         order += 1
         if order > MOST:
             raise Unreadable("edges of a filter that no order keeps")
@@ -98,6 +99,6 @@ def transfer(numerator, denominator) -> tuple:
     b = [entry / denominator[0] for entry in numerator]
     a = [entry / denominator[0] for entry in denominator]
     A = [[-entry for entry in a[1:]]] if order else []
-    A += [[int(other == at) for other in range(order)] for at in range(order - 1)]
-    B = [int(at == 0) for at in range(order)]
-    return A, B, [b[at + 1] - b[0] * a[at + 1] for at in range(order)], b[0]
+    A += [[int(column == row) for column in range(order)] for row in range(order - 1)]
+    B = [int(row == 0) for row in range(order)]
+    return A, B, [b[row + 1] - b[0] * a[row + 1] for row in range(order)], b[0]

@@ -82,24 +82,24 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
     texts = [str(keys[key]) for keys in blocks for key in COUNTS & keys.keys()]
     counts = {name for text in texts for name in names_in(parsed(text))}
     named = dict(axes(tables, "for_all", table))
-    for name, given in named.items():
+    for name, entry in named.items():
         number = called(tables, name)
-        varying = isinstance(given, dict) and given.get("varying")
+        varying = isinstance(entry, dict) and entry.get("varying")
         if varying and controller and number not in (RATIO, DELAY):
             raise Unreadable(f"{number} varies from frame to frame: expected {RATIO} or {DELAY}")
         rule = rule_of(tables, path_of(tables, name))
-        _of_number(found, number, given, exact, rule.whole if rule else number in counts)
+        _of_number(found, number, entry, exact, rule.whole if rule else number in counts)
     elapsed = tables.get("environment", {}).get("step") != "nominal"
     for name, values in [*found.varying.items()]:
         if len(values) == 1 and elapsed and name not in found.shares | found.following:
             found.listed[name] = found.varying.pop(name)
-    given = {name: table[name] for name in OWN["for_all"] if name in table.keys() - named.keys()}
-    found.lost = _whole(exact(given.get("lost", 0)), MOST_LOST)
-    found.loss = given.get("loss")
-    if not 0 <= exact(given.get("loss", 0)) <= 1:
+    entry = {name: table[name] for name in OWN["for_all"] if name in table.keys() - named.keys()}
+    found.lost = _whole(exact(entry.get("lost", 0)), MOST_LOST)
+    found.loss = entry.get("loss")
+    if not 0 <= exact(entry.get("loss", 0)) <= 1:
         raise Unreadable(f"for_all.loss = {float(found.loss):g} is no probability")
-    found.tick = given.get("tick", {})
-    found.contact = given.get("contact", False)
+    found.tick = entry.get("tick", {})
+    found.contact = entry.get("contact", False)
     if not isinstance(found.contact, bool) or not isinstance(found.tick, dict):
         raise Unreadable("for_all.contact is true or false, and for_all.tick a table")
     if found.tick and not all(
@@ -124,20 +124,20 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
     return found
 
 
-def _refuse_chances(found: ForAll, exact) -> None:
+def _refuse_chances(table: ForAll, exact) -> None:
     """Unreadable for weights that are not those of the values, or beside what is not at random."""
-    if not (found.loss or found.shares or found.following):
+    if not (table.loss or table.shares or table.following):
         return
-    missing = [name for name in found.varying if name not in found.shares | found.following]
-    if found.lost or missing:
+    missing = [name for name in table.varying if name not in table.shares | table.following]
+    if table.lost or missing:
         raise Unreadable(
-            f"for_all.{'lost' if found.lost else missing[0]} has no chances, beside others that have"
+            f"for_all.{'lost' if table.lost else missing[0]} has no chances, beside others that have"
         )
-    lengths = next((len(values) for name, values in found.varying.items() if name != DELAY), 1)
-    for name, given in (found.shares | found.following).items():
-        size = len(found.varying[name])
+    lengths = next((len(values) for name, values in table.varying.items() if name != DELAY), 1)
+    for name, given in (table.shares | table.following).items():
+        size = len(table.varying[name])
         rows = given
-        if name not in found.following and not (name == DELAY and isinstance(given[0], list)):
+        if name not in table.following and not (name == DELAY and isinstance(given[0], list)):
             rows = [given]
         elif len(given) != lengths:
             raise Unreadable(
@@ -166,40 +166,40 @@ def _refuse_what_follows(tables: dict, found: ForAll) -> None:
             raise Unreadable(f"for_all.{name}: other numbers follow from it, or it from others")
 
 
-def _of_number(found: ForAll, name: str, given: Any, exact, whole: bool):
-    values = [exact(value) for value in values_of("for_all", name, given)]
+def _of_number(table: ForAll, name: str, entry: Any, exact, whole: bool):
+    values = [exact(value) for value in values_of("for_all", name, entry)]
     chances: set = set()
     varying = False
-    if isinstance(given, dict):
-        varying = given.get("varying", False)
-        chances = given.keys() & {"shares", "next"}
+    if isinstance(entry, dict):
+        varying = entry.get("varying", False)
+        chances = entry.keys() & {"shares", "next"}
         if not isinstance(varying, bool):
             raise Unreadable(f"for_all.{name}.varying is true or false")
-        if "start" in given:
+        if "start" in entry:
             low, high = values
             if not varying and not whole:
-                found.ranges[name] = low, high
+                table.ranges[name] = low, high
                 return
-            values = [Fraction(each) for each in range(_whole(low), _whole(high) + 1)]
-        if chances and not (varying and "values" in given):
+            values = [Fraction(weight) for weight in range(_whole(low), _whole(high) + 1)]
+        if chances and not (varying and "values" in entry):
             raise Unreadable(f"for_all.{name} has chances, and does not vary, or has no values")
         if len(chances) > 1 or (name == DELAY and "next" in chances):
             raise Unreadable(f"for_all.{name} has shares or next, and delays have shares alone")
     if len(set(values)) < len(values):
         raise Unreadable(f"for_all.{name} has a value twice")
     if not varying:
-        found.listed[name] = values
+        table.listed[name] = values
         return
     if len(values) > MOST_VARYING:
         raise Unreadable(f"for_all.{name} has {len(values)} values; at most {MOST_VARYING} vary")
-    found.varying[name] = values
-    for part, kept in (("shares", found.shares), ("next", found.following)):
+    table.varying[name] = values
+    for part, limits in (("shares", table.shares), ("next", table.following)):
         if part in chances:
-            kept[name] = given[part]
+            limits[name] = entry[part]
 
 
-def _whole(value: Fraction, most: int = 100_000) -> int:
-    if value.denominator != 1 or not 0 <= value <= most:
+def _whole(value: Fraction, highest: int = 100_000) -> int:
+    if value.denominator != 1 or not 0 <= value <= highest:
         raise Unreadable(f"{float(value)!r} has to be a whole number")
     return int(value)
 
@@ -218,7 +218,7 @@ Moves = dict[Any, dict[str, tuple[str, Any, Any]]]
 
 
 def frames_of(
-    found: ForAll, loop_with: Callable[[dict], Loop], random: bool
+    table: ForAll, loop_with: Callable[[dict], Loop], random: bool
 ) -> tuple[dict[str, Schedule], Moves, Any]:
     """Schedules of all kinds of frames, what may follow what, and the state in which a run begins.
 
@@ -226,50 +226,50 @@ def frames_of(
     with other values of numbers.
     """
     kinds = [
-        dict(zip(found.varying, values, strict=True)) for values in product(*found.varying.values())
+        dict(zip(table.varying, values, strict=True)) for values in product(*table.varying.values())
     ]
-    fates = (False, True) if found.lost or found.loss is not None else (False,)
+    fates = (False, True) if table.lost or table.loss is not None else (False,)
     if len(kinds) * len(fates) > MOST:
         raise Unreadable(f"{len(kinds) * len(fates)} kinds of frames; at most {MOST}")
-    if not random and found.loss is not None:
+    if not random and table.loss is not None:
         raise Unreadable("results are lost at random, which no proof for all of them holds for")
     of_kind = _controller if isinstance(loop_with({}), Controller) else _drawing
     schedules: dict[str, Schedule] = {}
     for values in kinds:
         for lost in fates:
-            schedules[letter_of(values, lost)] = of_kind(found, loop_with, values, lost)
+            schedules[letter_of(values, lost)] = of_kind(table, loop_with, values, lost)
     if random:
-        return schedules, _at_random(found, kinds, fates, loop_with({}).arithmetic), None
-    moves: Moves = {losses: {} for losses in range(found.lost + 1)}
+        return schedules, _at_random(table, kinds, fates, loop_with({}).arithmetic), None
+    moves: Moves = {losses: {} for losses in range(table.lost + 1)}
     for losses, following in moves.items():
         for values in kinds:
             following[letter_of(values)] = (letter_of(values), 0, None)
-            if losses < found.lost:
+            if losses < table.lost:
                 following[letter_of(values, True)] = (letter_of(values, True), losses + 1, None)
     return schedules, moves, 0
 
 
-def _at_random(found: ForAll, kinds, fates, arithmetic) -> Moves:
+def _at_random(table: ForAll, kinds, fates, arithmetic) -> Moves:
     """The chain of lengths, or None alone if no length depends on the one before; all else is independent."""
-    if found.lost or (len(fates) == 1 and not found.varying):
+    if table.lost or (len(fates) == 1 and not table.varying):
         raise Unreadable("lost counts results in a row, and loss is their probability")
-    loss = arithmetic.number(found.loss or 0)
-    length = RATIO if RATIO in found.varying else next(iter(found.varying), "")
-    chain = found.following.get(length)
+    loss = arithmetic.number(table.loss or 0)
+    length = RATIO if RATIO in table.varying else next(iter(table.varying), "")
+    chain = table.following.get(length)
     moves: Moves = {}
-    for before in found.varying[length] if chain else [None]:
+    for before in table.varying[length] if chain else [None]:
         moves[before] = {}
         for values in kinds:
             chance = arithmetic.number(1)
-            for name in found.varying:
+            for name in table.varying:
                 weights = (
-                    chain[found.varying[name].index(before)]
+                    chain[table.varying[name].index(before)]
                     if chain and name == length
-                    else found.shares.get(name)
+                    else table.shares.get(name)
                 )
                 if isinstance(weights[0], list):
-                    weights = weights[found.varying[length].index(values[length])]
-                share = arithmetic.exact(weights[found.varying[name].index(values[name])])
+                    weights = weights[table.varying[length].index(values[length])]
+                share = arithmetic.exact(weights[table.varying[name].index(values[name])])
                 chance = chance * (share / sum(map(arithmetic.exact, weights)))
             for lost in fates:
                 of_result = chance * (loss if lost else 1 - loss) if len(fates) > 1 else chance
@@ -281,12 +281,12 @@ def _at_random(found: ForAll, kinds, fates, arithmetic) -> Moves:
 
 def _from_sample_to_sample(schedule: Schedule) -> Schedule:
     """The same from just after its first tick on, which comes at its end."""
-    (_, sample), *others = schedule.times
-    times = [(Fraction(0), "begin"), *others, (schedule.period, sample)]
+    (_, sample), *remaining = schedule.times
+    times = [(Fraction(0), "begin"), *remaining, (schedule.period, sample)]
     return Schedule(schedule.period, {**schedule.kinds, "begin": Instant()}, times, schedule.motion)
 
 
-def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
+def _controller(table: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     """Of frames and results of a controller: the environment integrates over the frame, or over the nominal one."""
     nominal = loop_with({})
     delay = values.get(DELAY, nominal.delay)
@@ -300,10 +300,10 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     step = loop.key("environment.step", "elapsed")
     if step == "nominal":
         loop.Ts = nominal.Ts
-    delays = found.varying.get(DELAY, [])
+    delays = table.varying.get(DELAY, [])
     if 0 not in delays or len(delays) == 1:
         return _from_sample_to_sample(loop.schedule(lost))
-    elapsed = step != "nominal" and RATIO in found.varying
+    elapsed = step != "nominal" and RATIO in table.varying
     if loop.delay == loop.ratio or (elapsed and loop.kind not in ("dc-slow", "dc-lm")):
         raise Unreadable(
             "results at once, beside others of the next sample or steps that elapse, have no proof here"
@@ -311,17 +311,17 @@ def _controller(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     return loop.schedule(lost)
 
 
-def time_of_tick(loop: Loop, given: dict) -> tuple[Fraction, Fraction]:
+def time_of_tick(loop: Loop, entry: dict) -> tuple[Fraction, Fraction]:
     """The shortest and the longest time (s) of a tick of [for_all] tick; the program counts with its own one."""
     exact = loop.arithmetic.exact
-    keys = given.keys() - {"steps"}
+    keys = entry.keys() - {"steps"}
     if keys == {"late"}:
-        low, high = loop.T, loop.T + exact(given["late"])
+        low, high = loop.T, loop.T + exact(entry["late"])
     elif keys == {"start", "stop"}:
-        low, high = exact(given["start"]), exact(given["stop"])
+        low, high = exact(entry["start"]), exact(entry["stop"])
     else:
         raise Unreadable(f"for_all.tick has late, or start and stop, and not {', '.join(keys)}")
-    if given.get("steps", "nominal") != "nominal":
+    if entry.get("steps", "nominal") != "nominal":
         raise Unreadable(
             "for_all.tick: a program that divides by the measured time has no proof here"
         )
@@ -344,7 +344,7 @@ def ticks_of(
     if (
         dead
         or has_messages(loop)
-        or [time for time, _ in whole.times] != [at * loop.T for at in range(len(whole.times))]
+        or [time for time, _ in whole.times] != [tick * loop.T for tick in range(len(whole.times))]
     ):
         raise Unreadable(
             "for_all.tick beside dead times, messages, or a frame of no whole ticks has no proof here"
@@ -447,11 +447,14 @@ def messages_at_random(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
         first = cuts[place]
         moves[state] = {}
         sends = [(first - loop.phase(name)) % loop.every(name) == 0 for name in channels]
-        fates = [_fates(loop, *each) for each in zip(channels, bursts, sends, strict=True)]
+        fates = [
+            _fates(loop, *channel_facts)
+            for channel_facts in zip(channels, bursts, sends, strict=True)
+        ]
         for outcome in product(*fates):
             chance = loop.arithmetic.number(1)
-            for _, _, own in outcome:
-                chance = chance * own
+            for _, _, chance_of_channel in outcome:
+                chance = chance * chance_of_channel
             if not chance:
                 continue
             after = tuple(burst for burst, _, _ in outcome)
@@ -472,11 +475,11 @@ def _fates(loop: Drawing, name: str, burst: bool, sends: bool) -> list[tuple[boo
         return [(burst, False, number(1))]
     begins, ends = loop.value(name, "burst", 0), loop.value(name, "burst_end", 1)
     changes = ends if burst else begins
-    found = []
+    fates = []
     for after, of_burst in ((burst, 1 - changes), (not burst, changes)):
         loss = loop.value(name, "burst_loss", 1) if after else loop.value(name, "loss", 0)
-        found += [(after, True, of_burst * (1 - loss)), (after, False, of_burst * loss)]
-    return found
+        fates += [(after, True, of_burst * (1 - loss)), (after, False, of_burst * loss)]
+    return fates
 
 
 def channel_of(loop: Drawing, name: str) -> tuple[int, int, int, int]:
@@ -503,7 +506,7 @@ def may_come(channel, tick: int) -> bool:
 def _stretches(loop: Drawing, channels) -> tuple[list[int], list[int]]:
     """The ticks of a period in which messages may come, and where the stretches that begin there end."""
     period = loop.frame_ticks()
-    cuts = [tick for tick in range(period) if any(may_come(each, tick) for each in channels)]
+    cuts = [tick for tick in range(period) if any(may_come(channel, tick) for channel in channels)]
     return cuts, [*cuts[1:], period + cuts[0]]
 
 
@@ -511,21 +514,21 @@ def _next(channel, tick: int, back: int) -> list[tuple[int, bool]]:
     """What a receiver may have after a tick, that had the message so far back before it: (message, whether it is new)."""
     every, phase, late, lost = channel
     age = (tick - phase) % every
-    kept = back + (age == 0)
-    found = [(new, True) for new in range(kept) if age + every * new <= late]
-    found.append((kept, False))
+    oldest = back + (age == 0)
+    outcomes = [(new, True) for new in range(oldest) if age + every * new <= late]
+    outcomes.append((oldest, False))
     return [
         (has, new)
-        for has, new in found
-        if sum(age + every * each >= late for each in range(has)) <= lost
+        for has, new in outcomes
+        if sum(age + every * age_of_new >= late for age_of_new in range(has)) <= lost
     ]
 
 
 def _stretch(loop: Drawing, channels, first: int, until: int, gets) -> Schedule:
     """The instants from a tick to the one before another, of which the first one brings messages."""
-    held: list[dict] = [dict.fromkeys(channels) for _ in range(loop.frame_ticks())]
-    held[first] = dict(zip(channels, gets, strict=True))
-    whole = loop.schedule(held)
+    messages: list[dict] = [dict.fromkeys(channels) for _ in range(loop.frame_ticks())]
+    messages[first] = dict(zip(channels, gets, strict=True))
+    whole = loop.schedule(messages)
     times = [(time + again * whole.period, kind) for again in (0, 1) for time, kind in whole.times]
     begin = first * loop.T
     end = until * loop.T
@@ -557,29 +560,29 @@ STEADY = {
 }  # that do the same in each run
 
 
-def _drawing(found: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
+def _drawing(table: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     """Of blocks that run once in a frame, whose number of ticks is the number that `every` of them reads."""
-    if lost or found.loss is not None or len(found.varying) != 1:
+    if lost or table.loss is not None or len(table.varying) != 1:
         raise Unreadable("in a drawn loop one number varies, and messages of channels are lost")
     loop = loop_with(values)
-    (name,) = found.varying
+    (name,) = table.varying
     if name in loop.names_read(loop.key("rates.tick_hz")):
         raise Unreadable(f"the tick lasts as long as {name} says, which varies from frame to frame")
     slow = [
         block for block, keys in loop.blocks.items() if name in loop.names_read(keys.get("every"))
     ]
-    others = [
+    other_rates = [
         block
         for block in loop.blocks
         if block not in slow and block not in loop.plants and loop.every(block) > 1
     ]
-    if others or len({loop.every(block) for block in slow}) != 1:
+    if other_rates or len({loop.every(block) for block in slow}) != 1:
         raise Unreadable(
             f"blocks of other rates than {name} beside frames that vary have no proof here"
         )
     for block, keys in loop.blocks.items():
         wires = [wire for port, wire in loop.wires.items() if port.startswith(f"{block}.")]
-        read = loop.names_read([*(given for key, given in keys.items() if key != "every"), *wires])
+        read = loop.names_read([*(entry for key, entry in keys.items() if key != "every"), *wires])
         stepped = block in slow and (
             (keys["type"] in STEPPED and loop.phase(block) > 0) or "dt" in read
         )

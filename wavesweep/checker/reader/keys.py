@@ -104,18 +104,18 @@ class Rule(NamedTuple):
     above: bool = False
     high: Fraction | None = None
 
-    def refuse(self, path: str, given, arithmetic) -> None:
+    def refuse(self, path: str, entry, arithmetic) -> None:
         """Raise Unreadable for a value that is none of these, or a range of which an end is none."""
         if self.words:
             kind = {"list": list, "flag": bool}.get(self.words[0], str)
-            if not isinstance(given, kind) or (kind is str and given not in self.words):
+            if not isinstance(entry, kind) or (kind is str and entry not in self.words):
                 raise Unreadable(
-                    f"{path} = {given!r} is not known: expected {' or '.join(self.words)}"
+                    f"{path} = {entry!r} is not known: expected {' or '.join(self.words)}"
                 )
             return
-        if isinstance(given, str | bool | list | dict):
-            raise Unreadable(f"{path} = {given!r} is not a number")
-        low, high = arithmetic.ends(given)
+        if isinstance(entry, str | bool | list | dict):
+            raise Unreadable(f"{path} = {entry!r} is not a number")
+        low, high = arithmetic.ends(entry)
         if self.whole and (low != high or low % 1):
             raise Unreadable(f"{path} = {float(low):g} has to be a whole number")
         if self.low is not None and (low < self.low or (self.above and low == self.low)):
@@ -130,16 +130,18 @@ class Rule(NamedTuple):
 
 def rules(text: str) -> dict[str, Rule]:
     """The rule of each key of a table above."""
-    found = {}
+    rules_of_keys = {}
     for line in text.split("\n"):
         name, *words = line.split() or [""]
         match words:
             case ["number"]:
-                found[name] = Rule()
+                rules_of_keys[name] = Rule()
             case [">" | ">=" as sign, low, *high]:
-                found[name] = Rule((), False, Fraction(low), sign == ">", *map(Fraction, high))
+                rules_of_keys[name] = Rule(
+                    (), False, Fraction(low), sign == ">", *map(Fraction, high)
+                )
             case ["whole", low, *high]:
-                found[name] = Rule((), True, Fraction(low), False, *map(Fraction, high))
+                rules_of_keys[name] = Rule((), True, Fraction(low), False, *map(Fraction, high))
             case [_, *_]:
-                found[name] = Rule(tuple(words))
-    return found
+                rules_of_keys[name] = Rule(tuple(words))
+    return rules_of_keys

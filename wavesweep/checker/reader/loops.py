@@ -20,10 +20,10 @@ class Unreadable(Exception):
     """What a spec says is not known here, or has no meaning, or would take too long."""
 
 
-def bounded(count, what: str) -> int:
+def bounded(count, name: str) -> int:
     """A number of ticks or of runs."""
     if not 0 <= count <= MOST_TICKS:
-        raise Unreadable(f"{what} of {float(count):g}; at most {MOST_TICKS}")
+        raise Unreadable(f"{name} of {float(count):g}; at most {MOST_TICKS}")
     return int(count)
 
 
@@ -99,8 +99,10 @@ class Schedule:
         """rank: (time, order, kind) of all instants; at one time they come in this order, and that of a tick is 1."""
         rank = sorted(rank, key=lambda row: (least(row[0]), row[1]))
         times = [(time, kind) for time, _, kind in rank]
-        ticks = [at for at, (_, order, _) in enumerate(rank) if order == 1]
-        return Schedule(period, kinds, times, motion, {at: n for n, at in enumerate(ticks)}, shown)
+        ticks = [index for index, (_, order, _) in enumerate(rank) if order == 1]
+        return Schedule(
+            period, kinds, times, motion, {index: n for n, index in enumerate(ticks)}, shown
+        )
 
 
 class Keys:
@@ -138,51 +140,51 @@ def warped(hertz, T: Fraction, path: str, arithmetic):
 
 def rows_of(names, of_states, states, of_inputs, inputs) -> dict[str, dict]:
     """x+ = A x + B u, or y = C x + D u: a form for each name, without inputs that it does not have."""
-    found = {}
+    forms = {}
     for name, row, fed in zip(names, of_states, of_inputs, strict=True):
         own = {into: entry for into, entry in zip(inputs, fed, strict=True) if entry}
-        found[name] = form(dict(zip(states, row, strict=True)), own)
-    return found
+        forms[name] = form(dict(zip(states, row, strict=True)), own)
+    return forms
 
 
 def shifted(memory: str, count: int, newest: dict) -> dict[str, dict]:
     """What is written to memory 0 .. count: the newest in front of all others."""
-    older = {f"{memory}{at + 1}": {f"{memory}{at}": 1} for at in range(count)}
+    older = {f"{memory}{age + 1}": {f"{memory}{age}": 1} for age in range(count)}
     return {f"{memory}0": newest} | older
 
 
 # Small matrices as lists of rows, of coefficients of any kind.
 
 
-def product(left, right):
+def product(A, right):
     columns = transposed(right)
-    return [[dot(row, column) for column in columns] for row in left]
+    return [[dot(row, column) for column in columns] for row in A]
 
 
-def dot(left, right):
-    return sum((a * b for a, b in zip(left[1:], right[1:], strict=True)), start=left[0] * right[0])
+def dot(row, right):
+    return sum((a * b for a, b in zip(row[1:], right[1:], strict=True)), start=row[0] * right[0])
 
 
 def transposed(matrix):
     return [list(column) for column in zip(*matrix, strict=True)]
 
 
-def plus(left, right):
-    pairs = zip(left, right, strict=True)
-    return [[a + b for a, b in zip(row, other, strict=True)] for row, other in pairs]
+def plus(A, right):
+    pairs = zip(A, right, strict=True)
+    return [[a + b for a, b in zip(row, addend, strict=True)] for row, addend in pairs]
 
 
 def times(factor, matrix):
     return [[factor * entry for entry in row] for row in matrix]
 
 
-def outer(left, right):
-    return [[a * b for b in right] for a in left]
+def outer(column, right):
+    return [[a * b for b in right] for a in column]
 
 
 def diagonal(entries):
     size = range(len(entries))
-    return [[entries[at] if at == other else 0 for other in size] for at in size]
+    return [[entries[row] if row == column else 0 for column in size] for row in size]
 
 
 def identity(size):
@@ -193,13 +195,13 @@ def inverse(matrix, above_0):
     """Of a positive definite matrix, by elimination along its diagonal; above_0: raises for a pivot that is not."""
     size = len(matrix)
     rows = [[*row, *unit] for row, unit in zip(matrix, identity(size), strict=True)]
-    for at in range(size):
-        pivot = rows[at][at]
+    for pivot_row in range(size):
+        pivot = rows[pivot_row][pivot_row]
         above_0(pivot)
-        rows[at] = [entry / pivot for entry in rows[at]]
-        for other in range(size):
-            if other != at:
-                factor = rows[other][at]
-                pairs = zip(rows[other], rows[at], strict=True)
-                rows[other] = [entry - factor * own for entry, own in pairs]
+        rows[pivot_row] = [entry / pivot for entry in rows[pivot_row]]
+        for row_number in range(size):
+            if row_number != pivot_row:
+                factor = rows[row_number][pivot_row]
+                pairs = zip(rows[row_number], rows[pivot_row], strict=True)
+                rows[row_number] = [entry - factor * of_pivot for entry, of_pivot in pairs]
     return [row[size:] for row in rows]

@@ -62,8 +62,8 @@ def path_of(tables: dict, name: str) -> tuple[str, ...]:
     numbers = tables.get("numbers", {})
     number = name if name in numbers else name.removeprefix("numbers.")
     if number in numbers:
-        given = numbers[number]
-        if isinstance(given.get("value") if isinstance(given, dict) else given, str):
+        entry = numbers[number]
+        if isinstance(entry.get("value") if isinstance(entry, dict) else entry, str):
             raise Unreadable(f"{name} follows from other numbers")
         return "numbers", number
     if name == "rates.tick_hz":
@@ -102,17 +102,17 @@ def called(tables: dict, name: str) -> str:
 
 def quantity(tables: dict, name: str) -> str:
     """The one name of what a number says: the slow rate says the ratio."""
-    found = called(tables, name)
-    return "rates.ratio" if found == "rates.slow_hz" else found
+    path = called(tables, name)
+    return "rates.ratio" if path == "rates.slow_hz" else path
 
 
 def with_numbers(tables: dict, values: dict) -> dict:
     """The same spec with other numbers, by their names in [sweep] and [for_all], without the keys that say the same otherwise."""
     named: dict[str, str] = {}
     for name in values:
-        other = named.setdefault(quantity(tables, name), name)
-        if other != name:
-            raise Unreadable(f"{other} and {name} are one number")
+        name_before = named.setdefault(quantity(tables, name), name)
+        if name_before != name:
+            raise Unreadable(f"{name_before} and {name} are one number")
         for displaced in DISPLACED.get(name, ()):
             tables = changed(tables, tuple(displaced.split(".")))
     for name, value in values.items():
@@ -125,23 +125,23 @@ def changed(table: dict, path: tuple[str, ...], *value) -> dict:
     first, *rest = path
     if rest:
         return {**table, first: changed(table.get(first, {}), (*rest,), *value)}
-    found = {key: inside for key, inside in table.items() if key != first}
-    return found | dict.fromkeys([first], *value) if value else found
+    remaining = {key: inside for key, inside in table.items() if key != first}
+    return remaining | dict.fromkeys([first], *value) if value else remaining
 
 
 def flat(table: dict, before: str = "") -> dict[str, Any]:
     """Nested tables as one, its names with dots."""
-    found = {}
+    flattened = {}
     for key, value in table.items():
-        found |= (
+        flattened |= (
             flat(value, f"{before}{key}.") if isinstance(value, dict) else {before + key: value}
         )
-    return found
+    return flattened
 
 
 def axes(tables: dict, table: str, inside: dict, before: str = "") -> Iterator[tuple[str, Any]]:
     """The numbers of a table with what it says of them, by the names that they have there."""
-    for key, given in inside.items():
+    for key, entry in inside.items():
         name = before + key
         try:
             if name == "along":
@@ -150,28 +150,28 @@ def axes(tables: dict, table: str, inside: dict, before: str = "") -> Iterator[t
         except Unreadable:
             if name in OWN[table]:
                 continue
-            if not isinstance(given, dict):
+            if not isinstance(entry, dict):
                 raise
-            yield from axes(tables, table, given, f"{name}.")
+            yield from axes(tables, table, entry, f"{name}.")
         else:
-            yield name, given
+            yield name, entry
 
 
-def values_of(table: str, name: str, given) -> list:
+def values_of(table: str, name: str, entry) -> list:
     """The values of a number, or the ends of its range."""
     parts = {"start", "stop"}
-    if isinstance(given, list):
-        given = {"values": given}
-    elif not isinstance(given, dict) or given.keys() - PARTS.get(
+    if isinstance(entry, list):
+        entry = {"values": entry}
+    elif not isinstance(entry, dict) or entry.keys() - PARTS.get(
         table, {"start", "stop", "num", "scale"}
     ):
         raise Unreadable(f"{table}.{name} is no list of values and no table of start and stop")
-    listed = given.get("values")
-    if isinstance(listed, list) and listed and not given.keys() & parts:
+    listed = entry.get("values")
+    if isinstance(listed, list) and listed and not entry.keys() & parts:
         return listed
-    if "values" in given or given.keys() & parts != parts:
+    if "values" in entry or entry.keys() & parts != parts:
         raise Unreadable(f"{table}.{name} has to have either start and stop or a list of values")
-    return [given["start"], given["stop"]]
+    return [entry["start"], entry["stop"]]
 
 
 def one_key_each(tables: dict, arithmetic) -> list[dict]:
@@ -181,22 +181,24 @@ def one_key_each(tables: dict, arithmetic) -> list[dict]:
     """
     ends: list[dict] = [{}, {}]
     first: dict[str, tuple[str, str]] = {}
-    own = {**tables, "vary": tables.get("design", {}).get("vary", {})}
+    with_design = {**tables, "vary": tables.get("design", {}).get("vary", {})}
     for table in OWN:
-        for name, given in axes(tables, table, own.get(table, {})):
-            where, other = first.get(quantity(tables, name), ("", name))
-            if other != name or where in (table, *["sweep"] * (table == "for_all")):
-                raise Unreadable(f"{other} of [{where}] and {name} of [{table}] are one number")
+        for name, entry in axes(tables, table, with_design.get(table, {})):
+            where, name_before = first.get(quantity(tables, name), ("", name))
+            if name_before != name or where in (table, *["sweep"] * (table == "for_all")):
+                raise Unreadable(
+                    f"{name_before} of [{where}] and {name} of [{table}] are one number"
+                )
             first[quantity(tables, name)] = table, name
             rule = rule_of(tables, path_of(tables, name)) or Rule()
-            values = values_of(table, name, given)
+            values = values_of(table, name, entry)
             for value in values:
                 rule.refuse(f"{table}.{name}", value, arithmetic)
-            if isinstance(given, dict) and "stop" in given and values[0] > values[1]:
+            if isinstance(entry, dict) and "stop" in entry and values[0] > values[1]:
                 raise Unreadable(
                     f"{table}.{name} goes from {float(values[0]):g} down to {float(values[1]):g}"
                 )
             if table in ("sweep", "for_all"):
-                for at, end in enumerate((min, max)):
-                    ends[at][name] = end(values)
+                for index, end in enumerate((min, max)):
+                    ends[index][name] = end(values)
     return ends
