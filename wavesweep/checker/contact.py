@@ -108,7 +108,7 @@ def opened_at(
 ) -> Opened:
     """At a point of the sides. A: the rows of a frame; rest: p first, and what moves with it; stiff: whether K is not 0.
 
-    held: whether a drift has the force 1. It keeps (A - 1) v + b = 0 with p in v, so (w, 1) b = 0: R is 0, and k q a constant, as of
+    is_held: whether a drift has the force 1. It keeps (A - 1) v + b = 0 with p in v, so (w, 1) b = 0: R is 0, and k q a constant, as of
     a push.
     """
     ring = cell.ring

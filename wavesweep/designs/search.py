@@ -319,7 +319,7 @@ def differing(
     """Return the indices of the first designs that differ from those found, and from each other.
 
     They differ if a number is another choice, or another by a share `apart` of its range. genes:
-    `(designs, axes)`, the best first; found: the same of others. most: of them.
+    `(designs, axes)`, the best first; known_genes: the same of others. most_designs: of them.
     """
     few = np.array([len(axis.values or ()) for axis in vary])
 

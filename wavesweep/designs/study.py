@@ -165,7 +165,7 @@ def design(spec: Spec, **options: Any) -> Table:
     """Search for the designs that meet the wishes of a spec's [design].
 
     Returns the front if some wishes have no bound, otherwise the best design, as a table.
-    given: jobs, backend, scheduler, progress, checkpoint and
+    options: jobs, backend, scheduler, progress, checkpoint and
     force, see `Work`. The result depends on the seed and not on the workers. Errors: UsageError for
     a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of
     a run.
@@ -563,7 +563,7 @@ class _Run:
         """The next best designs after the only one of a result: their numbers, and their wishes at
         their worst.
 
-        others: that were checked as it was, the best first, with their records.
+        other_genes: that were checked as it was, the best first, with their records.
         """
         if len(genes) > 1:
             return []

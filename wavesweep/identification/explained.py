@@ -78,7 +78,7 @@ def identified(
 
     If the encoder and white noise explain what is left, it is the fit by the likelihood of rounded
     readings, see `fit.fitted`; otherwise that by the errors of predictions, whose intervals allow
-    for forces that the log does not have. others: those of other axes, which may be what it lacks.
+    for forces that the log does not have. other_forces: those of other axes, which may be what it lacks.
 
     Errors: UsageError if the force does not show in the readings, or if friction comes out below 0
     in a log that the model does not explain.

@@ -118,7 +118,7 @@ def fitted(
     resolution: float,
     prediction: Prediction | None = None,
 ) -> Fit | None:
-    """Fit a model to a log by the likelihood of rounded readings. found: the fit by predictions, if
+    """Fit a model to a log by the likelihood of rounded readings. prediction: the fit by predictions, if
     there is one.
 
     force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2).

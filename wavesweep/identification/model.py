@@ -109,7 +109,7 @@ def readings(
 
 
 def measured(numbers, quantity: str, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
-    """The same for numbers by their names; what: a position (m), a velocity (m/s) or an
+    """The same for numbers by their names; quantity: a position (m), a velocity (m/s) or an
     acceleration (m/s^2).
 
     With `turning` (m/s) among the numbers friction is F_c tanh(v/turning); with `sided` as well, the

@@ -24,7 +24,7 @@ from wavesweep.simulation.record import Simulation, estimate
 def simulation_of(
     spec: Spec, force, records: Mapping[str, np.ndarray] | None = None, **changes: Any
 ) -> Simulation:
-    """Run the experiment of a spec's [simulate] table. spec, force, given, changes: see
+    """Run the experiment of a spec's [simulate] table. spec, force, records, changes: see
     `from_spec.simulated`.
 
     Errors: SpecError for a drawn loop with a hand whose position no plant has.

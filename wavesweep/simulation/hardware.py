@@ -99,7 +99,7 @@ def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
 
 
 def lateness(effects: Effects, results: int, *stream: int) -> list[int | None]:
-    """Return the ticks by which each slow result is late, None for one that is lost; others: a
+    """Return the ticks by which each slow result is late, None for one that is lost; stream: a
     number of another slow loop."""
     late = (
         _source(effects, 1, *stream).integers(0, int(effects.late), results, endpoint=True).tolist()
@@ -112,7 +112,7 @@ def losses(
     effects: Effects, keys: Mapping[str, float], messages: int, *stream: int
 ) -> list[int | None]:
     """Return what happens to each message of a channel with these keys: 0, or None for one that
-    is lost at random; others: a number of another channel."""
+    is lost at random; stream: a number of another channel."""
     changes, lost = _source(effects, 3, *stream).uniform(size=(2, messages))
     lost_frames = []
     burst = False

@@ -274,7 +274,7 @@ def build_messages(
     """Return the ticks by which each message of a channel is late, None if it is lost, by channel,
     and add mistakes.
 
-    given: the lists by path.
+    leaves: the lists by path.
     """
     expected = (
         'a list, of how late messages are in turn: ticks, "lost", or "3 lost" for so many in a row'

@@ -66,7 +66,7 @@ def simulate(
     of the hand's force; all others are 0. frames: of the slow blocks, in place of the rate and the
     delay of the slow environment. messages: the ticks by which those of each channel are late in
     turn, repeated for ever, None for one that is lost; those of other channels are in time, or lost
-    at random by their own probabilities. others: records of more inputs, by their signals.
+    at random by their own probabilities. other_records: records of more inputs, by their signals.
 
     The simulation stops early if the position exceeds `FARTHEST_POSITION` or a force `STRONGEST`,
     as those of an unstable loop do; `Simulation.stopped` then gives the reason. Errors: UsageError
@@ -251,7 +251,7 @@ class March:
         other_records: Mapping[str, np.ndarray] = MappingProxyType({}),
     ) -> Simulation:
         """The experiment under the hand's force (N), or the record of another input, `(ticks,)`,
-        from rest at x (m); others: records of more inputs, by their signals."""
+        from rest at x (m); other_records: records of more inputs, by their signals."""
         loop = self.loop
         lengths = tick_lengths(self.effects, loop.tick, len(force))
         late, results = self.draw_lateness(len(force))

@@ -409,7 +409,7 @@ def evaluated(
     numbers: Mapping[str, float],
     known_names: Collection[str] = (),
 ) -> dict[str, float]:
-    """The numbers of lines with these given and all others zero; kept: numbers that lines do not
+    """The numbers of lines with these given and all others zero; known_names: numbers that lines do not
     change."""
     values = dict(numbers)
     for name, terms in lines:

@@ -23,7 +23,7 @@ def parted(
     """Return the terms of the wire of a plant that are held over a tick, and those that act
     continuously.
 
-    own: name of the plant. plants: name and type of each one.
+    plant: name of the plant. plants: name and type of each one.
 
     A wire is a sum. A summand that reads another plant acts continuously, as a spring `ks*(link.x -
     motor.x)` does, and so does the other half of one that is multiplied out, `ks*link.x - (ks +

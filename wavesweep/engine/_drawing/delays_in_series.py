@@ -74,7 +74,7 @@ class _Clock(NamedTuple):
 
     @staticmethod
     def of(block: DrawnBlock, constants: Mapping[str, object]) -> "_Clock | None":
-        """The clock of a block, None if it runs at uneven ticks; known: numbers by name."""
+        """The clock of a block, None if it runs at uneven ticks; constants: numbers by name."""
         every = int(block.every.values(constants))
         phases = block.phases or (int(block.phase.values(constants)),)
         return _Clock(every, phases[0] % every) if len(phases) == 1 else None
@@ -131,7 +131,7 @@ def with_delays_of_one_step(drawing: Drawing, values: Mapping[str, object]) -> D
 
 
 def _steps(drawing: Drawing, constants: dict[str, float]) -> dict[str, int]:
-    """The steps of delays that are given in steps, by name; known: numbers by name."""
+    """The steps of delays that are given in steps, by name; constants: numbers by name."""
     steps = {}
     for block in drawing.blocks:
         keys = dict(block.keys)
@@ -168,7 +168,7 @@ class _Ways:
     def without(
         drawing: Drawing, constants: Mapping[str, object], numbers: Sequence[str]
     ) -> "_Ways":
-        """The ways of a loop without these numbers; known: numbers by name."""
+        """The ways of a loop without these numbers; constants: numbers by name."""
         ways = _Ways()
         zero = dict.fromkeys(numbers, Tree.number(0.0))
         table, _, place = drawing.scalar_place(numbers[0]).partition(".")

@@ -221,7 +221,7 @@ class PortReader(KeyReader):
         self, signal: object, purpose: str = "a signal from outside"
     ) -> tuple[str, str] | None:
         """Return expected and found text of a value that is not a signal from outside that a
-        wire reads. what: it should be."""
+        wire reads. purpose: it should be."""
         if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
             return f"{NAME}, for {purpose}", show(signal)
         if signal in (*self.numbers, PERIOD):

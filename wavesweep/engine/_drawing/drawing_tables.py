@@ -446,7 +446,7 @@ class _TableReader(PortReader):
         """The share of each signal that acts continuously in a wire, as far as a name adds it
         there; none if it cannot be told.
 
-        trees: of the wire with the name and without it. known: numbers by name.
+        trees: of the wire with the name and without it. constants: numbers by name.
         """
         block = port.rpartition(".")[0]
         constants = {**constants, PERIOD: 1.0}

@@ -506,7 +506,7 @@ class Tree:
 
     def lost_digits(self, first: Any, second: Any, result: Any) -> Any:
         """Return whether the operation is wrong by more than a few roundings, for each of its
-        values. first, second: of its operands. found: its own."""
+        values. first, second: of its operands. result: its own."""
         operation = self.operation
         computed = [not operand.is_given for operand in self.operands]
         if operation in FUNCTIONS:  # the size of f'(x) x against that of f(x)

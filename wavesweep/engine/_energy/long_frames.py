@@ -163,7 +163,7 @@ def _energies(
     square: float,
     weights: list[np.ndarray],
 ) -> Energies:
-    """The energies of Riccati's equation; asked: in each kind of tick, of each state squared."""
+    """The energies of Riccati's equation; weights: in each kind of tick, of each state squared."""
     balances = []
     elements = []
     for (E, B, C, D), more in zip(maps, weights, strict=True):

@@ -39,7 +39,7 @@ def with_common_tick(
 
 
 def _ticks(drawing: Drawing, constants: dict[str, float]) -> tuple[int, tuple[str, ...]]:
-    """How many ticks of a loop one could be, 0 if any number of them, and its relays; known: its
+    """How many ticks of a loop one could be, 0 if any number of them, and its relays; constants: its
     numbers by name."""
     ticks = 0
     relays = []

@@ -107,7 +107,7 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, Any], path: str) -> Dr
     """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it
     cannot be given so.
 
-    values: of one loop. along: path of a number whose value may change.
+    values: of one loop. path: path of a number whose value may change.
 
     A plant that runs more often with the same inputs is the same plant. So no plant may be sampled
     for another one, which would happen more often as well, and no dead time for another. Dead times
@@ -187,7 +187,7 @@ def of_loops(drawing: Drawing, values: Mapping[str, Any]) -> dict[str, DeadTime]
 def shares(
     drawing: Drawing, constants: Mapping[str, Any], rate: np.ndarray | float
 ) -> dict[str, Any]:
-    """Return `s = m - tau/T` of each dead time; known: with `structure`; rate: 1/T, of the tick
+    """Return `s = m - tau/T` of each dead time; constants: with `structure`; rate: 1/T, of the tick
     (Hz)."""
     return {
         name: constants[f"block.{name}.ticks"] - tree.values(constants) * rate
@@ -333,7 +333,7 @@ def block_of(name: str, ticks: int, *, sensed: bool, plain: bool, arriving: bool
     """Return the block of a dead time of so many ticks, m: a line of m delays for each input.
 
     Its output y adds the ends of the lines, u[k-m] and that of plants. The second output, NEXT, is
-    `u[k-m+1] - u[k-m]`. sensed, others: whether it reads plants, and other signals; arriving:
+    `u[k-m+1] - u[k-m]`. sensed, plain: whether it reads plants, and other signals; arriving:
     whether it acts on a plant, which reads NEXT.
     """
     inputs = ("u",) * (plain or not sensed) + (SENSED,) * sensed
@@ -410,7 +410,7 @@ def with_ports(
         C (x + E(s) x + G(s) u) + D u
 
     and an input that has arrived there before acts on it by `C G(s + s' - 1) + D`. rates: of the
-    states. shares: s of each dead time. known: with `structure`. Accuracy: that of `held`.
+    states. shares: s of each dead time. constants: with `structure`. Accuracy: that of `held`.
     """
     inputs, outputs = plant.drawn_ports
     of_E, of_B, of_C, of_D = block.terms

@@ -219,7 +219,7 @@ def _different(
 ) -> tuple[dict[str, Any], np.ndarray]:
     """The different rows of the arrays among these values, as columns, and the row of each loop.
 
-    most: so many rows at most, spread over all.
+    most_rows: so many rows at most, spread over all.
     """
     arrays = {name: np.asarray(value) for name, value in numbers.items() if np.ndim(value)}
     if not arrays:

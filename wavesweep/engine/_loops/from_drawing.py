@@ -134,7 +134,7 @@ def rate_of(drawing: Drawing, values: Mapping[str, Any]) -> np.ndarray:
 def _gains(
     terms: tuple[tuple[str, Tree], ...], constants: dict[str, Any]
 ) -> dict[str, np.ndarray | float]:
-    """The gains of terms; known: numbers by name."""
+    """The gains of terms; constants: numbers by name."""
     return {signal: gain.values(constants) for signal, gain in terms}
 
 
@@ -234,7 +234,7 @@ def _take_out(
     """Make the product of a number the input PRODUCT: `sums` is changed, and the blocks are
     returned, of which one has another input if the number is the factor of a gain.
 
-    known: numbers by name.
+    of_numbers: numbers by name.
     """
     table, _, place = drawing.scalar_place(out).partition(".")
     if table == "wire":

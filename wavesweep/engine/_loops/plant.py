@@ -27,7 +27,7 @@ def plant_of(
     are held over the period.
 
     plant: of blocks `x' = A x + B u`, `y = C x + D u`. keys: those of each with their values.
-    gains: K, input port -> output -> number or array over the batch. period: s. known, shares: of
+    gains: K, input port -> output -> number or array over the batch. period: s. constants, shares: of
     dead times, see `with_ports`.
 
         x' = (A + B K M C) x + B (1 + K M D) e,   y = M (C x + D e),   M = (1 - D K)^-1

@@ -124,7 +124,7 @@ class LinearFractional:
 
             E + B g c,   B/(1 - k D_c),   C = o + D_o g c,   D = D_o/(1 - k D_c),   g = k/(1 - k D_c).
 
-        along: the open number, FIRST or SECOND; fixed: value of the other one, an array that
+        open_number: the open number, FIRST or SECOND; fixed: value of the other one, an array that
         broadcasts with the batch.
         """
         E, B, x, v = self.with_integrator()

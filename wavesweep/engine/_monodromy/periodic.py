@@ -56,7 +56,7 @@ class Ticks:
         """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
 
         outputs: signals that every tick gives. alone: without the inputs. through: the only input
-        that remains, in the ticks that it reaches, and only these have outputs then. held: the
+        that remains, in the ticks that it reaches, and only these have outputs then. held_ports: the
         ports that each block holds, if they are not those that are read in the drawing and the
         outputs. terms: whether the blocks have the sizes of their terms (see `Block`). Errors:
         IllPosedLoopError for an algebraic loop without a solution.

@@ -130,7 +130,7 @@ def _narrowed(steps: tuple[_Step, ...]) -> tuple[_Step, ...]:
 def _of_steps(
     steps: _Step, products: dict[_Step, tuple[np.ndarray, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The product of steps and the bound on its error; known: those of steps that were
+    """The product of steps and the bound on its error; products: those of steps that were
     multiplied before."""
     if isinstance(steps, tuple) and steps not in products:
         products[steps] = _in_sequence([_of_steps(step, products) for step in steps])

@@ -240,7 +240,7 @@ class _FramesOnPanels(NamedTuple):
     def taking_part(self, least: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """Which of all states take part in modes for sure, and which may, `(2, n, modes, size)`.
 
-        least, most: how much they do, `(n, k, modes)`. States of other diagonal blocks take no
+        least, upper: how much they do, `(n, k, modes)`. States of other diagonal blocks take no
         part: one of the two vectors is 0 there, if none is somewhere in its own block.
         """
         label = np.zeros(self.kept.size, int)

@@ -21,7 +21,7 @@ class Sides(tuple[Side, ...]):
     def of(loops: Loops, paths: Sequence[str], ends: np.ndarray, *, swept: bool = False) -> Sides:
         """Return the sides of numbers of loops from `ends[0]` to `ends[1]`, `(2, numbers)`.
 
-        along: whether the first number is one along which intervals are; above 0 its side is a
+        swept: whether the first number is one along which intervals are; above 0 its side is a
         logarithm wherever it is wide.
         """
         sides = [_side_of(loops, path, pair) for path, pair in zip(paths, ends.T, strict=True)]

@@ -350,7 +350,7 @@ class DominanceTests:
         wanted: np.ndarray,
         exact: ExactFrames,
     ) -> DominanceTests:
-        """at: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half
+        """panel: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half
         of what is to be proved."""
         D, sizes, error, drift = expansions(panels, panel, x, pad, exact)
         n = panels.error.shape[-1]

@@ -104,7 +104,7 @@ def positive(
     """Prove that functions are positive on a box; a number whose two ends are equal does not vary.
 
     limits: of the first number, beyond which they are not analytic. resolved: whether they have no narrow
-    features between two values of it. most: points to compute at most.
+    features between two values of it. most_boxes: points to compute at most.
     """
     box = np.asarray(box, float)
     wide = np.flatnonzero(box[0] < box[1])

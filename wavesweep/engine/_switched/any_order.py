@@ -327,7 +327,7 @@ def nearest_refuted(
 ) -> Refuted:
     """Return the refuted number closest to the start that a search finds, if it finds one.
 
-    known: words that refute other families of the same symbols. Where one of them grows, others are
+    words: words that refute other families of the same symbols. Where one of them grows, others are
     looked for from there.
     """
     follows = family.follows

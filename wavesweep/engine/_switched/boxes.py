@@ -183,7 +183,7 @@ def cover(
     side that the proof has reached, and the share of the box that is proved. gain: of the first
     side, below which the proof ends at a part without norms in its middle, since it can reach no
     further than that middle. stretches: equal ones of the first side, with which the proof begins.
-    kept: to which each part that is proved is added, with its forms. search: operations that one
+    stored: to which each part that is proved is added, with its forms. search: operations that one
     search for norms in the middle of a part may take, or those of NEWTON_OF_GRAPH steps, if they are more.
     Errors: RuntimeError if a part of the box is lost, which is neither proved nor open.
     """
@@ -632,7 +632,7 @@ def _divided(moves: np.ndarray, remainder: tuple[float, np.ndarray]) -> list[int
     """Return the sides along which a part is halved: the one that moves the slack most, and the
     next ones as long as the errors without those before would be far too large.
 
-    left: the errors, as multiples of the slack, and the share of them that halves of each side
+    remainder: the errors, as multiples of the slack, and the share of them that halves of each side
     have.
     """
     errors, shares = remainder

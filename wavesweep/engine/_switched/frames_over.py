@@ -276,7 +276,7 @@ def constant_frames(
     pieces: int = 1,
 ) -> FramesOver:
     """Return the frames of a loop whose frames are all alike over the cells of a box of sides.
-    most: of the order. radius: that the frames are divided by, so that it is their unit circle.
+    highest_order: of the order. radius: that the frames are divided by, so that it is their unit circle.
     pieces: in which a frame is given, as far as it has so many ticks, as symbols in their order."""
     inside = inside_of(box)
     values = dict(loop.values)

@@ -90,7 +90,7 @@ class LoopFrames:
         written: WrittenFrames,
         drift: MarginalModes | None = None,
     ) -> LoopFrames:
-        """Return the frames that consist of these ticks. kept: the states without drift. drift:
+        """Return the frames that consist of these ticks. states: the states without drift. drift:
         if it depends on numbers."""
         rows, samples, symbols, follows = written
         changes = [tick_map.E for tick_map in _closed(ticks, np.array(SOME)).maps]

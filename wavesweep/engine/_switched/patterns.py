@@ -77,7 +77,7 @@ def growing(
     """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or
     more, fastest growth per matrix first.
 
-    basis: one in which the matrices are small. known: words to start from. norms: in which the
+    basis: one in which the matrices are small. words_before: words to start from. norms: in which the
     matrices nearly shrink. Of words of each length, `more` times WORDS_KEPT, those with the largest
     matrices, are extended. Beside these there are words of two runs, and the ends of walks. The
     best of all, so many, are changed matrix by matrix. This is a search: it may return nothing
@@ -192,7 +192,7 @@ def _fastest(
     products: np.ndarray, lengths: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the places of the words that grow fastest per matrix, the fastest first, and their
-    growth, by their products and lengths. most: of them.
+    growth, by their products and lengths. count: of them.
 
     Eigenvalues are computed of those alone whose bounds exceed the growth of as many others.
     """

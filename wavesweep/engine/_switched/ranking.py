@@ -91,7 +91,7 @@ def searched_words(family: Family, x: float) -> list[Word]:
 def seems_refuted(family: Family, x: float, tried: list[Word]) -> bool:
     """Return whether some short word grows at x.
 
-    known: words that grew in other families, which are tried first; one that is found by searching
+    tried: words that grew in other families, which are tried first; one that is found by searching
     is added.
     """
     A = family.at(x)

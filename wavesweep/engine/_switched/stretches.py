@@ -49,7 +49,7 @@ def covered(
     and the last forms.
 
     centre: forms at the start. least: the shortest stretch, relative to the number or to the rest of
-    the way. work: operations of what leads on, after which this ends; most: stretches. report: is called with each
+    the way. work: operations of what leads on, after which this ends; most_stretches: stretches. report: is called with each
     number that is reached, and the percentage of the way.
     """
     stretches: list[ProvedStretch] = []

@@ -66,7 +66,7 @@ def axis_along(spec: Spec, name: str, span: object) -> Axis:
 def axes_asked(
     spec: Spec, axes: Mapping[str, object], interval_axis: Axis | None = None
 ) -> tuple[Axis, ...]:
-    """The axes that a call names, with their values; along: that of the intervals. Errors:
+    """The axes that a call names, with their values; interval_axis: that of the intervals. Errors:
     UsageError, SpecError."""
     axes_read = tuple(_axis(spec, name, values) for name, values in axes.items())
     for number, axis in enumerate(axes_read):

@@ -475,7 +475,7 @@ def of_intervals(claim: Claim, *, some: bool) -> str:
 def extreme(claim: Claim, figure: str, rows: str, *, certified: bool) -> str:
     """What the largest value of a figure is.
 
-    what: "largest", or another word for it. rows: the name of its rows, empty if there are no
+    figure: "largest", or another word for it. rows: the name of its rows, empty if there are no
     others. certified: whether it has to be said that it is, since others are not.
     """
     if claim.status is Status.PROVED:
@@ -486,7 +486,7 @@ def extreme(claim: Claim, figure: str, rows: str, *, certified: bool) -> str:
 
 
 def nothing(claim: Claim, *, certain: bool) -> str:
-    """That a line of a figure has no interval; known: whether that is certain."""
+    """That a line of a figure has no interval; certain: whether that is certain."""
     if certain:
         return form_of(claim.what).nowhere
     if claim.status is Status.PROVED:

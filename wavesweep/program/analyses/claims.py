@@ -286,7 +286,7 @@ class Scope:
         return Scope(tuple(numbers), Frames(**frames), messages, tick=tick, **remaining)
 
     def covers(self, subset: Scope, design: Mapping[str, Any]) -> bool:
-        """Whether all loops of another scope are in this one; own: the spec's own values, by
+        """Whether all loops of another scope are in this one; design: the spec's own values, by
         their paths."""
         if not self._covers_numbers(subset, design) or not self._covers_messages(subset):
             return False
@@ -572,7 +572,7 @@ def asks_more(spec: Spec) -> bool:
 
 
 def answer(question: Question, claims: Iterable[Claim], design: Mapping[str, Any]) -> Claim:
-    """What is known of all that a question is about; own: the spec's own values.
+    """What is known of all that a question is about; design: the spec's own values.
 
     One loop of the scope that is refuted refutes it. What only covers a part of it is no answer.
     """

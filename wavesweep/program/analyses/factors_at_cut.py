@@ -34,7 +34,7 @@ def with_factors(
     """Yield the loops with the factor of each margin that is asked at a cut, and the ranges of the
     numbers that it follows from.
 
-    asked: cut, and some of gain, phase_deg, disk and Ms. varied: path -> ends of other numbers of the
+    margins: cut, and some of gain, phase_deg, disk and Ms. varied: path -> ends of other numbers of the
     loops. Errors: UsageError for a cut at which there is no such factor.
     """
     cut = margins["cut"]

@@ -33,7 +33,7 @@ def mode_in_the_way(
     """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a
     loop, or a large one. Values at which the loop is stable come before all others.
 
-    loops: a single loop. along: path of the number, span: its range. value: of the number, one of
+    loops: a single loop. path: path of the number, span: its range. value: of the number, one of
     SPAN_PLACES in it or an end, but not 0, where a loop may fall apart. z_re, z_im: the eigenvalue
     of a frame. hz, damping_ratio: of its strongest line in the spectrum. time_constant_s: in which
     it falls to 1/e, negative if it grows, None if it stays. states: that take part. by_lines:

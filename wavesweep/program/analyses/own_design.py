@@ -134,7 +134,7 @@ def _least_damped(
 
 
 def own_claim(spec: Spec, design: Mapping[str, Any]) -> Claim:
-    """What is known of the loop with the spec's own numbers; found: see `own_design`, and
+    """What is known of the loop with the spec's own numbers; design: see `own_design`, and
     `limits` if there are some."""
     radius = design["spectral_radius"]
     scope = own_scope(spec)
@@ -154,7 +154,7 @@ def own_lines(
     whether this is, in a line or two, with what it assumes if that decides what it is: see
     `is_first`.
 
-    found: see `own_design`.
+    design: see `own_design`.
     """
     radius = design["spectral_radius"]
     words = {Status.REFUTED: "UNSTABLE", Status.UNKNOWN: "not known whether it is stable"}

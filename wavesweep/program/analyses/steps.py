@@ -26,7 +26,7 @@ def routes_of(spec: Spec) -> list[Route]:
 
 
 def step_between(spec: Spec, route: Route, most_states: int = MOST_SAMPLED_STATES) -> Step:
-    """The response of an output to a step of an input, route, both of [ports]. most, errors: see
+    """The response of an output to a step of an input, route, both of [ports]. most_states, errors: see
     `Step.of`."""
     _, port = next(ports_of_batch(own_loop(spec), 1, route))
     return Step.of(port, most_states)
@@ -36,7 +36,7 @@ def step_at(spec: Spec, signal: str, most_states: int = MOST_SAMPLED_STATES) -> 
     """The response of a signal, "block.port", to a step of 1 that is added to it wherever it is
     read.
 
-    The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `Step.of`.
+    The transfer function is -L/(1 + L), with L as `broken_at` has it. most_states, errors: see `Step.of`.
     """
     nominal = own_loop(spec)
     wires = []

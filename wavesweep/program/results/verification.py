@@ -326,7 +326,7 @@ def _starts(parquet: Path) -> np.ndarray | None:
 def first_difference(columns: Columns, expected: Columns, exact: bool, first_row: int) -> str:
     """The first difference of two tables as a text, empty for equal tables.
 
-    found, expected: columns. exact: to the bit; otherwise numbers may differ by SAME_NUMBER,
+    columns, expected: columns. exact: to the bit; otherwise numbers may differ by SAME_NUMBER,
     relative. first_row: number of the rows before these.
     """
     if sorted(columns) != sorted(expected):

@@ -243,7 +243,7 @@ class Shapes:
         }
 
     def axes(self, further: Mapping[str, Schema] = MappingProxyType({})) -> Schema:
-        """A table of axes. others: keys beside them."""
+        """A table of axes. further: keys beside them."""
         axes = {name: _reference(f"axis_of_{key.path}") for name, key in self.numbers.items()}
         return self.table({**further, **axes, **self.nested(axes)}, AXIS if self.drawn else False)
 

@@ -296,7 +296,7 @@ def refuse_beyond_half(
     """Add the mistake of frequencies of [bode] beyond half the rate, where the response to a held
     force is not defined.
 
-    axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its
+    axes: of the responses, among which the rate may be; design_rate: its value otherwise, in Hz; rate: its
     path.
     """
     least = min((axis.start for axis in axes if axis.path == rate), default=design_rate)

@@ -163,7 +163,7 @@ def in_doubt(
 ) -> Iterator[Line]:
     """Yield the warning about rows in doubt, if there are any.
 
-    doubts: how many have each word. what: is not so of them. noun: what is in a row.
+    doubts: how many have each word. affected: is not so of them. noun: what is in a row.
     """
     if doubts:
         words = ", ".join(f"{word} {number}" for word, number in doubts.items())

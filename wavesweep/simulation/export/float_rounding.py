@@ -290,7 +290,7 @@ def _moved(
     in_turn: Sequence[_TickMap], errors: Sequence[np.ndarray], sizes: np.ndarray
 ) -> np.ndarray:
     """By how much errors of these sizes move the outputs at most, in the worst tick of a frame;
-    at: see `_errors`."""
+    sizes: see `_errors`."""
     frame = len(in_turn)
     rows = np.array([tick.C for tick in in_turn])
     moved = np.array([np.abs(tick.D) @ error for tick, error in zip(in_turn, errors, strict=True)])
@@ -338,7 +338,7 @@ def _refuse_range(
 def _refuse_limits(
     programs: Iterable[Program], z: np.ndarray, moved: np.ndarray, names: Sequence[str]
 ) -> None:
-    """Refuse a run in which the linear loop reaches a limit; most: what rounding moves it by."""
+    """Refuse a run in which the linear loop reaches a limit; moved: what rounding moves it by."""
     for program in programs:
         for place, (low, high) in program.limits.items():
             of_run = z[:, place]
