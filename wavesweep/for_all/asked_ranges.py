@@ -42,7 +42,7 @@ class ForAllRanges(TableValue):
     def lengths(self) -> tuple[tuple[float, ...], ...]:
         """The probabilities of lengths of frames, a row, or one after each length; of a single
         length without shares."""
-        return tuple(tuple(each / sum(row) for each in row) for row in self.shares or ((1.0,),))
+        return tuple(tuple(weight / sum(row) for weight in row) for row in self.shares or ((1.0,),))
 
     @property
     def results(self) -> tuple[tuple[float, ...], ...]:
@@ -50,7 +50,7 @@ class ForAllRanges(TableValue):
         frames of each length."""
         rows = self.delays or ((1.0,),)
         return tuple(
-            (*((1 - self.loss) * each / sum(row) for each in row), self.loss) for row in rows
+            (*((1 - self.loss) * weight / sum(row) for weight in row), self.loss) for row in rows
         )
 
     @property

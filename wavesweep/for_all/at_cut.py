@@ -28,10 +28,10 @@ ANSWERED = ("margins", "radius", *TIMES_OF_MODES)
 def refused(require: TableValue, *, vary: bool) -> str:
     """Why a requirement cannot be held for all of [for_all], empty if it can; vary: whether frames
     or messages do."""
-    others = [name for name in require.written() if name not in ANSWERED]
-    if others:
+    unanswered = [name for name in require.written() if name not in ANSWERED]
+    if unanswered:
         answered = " and ".join([", ".join(ANSWERED[:-1]), ANSWERED[-1]])
-        return f"expected {answered} alone beside [for_all], found {', '.join(others)}"
+        return f"expected {answered} alone beside [for_all], found {', '.join(unanswered)}"
     if vary:
         return (
             "expected constant numbers in [for_all] beside it, found frames or messages that vary"
@@ -59,10 +59,10 @@ def of_required(
     if modes := require.bound.of_modes:
         rate = loops.changed({path: np.array(ends) for path, ends in varied.items()}).rate
         if modes.times and np.ptp(rate):
-            asked = " and ".join(name for name, _ in modes.times)
-            expected = f"numbers beside {asked} that leave the rate as it is"
+            cut_margins = " and ".join(name for name, _ in modes.times)
+            expected = f"numbers beside {cut_margins} that leave the rate as it is"
             raise UsageError(f"{PATH}: expected {expected}, found one that changes it")
         yield loops, [*ranges], modes.over(frames_per_clock(rules.drawing, loops))
-    for asked in require.cuts:
-        for with_factor, factors in with_factors(loops, asked, varied):
+    for cut_margins in require.cuts:
+        for with_factor, factors in with_factors(loops, cut_margins, varied):
             yield with_factor, [*ranges, *factors], None

@@ -44,14 +44,14 @@ def proved_stable(
     sides: the first of the box, with their ends `(2, sides)`. ranges, box: paths of the other
     numbers, with their ends `(2, numbers)`. up: from the low end on.
     """
-    others = Sides.of(loop, ranges, box)
-    all_sides = Sides([*sides, *others])
-    whole = np.column_stack([ends, others.places(box)])
-    found = cover_constant(loop, all_sides, whole, up)
-    if not found.open:
-        return Stable(found.end, True, None)
-    place = found.point if found.word else found.open[0].mean(0)
-    return Stable(found.end, False, tuple(all_sides.numbers(place).tolist()))
+    other_sides = Sides.of(loop, ranges, box)
+    all_sides = Sides([*sides, *other_sides])
+    whole = np.column_stack([ends, other_sides.places(box)])
+    covering = cover_constant(loop, all_sides, whole, up)
+    if not covering.open:
+        return Stable(covering.end, True, None)
+    place = covering.point if covering.word else covering.open[0].mean(0)
+    return Stable(covering.end, False, tuple(all_sides.numbers(place).tolist()))
 
 
 def varying(spec: Spec) -> list[str]:
@@ -59,10 +59,10 @@ def varying(spec: Spec) -> list[str]:
 
     Errors: UsageError for too many numbers if nothing does.
     """
-    found = [axis.name for axis in spec.for_all.changing]
-    found += ["lost"] * bool(spec.for_all.lost or spec.for_all.loss) + ["messages"] * bool(
+    names = [axis.name for axis in spec.for_all.changing]
+    names += ["lost"] * bool(spec.for_all.lost or spec.for_all.loss) + ["messages"] * bool(
         spec.drawing and spec.drawing.channels
     )
-    if not found:
+    if not names:
         refuse_unsuitable_ranges(spec, "")
-    return found
+    return names

@@ -195,12 +195,12 @@ def readers_of(
     drawing: Drawing, numbers: Mapping[str, float], channel: str
 ) -> tuple[tuple[int, int], ...]:
     """Return when the blocks run that read a channel; plants and dead times read in every tick."""
-    own = {block.name: block for block in drawing.blocks}
+    blocks = {block.name: block for block in drawing.blocks}
     readers = set()
     for port, terms in (*drawing.wires, *drawing.couplings):
         if not any(signal.rpartition(".")[0] == channel for signal, _ in terms):
             continue
-        block = own[port.rpartition(".")[0]]
+        block = blocks[port.rpartition(".")[0]]
         if block.plant or block.dead_time:
             readers.add((1, 0))
             continue
@@ -214,11 +214,11 @@ def frames_with_messages(
     drawing: Drawing,
     values: Mapping[str, object],
     number: str,
-    most: int = MOST_SYMBOLS,
+    most_steps: int = MOST_SYMBOLS,
 ) -> LoopFrames:
     """Return the family of a drawn loop with channels, along a number that one wire or gain reads.
 
-    values: flat numbers. number: empty for the loop at these values alone. most: matrices. Errors:
+    values: flat numbers. number: empty for the loop at these values alone. most_steps: matrices. Errors:
     UsageError for a number that the loop reads in several places; NotByWordsError for channels with
     too many things that may happen, or for messages that carry what drifts.
     """
@@ -234,7 +234,7 @@ def frames_with_messages(
     assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
         name_of(number) if number else ""
     )
-    steps = list(_steps(channels, assembled_loop, most))
+    steps = list(_steps(channels, assembled_loop, most_steps))
     rows, places = places_of(assembled_loop, channels, (row for row, *_ in steps), pair[0].held())
     ticks = ticks_of(places, number)
     drift = MarginalModes.of(*pair)
@@ -256,7 +256,7 @@ def messages_over(
     """Return the family over the cells of a box of sides."""
     drawing, values, channels = _in_step(drawing, values)
     inside = inside_of(box)
-    numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
+    numbers = {side.path: side.number(inside[:, index]) for index, side in enumerate(sides)}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
     drift = MarginalModes.of(*pair)
     loop = Loops(drawing, values | numbers).drawn()
@@ -280,18 +280,18 @@ def members_with_messages(
     drawing, values, channels = _in_step(drawing, values)
 
     def with_numbers(points):
-        return values | {path: points[:, at].copy() for at, path in enumerate(paths)}
+        return values | {path: points[:, index].copy() for index, path in enumerate(paths)}
 
     pair = [
         _in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()
     ]
-    held = pair[0].held()
+    held_ports = pair[0].held()
     drift = MarginalModes.of(*pair)
     steps = list(_steps(channels, Loops(drawing, values).drawn()))
 
     def frames_at(points):
         loop = Loops(drawing, with_numbers(points)).drawn()
-        rows, places = places_of(loop, channels, (row for row, *_ in steps), held)
+        rows, places = places_of(loop, channels, (row for row, *_ in steps), held_ports)
         ticks, _ = drift.relative_ticks(ticks_of(places))
         return frames_of_ticks(ticks, drift, [row[:-1] for row in rows], [row[-1] for row in rows])
 
@@ -310,7 +310,7 @@ def _in_step(
 
 
 def places_of(
-    own: MultirateLoop, channels: Sequence[Channel], rows: Iterable[Sequence[tuple]], held
+    loop: MultirateLoop, channels: Sequence[Channel], rows: Iterable[Sequence[tuple]], held_ports
 ) -> tuple[list[list[int]], list[TickPlace]]:
     """Return the ticks of each row of kinds, as numbers, and the tick of each kind: the first tick
     in the frame in which the same blocks run, and what each channel takes from where in it."""
@@ -319,7 +319,7 @@ def places_of(
     numbers = [[index.setdefault(kind, len(index)) for kind in row] for row in rows]
     places = []
     for tick, taken in index:
-        places.append(TickPlace(at_tick(own, tick, channels, taken), 0, held, names))
+        places.append(TickPlace(at_tick(loop, tick, channels, taken), 0, held_ports, names))
     return numbers, places
 
 
@@ -342,7 +342,7 @@ def _ticked(channels, tick, under_way, late):
 
 
 def _steps(
-    channels: tuple[Channel, ...], loop: MultirateLoop, most: int = MOST_SYMBOLS
+    channels: tuple[Channel, ...], loop: MultirateLoop, most_steps: int = MOST_SYMBOLS
 ) -> Iterator[tuple]:
     """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after
     it and possible before it.
@@ -373,9 +373,9 @@ def _steps(
         for late in product(*choices):
             row = []
             under_way = [flight for _, flight in before]
-            for at in range(tick, end):
-                arrivals, under_way = _ticked(channels, at, under_way, late)
-                row.append((alike[at % frame], arrivals))
+            for tick_before in range(tick, end):
+                arrivals, under_way = _ticked(channels, tick_before, under_way, late)
+                row.append((alike[tick_before % frame], arrivals))
             sent = []
             in_a_row = []
             for channel, lateness, (lost, _) in zip(channels, late, before, strict=True):
@@ -392,10 +392,10 @@ def _steps(
             if after not in seen_states:
                 seen_states.add(after)
                 open_.append(after)
-            if len(steps) > most:
+            if len(steps) > most_steps:
                 names = ", ".join(channel.name for channel in channels)
                 raise NotByWordsError(
-                    f"channels {names}: expected at most {most} ways in which messages are late or lost, found more, as every tick "
+                    f"channels {names}: expected at most {most_steps} ways in which messages are late or lost, found more, as every tick "
                     "of `late` is one; write what every message takes as a delay (seconds) before the channel, choose longer "
                     "ticks, or list values in [sweep] in place of ranges of [for_all]"
                 )
@@ -415,15 +415,20 @@ def _choices(channel, tick, lost):
 
 def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:
     """The loop whose channels show in every tick what they read, with all of their states."""
-    return in_every_tick(loop, channels, [(SENT, (NOTHING,) * each.registers) for each in channels])
+    return in_every_tick(
+        loop, channels, [(SENT, (NOTHING,) * channel.registers) for channel in channels]
+    )
 
 
 def in_every_tick(loop: MultirateLoop, channels, taken) -> MultirateLoop:
     """The loop whose channels take from these places in every tick."""
-    own = {each.name: each.block(*places) for each, places in zip(channels, taken, strict=True)}
+    blocks = {
+        channel.name: channel.block(*places)
+        for channel, places in zip(channels, taken, strict=True)
+    }
     placed = []
     for scheduled in loop.placed:
-        block = own.get(scheduled.block.name)
+        block = blocks.get(scheduled.block.name)
         placed.append(ScheduledBlock(block) if block else scheduled)
     return replace(loop, placed=tuple(placed))
 

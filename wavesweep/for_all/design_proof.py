@@ -127,8 +127,8 @@ class DesignRanking(DesignProof):
             several = {path: columns[path][members] for path in columns.keys() - alone}
             loops = loops_of(spec, dict(spec.values), along)
             for case in cases_of(self.rules, along, (0.0, 0.0), loops):
-                found = self.rules.families(case.values, along, several, members.size)
-                for member, family in zip(members, found, strict=True):
+                of_members = self.rules.families(case.values, along, several, members.size)
+                for member, family in zip(members, of_members, strict=True):
                     if family.drift is None:
                         families[member].append(family)
         return families

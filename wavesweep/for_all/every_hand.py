@@ -55,8 +55,8 @@ class EveryHandGuarantee(Guarantee):
 
     def scope(self, spec: Spec) -> Scope:
         """The loops that its rows are of."""
-        own = Loops(own_loop(spec).drawing, dict(spec.values))
-        loops = scope_of(spec, self.rules, cases_of(self.rules, "", (0.0, 0.0), own))
+        design = Loops(own_loop(spec).drawing, dict(spec.values))
+        loops = scope_of(spec, self.rules, cases_of(self.rules, "", (0.0, 0.0), design))
         return replace(loops, hands=PASSIVE_HANDS)
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
@@ -101,8 +101,8 @@ def _refuse_loop(spec, rules, drawing):
     if rules.for_all.loss:
         # A force that is held for ever is moved by a hand for ever: no damping is enough.
         expected = "a limit to the results that are lost in a row (lost = 1, or more)"
-        found = "loss, with which any number in a row may be lost"
-        raise UsageError(REFUSED.format(expected, found))
+        text_found = "loss, with which any number in a row may be lost"
+        raise UsageError(REFUSED.format(expected, text_found))
     if drawing.dead_times:
         expected = "device.delay in place of device.dead_time"
         if spec.drawing:
@@ -143,8 +143,8 @@ def damping(spec: Spec) -> dict[str, object] | None:
         at_rest = [(margin, *margin.need(0.0)) for margin in margins]
     except UsageError:
         return None
-    _, needed, has = max(at_rest, key=lambda each: each[1].proved - each[2])
-    margin, worst, _ = max(at_rest, key=lambda each: each[1].refuted - each[2])
+    _, needed, has = max(at_rest, key=lambda need: need[1].proved - need[2])
+    margin, worst, _ = max(at_rest, key=lambda need: need[1].refuted - need[2])
     facts: dict[str, object] = {}
     for name, value in (("needed", needed.proved), ("refuted", worst.refuted), ("device", has)):
         facts[name] = value if np.isfinite(value) else None

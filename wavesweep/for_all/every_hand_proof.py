@@ -78,13 +78,17 @@ class Unmet:
     @staticmethod
     def of(frames: list[arb_mat], states: np.ndarray, follows: np.ndarray) -> "Unmet | None":
         """Return those of the states that are not over after some frames; None without any."""
-        left = alive(np.logical_or.reduce([_pattern(frame) for frame in frames]), states).tolist()
-        if not left:
+        remaining = alive(
+            np.logical_or.reduce([_pattern(frame) for frame in frames]), states
+        ).tolist()
+        if not remaining:
             return None
-        matrices = [[frame[i, j] - int(i == j) for i in left for j in left] for frame in frames]
+        matrices = [
+            [frame[i, j] - int(i == j) for i in remaining for j in remaining] for frame in frames
+        ]
         E = np.array([[float(entry.mid()) for entry in matrix] for matrix in matrices])
         dE = np.array([[_rounded_off(entry) for entry in matrix] for matrix in matrices])
-        shape = len(frames), len(left), len(left)
+        shape = len(frames), len(remaining), len(remaining)
         return Unmet(E.reshape(shape), np.nextafter(dE, np.inf).reshape(shape), follows)
 
     def at(self, x: float) -> np.ndarray:  # noqa: ARG002
@@ -149,9 +153,9 @@ class EveryHand:
             frames = [reduce(_after, (ticks[kind] for kind in word)) for word in words]
             unmet = Unmet.of(frames, unmet_states, follows)
         n = kinds[0][0].nrows()
-        if (most := graph.nodes * n * (n + 1) // 2) > MOST_UNKNOWNS:
+        if (unknowns := graph.nodes * n * (n + 1) // 2) > MOST_UNKNOWNS:
             raise UsageError(
-                f"hand passive while frames vary: expected at most {MOST_UNKNOWNS} unknown numbers of stored energies, found {most}; "
+                f"hand passive while frames vary: expected at most {MOST_UNKNOWNS} unknown numbers of stored energies, found {unknowns}; "
                 "choose shorter frames, or fewer delays of results"
             )
         period = 1 / float(Loops(plan.drawing, plan.values).rate)
@@ -193,15 +197,15 @@ class EveryHand:
             for A, row in zip(M, rows, strict=True)
         ]
         shortest = [self._needed_by(word, maps) for word in shortest_through(self.follows)]
-        best = max(shortest, key=lambda each: each[0])
+        best = max(shortest, key=lambda need: need[0])
         beam = [()]
         for _ in range(3):  # frames of a pattern
             longer = [(*first, last) for first in beam for last in range(len(self.words))]
             longer = [word for word in longer if self.follows[word[:-1], word[1:]].all()]
             needs = sorted(
-                (self._needed_by(word, maps) for word in longer), key=lambda each: -each[0]
+                (self._needed_by(word, maps) for word in longer), key=lambda need: -need[0]
             )
-            best = max(best, needs[0], key=lambda each: each[0])
+            best = max(best, needs[0], key=lambda need: need[0])
             # No longer patterns are looked at if proof and pattern are this near.
             if best[0] >= proved - 1e-4 * (LEAST + abs(proved)) or not np.isfinite(proved):
                 break
@@ -272,12 +276,12 @@ def with_ruler(drawing: Drawing) -> Drawing:
     ruler.append(DrawnBlock(takes, "delay", (("steps", ONE),), ONE, zero))
     wires = []
     for port, terms in drawing.wires:
-        kept = tuple(
+        terms_of_port = tuple(
             (f"{device}.y" if signal == f"{device}.x" else signal, gain)
             for signal, gain in terms
             if signal != drawing.hand[0]
         )
-        wires.append((f"{takes}.u" if port == f"{device}.f" else port, kept))
+        wires.append((f"{takes}.u" if port == f"{device}.f" else port, terms_of_port))
     wires.append((f"{device}.u", ((f"{pushes}.y", drawing.tick_hz),)))
     other_blocks = [block for block in drawing.blocks if block.name != device]
     return replace(
@@ -303,14 +307,14 @@ def _ticks(plan: Plan) -> tuple[dict[tuple[Any, int], int], list[arb_mat]]:
     loops = [balls.BallLoop(drawing, plan.values, "") for drawing in at_steps]
     # An output is held at some periods only if its block runs in every tick at others: held in all,
     # so that all maps have the same states.
-    held = sorted({output for loop in loops for output in loop.held})
+    held_outputs = sorted({output for loop in loops for output in loop.held})
     places = {}
     maps = []
     place_of_map = {}
     for step, loop in zip(plan.steps, loops, strict=True):
         running = plan.schedule.running([block.name for block in loop.blocks])
         loop.kinds = tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running)
-        loop.held = held
+        loop.held = held_outputs
         tick_maps = loop.tick_maps(arb(0))
         for kind, running_blocks in zip(plan.schedule.kinds, loop.kinds, strict=True):
             matrix = tick_maps[running_blocks][0]
@@ -379,8 +383,8 @@ def _from_rest(
         k = -(_part(tick, [FORCE], [X]) + c * R)[0, 0]
         if stiffness is None:
             stiffness = k
-        left = g + (F - identity) * R
-        rests = all(entry.contains(0) for entry in left.entries())
+        residual = g + (F - identity) * R
+        rests = all(entry.contains(0) for entry in residual.entries())
         if not rests or not k.overlaps(stiffness):
             return None
         systems.append((F, b - R, -c, -tick[FORCE, PUSH] / moves - k / 2))

@@ -103,8 +103,8 @@ class SlowFrames:
         different lengths.
         """
         name = name_of(number)
-        known = scalars(values)
-        cases = [known | {name: value} for value in (*numbers, known.get(name, 0))]
+        constants = scalars(values)
+        cases = [constants | {name: value} for value in (*numbers, constants.get(name, 0))]
         ticks_of = {}
         for block in drawing.blocks:
             ticks = tuple(_whole_ticks(block, case, name) for case in cases)
@@ -129,9 +129,9 @@ def _whole_ticks(block: DrawnBlock, numbers: Mapping[str, float], name: str) -> 
     empty."""
     ticks = block.every.finite_value(numbers)
     if ticks is None or ticks < 1 or ticks % 1:
-        found = "none" if ticks is None else f"{ticks:g}"
-        at = f" with {name} = {numbers[name]}" if name else ""
-        refuse(_every(block), "a whole number of ticks, 1 or more", f"{found}{at}")
+        text_found = "none" if ticks is None else f"{ticks:g}"
+        place = f" with {name} = {numbers[name]}" if name else ""
+        refuse(_every(block), "a whole number of ticks, 1 or more", f"{text_found}{place}")
     return int(ticks)
 
 
@@ -188,9 +188,9 @@ def plan_of(
         kinds[THROUGH] = frozenset(slow.names)
     schedule = Schedule(kinds, slow.nominal, frames.elapsed, shown, at_phases)
     read = drawing.reads.union(drawing.building)
-    own = {path: value for path, value in values.items() if path in read}
+    values_read = {path: value for path, value in values.items() if path in read}
     steps = frames.lengths if frames.elapsed and len(at_phases) > 1 else (None,)
-    return Plan(drawing, own, schedule, _symbols(frames, steps, losses))
+    return Plan(drawing, values_read, schedule, _symbols(frames, steps, losses))
 
 
 def _at_phases(
@@ -198,12 +198,12 @@ def _at_phases(
 ) -> dict[int, frozenset[str]]:
     """The blocks of these names that run at each phase, in ticks after the sample, which is at
     phase 0. shortest: the shortest frame (ticks)."""
-    known = scalars(values)
+    constants = scalars(values)
     phases = {}
     for block in drawing.blocks:
         if block.name not in names:
             continue
-        phase = int(block.phase.finite_value(known))
+        phase = int(block.phase.finite_value(constants))
         if phase >= shortest:
             expected = f"phases below the shortest frame, {shortest}"
             refuse(f"block.{block.name}.phase", expected, f"{phase} of {block.name}")

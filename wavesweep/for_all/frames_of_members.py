@@ -32,7 +32,7 @@ def frames_of_ticks(
 
     ticks: of members in a batch. rows, samples: see `LoopFrames`.
     """
-    E = np.stack(np.broadcast_arrays(*(each.E for each in ticks.maps)))
+    E = np.stack(np.broadcast_arrays(*(tick.E for tick in ticks.maps)))
     nothing = np.zeros_like(E)
     V, _ = shift_of(E, nothing, drift)
     maps, _ = counted_from_rest(E, nothing, V, np.zeros_like(V), drift)

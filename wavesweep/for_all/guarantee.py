@@ -55,7 +55,7 @@ def of_word(kind: str, ranges: str | None) -> Guarantee | None:
     return None
 
 
-def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
+def of_run(job: Job, guarantees: Iterable[Guarantee]) -> Iterable[Guarantee]:
     """The guarantees of a run of a spec's own job, from those asked for by words: see
     `program.tables.hand_rows.guarantees_of`.
 
@@ -65,11 +65,15 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     from wavesweep.engine.errors import UsageError
     from wavesweep.program.tables.hand_rows import device_held, refuse_velocity
 
-    spec, along, kinds = own.grid.spec, own.asked.axis.path, [each.kind for each in asked]
+    spec, along, kinds = (
+        job.grid.spec,
+        job.asked.axis.path,
+        [guarantee.kind for guarantee in guarantees],
+    )
     if not spec.for_all:
         if "box" in kinds:
-            device_held("box", own)
-        return asked
+            device_held("box", job)
+        return guarantees
     from wavesweep.for_all import every_hand
     from wavesweep.for_all.at_cut import PATH, refused
     from wavesweep.for_all.rows import ForAllGuarantee, own_cases, refuse_unsuitable_ranges
@@ -84,7 +88,7 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
 
     def refuse_every_hand():
         refuse_unsuitable_ranges(spec, along, cut=False)
-        refuse_velocity(own)
+        refuse_velocity(job)
         every_hand.refuse(spec, rules, along)
 
     if kinds not in ([], ["passive"]):
@@ -96,15 +100,15 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     if kinds:
         refuse_every_hand()
         return [every_hand.EveryHandGuarantee(rules)]
-    if own.asked.require:
-        if refusal := refused(own.asked.require, vary=rules.vary):
+    if job.asked.require:
+        if refusal := refused(job.asked.require, vary=rules.vary):
             raise UsageError(f"{PATH}: {refusal}")
-        rules = replace(rules, require=own.asked.require)
+        rules = replace(rules, require=job.asked.require)
     refuse_unsuitable_ranges(spec, along)
     own_cases(rules, spec)
-    swept = {axis.path for axis in own.grid.axes}
+    swept = {axis.path for axis in job.grid.axes}
     if wrong := [axis.name for axis in spec.for_all.axes if axis.path in swept]:
         raise UsageError(
             f"{', '.join(wrong)}: expected a number that [for_all] does not have as well"
         )
-    return [ForAllGuarantee(each) for each in (rules, rules.on_average()) if each]
+    return [ForAllGuarantee(guarantee) for guarantee in (rules, rules.on_average()) if guarantee]

@@ -82,25 +82,25 @@ class SmallGain:
     @staticmethod
     def of(loop: OpenLoop) -> SmallGain:
         """The same of a loop with channels."""
-        newest = replace(loop, choices=[[held[:1] for held in row] for row in loop.choices])
+        newest = replace(loop, choices=[[choice[:1] for choice in row] for row in loop.choices])
         middle = sum(loop.counts) <= MOST_KEPT
-        kept = loop if middle else newest
+        of_messages = loop if middle else newest
         about = (0.5, 0.5) if middle else (1.0, 0.0)
-        kinds, whole, slots = _with_free(loop, kept, about, ((SENT, 1.0), (0, -1.0)))
+        kinds, whole, slots = _with_free(loop, of_messages, about, ((SENT, 1.0), (0, -1.0)))
         gains = []
-        for at in slots:
-            channel = loop.channels[at]
+        for slot in slots:
+            channel = loop.channels[slot]
             oldest = np.zeros(channel.every)
             for now, choices in enumerate(loop.choices):
                 since = (now - channel.phase) % channel.every
-                oldest[since] = max(oldest[since], choices[at][-1] or 0)
+                oldest[since] = max(oldest[since], choices[slot][-1] or 0)
             gains.append(oldest @ oldest * about[0] ** 2)
         peaks = None
         with suppress(NotByWordsError):
             _, of_peaks, free = _with_free(loop, newest, (0.0, 0.0), ((SENT, 1.0),))
             peaks = PeakGain(of_peaks, free)
         states = np.array([*slots.values()], int)
-        return SmallGain(kept, kinds, whole, states, np.array(gains), peaks)
+        return SmallGain(of_messages, kinds, whole, states, np.array(gains), peaks)
 
     def over(self, sides: Sequence[Side]) -> FramesOver:
         """The ticks over the cells of a box of sides; the loop is that of some of its numbers."""
@@ -108,12 +108,12 @@ class SmallGain:
 
     def found(self, A: Polynomials) -> tuple[Centre, np.ndarray] | None:
         """Forms for the ticks in a cell, and their slopes, which are 0; None if none are found."""
-        one = np.eye(A.terms.shape[-1])
+        identity = np.eye(A.terms.shape[-1])
         middle, *slopes = A.terms[: 1 + A.numbers]
         for norms, units in self._forms(middle, slopes):
             of_nodes = np.concatenate([units, np.roll(units, -1, 0)])
             P = of_nodes.mT @ norms.P @ of_nodes
-            centre = Centre((P + P.mT) / 2, norms.graph, one, one)
+            centre = Centre((P + P.mT) / 2, norms.graph, identity, identity)
             if centre.shrinks(middle):
                 return centre, np.zeros((A.numbers, *norms.P.shape))
         return None
@@ -125,12 +125,12 @@ class SmallGain:
             again = False
             while abs(step) > LEAST_STEP * abs(x) and x != goal:
                 ahead = goal if abs(goal - x) <= abs(step) else x + step
-                held = proved(*sorted((x, ahead)))
-                if held:
+                is_proved = proved(*sorted((x, ahead)))
+                if is_proved:
                     x = ahead
-                if again or not held:
-                    step *= 2 if held else 0.5
-                again = held
+                if again or not is_proved:
+                    step *= 2 if is_proved else 0.5
+                again = is_proved
         return x
 
     def proved(self, low: float, high: float) -> bool:
@@ -147,9 +147,11 @@ class SmallGain:
         if points is None:
             return False
         half = (self.whole.at(high) - self.whole.at(low)) / 2
-        found = self._forms(self.whole.at((low + high) / 2), [half])
+        norms_found = self._forms(self.whole.at((low + high) / 2), [half])
         follows = self.whole.follows
-        return any(shrink_along([norms], *_in_units(points, to), follows) for norms, to in found)
+        return any(
+            shrink_along([norms], *_in_units(points, to), follows) for norms, to in norms_found
+        )
 
     def _forms(
         self, M: np.ndarray, halves: Sequence[np.ndarray]
@@ -170,28 +172,28 @@ class SmallGain:
         back = np.linalg.inv(units)
         # What a number changes is one more channel, of which w is at most d.
         taken = [later @ M @ back]
-        given = []
+        outputs = []
         channel = [*range(slots.size)]
         for number, half in enumerate(halves, slots.size):
-            left, size, right = np.linalg.svd(later @ half @ back)
+            left_vectors, size, right = np.linalg.svd(later @ half @ back)
             some = np.flatnonzero((size > RANK * size.max()).any(0))
             root = np.sqrt(size[:, None, some])
-            taken.append(left[..., some] * root)
-            given.append(root.mT * right[:, some])
+            taken.append(left_vectors[..., some] * root)
+            outputs.append(root.mT * right[:, some])
             channel += [number] * some.size
         both = np.zeros((ticks.size, n + len(channel) - slots.size, n + len(channel) - slots.size))
         both[:, :n] = np.concatenate(taken, -1)
-        both[:, n:, :n] = np.concatenate(given, 1)
+        both[:, n:, :n] = np.concatenate(outputs, 1)
         gains = np.append(self.gains, np.ones(len(channel) - slots.size))
         A, B, C, D = _parts(both, rest, [*slots, *range(n, both.shape[-1])])
         weight = _weights(A, B, C, D, gains, np.array(channel), self.known)
         if weight is None:
             return
         taken = np.sqrt(weight)
-        given = (taken * np.sqrt(gains))[:, None]
+        outputs = (taken * np.sqrt(gains))[:, None]
         graph = Graph(ticks, ticks, ticks.size + ticks)
         for shares in SHARES:
-            X = _stored(A, B / taken, given * C, given * D / taken, *shares)
+            X = _stored(A, B / taken, outputs * C, outputs * D / taken, *shares)
             P = np.zeros((2, *M.shape))
             P[:, :, *np.ix_(rest, rest)] = X
             P[1] = np.roll(P[1], -1, 0)
@@ -204,11 +206,11 @@ def _in_units(points, to) -> tuple[np.ndarray, np.ndarray]:
     """Ticks less the identity, with bounds on their errors, in units `z = to x` of the states before
     each: in those of the spec a form may have eigenvalues that no double tells from 0."""
     E, dE = points
-    one = np.eye(E.shape[-1])
+    identity = np.eye(E.shape[-1])
     back = Bounded.exact(np.linalg.inv(to))
     later = back.inverse().each(lambda units: np.roll(units, -1, 0))
-    ticks = later @ (Bounded(E, dE) + Bounded.exact(one)) @ back
-    return ticks.value - one, ticks.error + EPS * np.abs(ticks.value)
+    ticks = later @ (Bounded(E, dE) + Bounded.exact(identity)) @ back
+    return ticks.value - identity, ticks.error + EPS * np.abs(ticks.value)
 
 
 def _parts(M, rest, free):
@@ -216,15 +218,17 @@ def _parts(M, rest, free):
     return [M[:, *np.ix_(rows, columns)] for rows in (rest, free) for columns in (rest, free)]
 
 
-def _weights(A, B, C, D, gains, channel, known) -> np.ndarray | None:
+def _weights(A, B, C, D, gains, channel, weights_known) -> np.ndarray | None:
     """The weights of the inputs, one for each channel, with which the largest gain from w to d, of
-    those at some angles, is below 1, and least if `known` has none; None if there are none."""
+    those at some angles, is below 1, and least if `weights_known` has none; None if there are none."""
     from scipy.linalg import matrix_balance
     from scipy.optimize import minimize
 
     ticks = np.arange(len(A))
-    one = np.eye(A.shape[-1])
-    lifted = TickMaps.of([*zip(A - one, B, C, D, strict=True)], ticks, ()).lifted(measured=False)
+    identity = np.eye(A.shape[-1])
+    lifted = TickMaps.of([*zip(A - identity, B, C, D, strict=True)], ticks, ()).lifted(
+        measured=False
+    )
     H = lifted.response(np.zeros(ANGLES.size, int), ANGLES)
     some = np.abs(H).any((0, 2))
     inputs = np.tile(channel, len(A))
@@ -237,24 +241,24 @@ def _weights(A, B, C, D, gains, channel, known) -> np.ndarray | None:
 
     # Steps are a share of where it starts; only differences count.
     begun = np.full(1 + channel.max(), 8.0)
-    best = known.get(begun.size, begun)
+    best = weights_known.get(begun.size, begun)
     if gain(best) > ENOUGH:
-        own = 1.0 * (inputs == np.arange(begun.size)[:, None])
-        between = np.sqrt((own[:, some] @ np.square(np.abs(H)) @ own.T).max(0))
+        of_channel = 1.0 * (inputs == np.arange(begun.size)[:, None])
+        between = np.sqrt((of_channel[:, some] @ np.square(np.abs(H)) @ of_channel.T).max(0))
         _, (sizes, _) = matrix_balance(between, permute=False, separate=True)
         begins = begun - np.log(sizes)
         best = minimize(gain, begins, method="Nelder-Mead", options=NEAR).x
-        known[begun.size] = best
+        weights_known[begun.size] = best
     return np.exp(2 * (best - begun)[channel]) if gain(best) < 1 else None
 
 
 def _stored(A, B, C, D, share, of_given) -> np.ndarray:
     """Forms X before each tick with `x'X x + w'w - x+'X+ x+ - d'd` a share of all states or more,
     and one of what each state alone gives to d, if there are any."""
-    given = C.mT @ C
-    own = np.eye(A.shape[-1]) * (share + of_given * given)
+    output_form = C.mT @ C
+    storage = np.eye(A.shape[-1]) * (share + of_given * output_form)
     of_inputs = np.eye(D.shape[-1]) - D.mT @ D
-    elements = [*map(Element.of, A, B, -given - own, -C.mT @ D, of_inputs)]
+    elements = [*map(Element.of, A, B, -output_form - storage, -C.mT @ D, of_inputs)]
     ahead = reduce(Element.then, elements)
     for _ in range(DOUBLINGS):
         ahead = ahead.then(ahead)
@@ -266,31 +270,35 @@ def _stored(A, B, C, D, share, of_given) -> np.ndarray:
 
 
 def _with_free(
-    loop: OpenLoop, kept: OpenLoop, about: tuple[float, float], given: tuple
+    loop: OpenLoop, loop_of_messages: OpenLoop, about: tuple[float, float], sent: tuple
 ) -> tuple[list[tuple], LoopFrames, dict[int, int]]:
     """The kinds of the ticks of a loop, and these ticks, in which a channel shows w and shares `about`
     of the newest and of the oldest message, and w becomes what is given; with the state that is w
     by the number of the channel, if not all that it shows is in time.
 
-    kept: the loop with the messages that are kept."""
+    loop_of_messages: the loop with the messages that are kept."""
     kinds = []
-    for at, alike in enumerate(loop.alike):
+    for tick, alike in enumerate(loop.alike):
         taken = []
-        for channel, count, held in zip(loop.channels, kept.counts, loop.choices[at], strict=True):
-            sends = channel.sends(at)
+        for channel, count, choice in zip(
+            loop.channels, loop_of_messages.counts, loop.choices[tick], strict=True
+        ):
+            sends = channel.sends(tick)
             shows, registers = taken_from(sends, count, 0)
-            if held[-1]:
-                ends = shows, registers[min(held[-1], count - 1)]
+            if choice[-1]:
+                ends = shows, registers[min(choice[-1], count - 1)]
                 shows = (*zip(ends, about, strict=True), (count, 1.0))
-            taken.append((shows, (*registers, given if sends else NOTHING)))
+            taken.append((shows, (*registers, sent if sends else NOTHING)))
         kinds.append((alike, tuple(taken)))
     ticks = len(kinds)
     rows = [[kind] for kind in kinds]
-    whole = kept.frames(rows, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
+    whole = loop_of_messages.frames(rows, tuple(range(ticks)), np.zeros((ticks, ticks), bool), 1)
     names = [whole.ticks.states[state] for state in whole.kept]
     slots = {}
-    for at, (channel, count) in enumerate(zip(loop.channels, kept.counts, strict=True)):
+    for tick, (channel, count) in enumerate(
+        zip(loop.channels, loop_of_messages.counts, strict=True)
+    ):
         name = f"{channel.name}.message {count + 1}"
         if name in names:
-            slots[at] = names.index(name)
+            slots[tick] = names.index(name)
     return kinds, whole, slots

@@ -75,8 +75,8 @@ class ForAll(ForAllRanges):
         from wavesweep.for_all.varying import Rules
         from wavesweep.program.analyses.claim_words import in_words
 
-        known, _ = claim(spec, Rules.of(spec))
-        return in_words(known)
+        claimed, _ = claim(spec, Rules.of(spec))
+        return in_words(claimed)
 
     def proof(self, spec: Any) -> DesignProof:
         """What proves the designs of a spec with this table."""
@@ -162,8 +162,8 @@ def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumb
     if axis is None:
         return None
     if len(set(axis.values)) < len(axis.values):
-        found = ", ".join(f"{value:g}" for value in axis.values)
-        mistakes.refuse(axis.place, label, "values that differ", found)
+        text_found = ", ".join(f"{value:g}" for value in axis.values)
+        mistakes.refuse(axis.place, label, "values that differ", text_found)
     if varies:
         count = len(axis.choices)
         if count > MOST_VARYING:
@@ -218,36 +218,36 @@ def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> N
     """Add the mistakes of numbers from which others follow: a case has its own numbers in their
     places, and no more."""
     request.refuse_other_edges("for_all", axes)
-    given = request.given.leaves
-    edges = [path for path in given if path.rpartition(".")[2] in BAND_EDGES]
-    of_fast_rate = [path for path in ("rates.slow_hz", *edges) if path in given]
+    leaves = request.given.leaves
+    edges = [path for path in leaves if path.rpartition(".")[2] in BAND_EDGES]
+    of_fast_rate = [path for path in ("rates.slow_hz", *edges) if path in leaves]
     for axis in axes:
-        found = axis.name
+        name_found = axis.name
         if axis.path == "rates.slow_hz":
             expected = "rates.ratio = { values = [...] }, the fast ticks in a frame"
         elif axis.path in edges:
             expected = "a filter by its order and cutoff_hz, and one of these"
         elif axis.path == "rates.fast_hz" and of_fast_rate:
             expected = "beside several fast rates a ratio in place of slow_hz, and filters by order and cutoff_hz"
-            found = of_fast_rate[0]
+            name_found = of_fast_rate[0]
         else:
             continue
-        request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, found)
+        request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, name_found)
 
 
 def _refuse_what_cannot_vary(request: Request, numbers: Iterable[AskedNumber]) -> None:
     """Add the mistakes of numbers that vary and are neither lengths of frames nor delays."""
     if request.drawing:
-        may_vary = {path_of(name) for each in request.drawing.blocks for name in each.every.names}
+        may_vary = {path_of(name) for block in request.drawing.blocks for name in block.every.names}
         expected = "one number that varies, which `every` of blocks reads"
     elif not request.drawn:
         may_vary = {"rates.ratio", DELAY}
         expected = "rates.ratio or environment.delay as numbers that vary"
     else:  # a drawing with mistakes of its own
         return
-    for at, asked in enumerate(numbers):
-        if asked.axis.path not in may_vary or (request.drawing and at):
-            request.mistakes.refuse(asked.axis.place, asked.label, expected, asked.axis.name)
+    for index, number in enumerate(numbers):
+        if number.axis.path not in may_vary or (request.drawing and index):
+            request.mistakes.refuse(number.axis.place, number.label, expected, number.axis.name)
 
 
 def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
@@ -266,7 +266,7 @@ def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
 
 def _with_chances(request: Request, table: ForAll, numbers: Iterable[AskedNumber]) -> ForAll:
     """Return the table with the weights of values, and add their mistakes. numbers: of it."""
-    given = request.belongs.keys
+    leaves = request.belongs.keys
     mistakes = request.mistakes
     lengths = [axis for axis in table.changing if axis.path != DELAY]
     frames = len(lengths[0].choices) if lengths else 1
@@ -282,7 +282,7 @@ def _with_chances(request: Request, table: ForAll, numbers: Iterable[AskedNumber
         return table
     if table.lost:
         expected = "loss = PROBABILITY where what varies is at random"
-        mistakes.refuse(given[LOST.path], LOST.path, expected, show(table.lost), of_key=False)
+        mistakes.refuse(leaves[LOST.path], LOST.path, expected, show(table.lost), of_key=False)
     for number in numbers:
         if number.axis in table.changing and not number.chances:
             expected = "shares beside values of each number that varies, where one is at random"

@@ -262,11 +262,11 @@ def _chance_of_messages(
     return np.prod(factors)
 
 
-def _refuse_large(family, graph, what, hint):
+def _refuse_large(family, graph, path, hint):
     if graph.nodes * (family.kept.size * (family.kept.size + 1) // 2) > MOST_MOMENTS:
         size = f"{family.kept.size} states at {graph.nodes} moments"
         raise UsageError(
-            f"{what}: expected at most {MOST_MOMENTS} second moments, found {size}; {hint}"
+            f"{path}: expected at most {MOST_MOMENTS} second moments, found {size}; {hint}"
         )
 
 

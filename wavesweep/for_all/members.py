@@ -43,7 +43,9 @@ def _own(case: Case, changes: Mapping[str, float] | None = None) -> dict[str, ob
     """The values of a case, and of its ranges those of the spec or the nearest ones; changes:
     see `members`."""
     values = {**case.values, **(changes or {})}
-    for axis in (each for each in case.ranges if each.path not in (changes or {})):
+    for axis in (
+        axis_of_range for axis_of_range in case.ranges if axis_of_range.path not in (changes or {})
+    ):
         values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
     return values
 
@@ -133,11 +135,11 @@ def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
             if low - NO_CONTRADICTION * abs(low) <= high + NO_CONTRADICTION * abs(high)
         ]
         if not common:
-            others = f"; with {met}, it is in {_spans(before)}" if met else ""
+            beside = f"; with {met}, it is in {_spans(before)}" if met else ""
             name = case.along.rpartition(".")[2]
             if stable:
-                return f"with {label} {name} is stable in {_spans(stable)}{others}"
-            return f"with {label} no {name} is stable{_nearest(loop, name, case, span)}{others}"
+                return f"with {label} {name} is stable in {_spans(stable)}{beside}"
+            return f"with {label} no {name} is stable{_nearest(loop, name, case, span)}{beside}"
         met = "those before" if met else label
     return ""
 
@@ -154,7 +156,7 @@ def _nearest(loop: Loops, name: str, case: Case, span: tuple[float, float]) -> s
 
 
 def _spans(stable: Sequence[tuple[float, float]]) -> str:
-    return " and ".join(span_in_words(*each) for each in stable)
+    return " and ".join(span_in_words(*interval) for interval in stable)
 
 
 def _named(rules: Rules, case: Case) -> Iterator[tuple[str, Loops]]:
@@ -187,4 +189,6 @@ def _certified(loop: Loops, along: str, span: tuple[float, float]):
     records = searched.records()
     if not records["certified"].all():
         return None
-    return [(float(each["low"]), float(each["high"])) for each in records if each["intervals"]]
+    return [
+        (float(record["low"]), float(record["high"])) for record in records if record["intervals"]
+    ]

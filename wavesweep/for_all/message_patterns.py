@@ -37,19 +37,19 @@ BACK = (0.04, 0.02, 0.008, 0.0025, 8e-4, 2.5e-4)
 def growing_pattern(
     family: RingFrames,
     x: float,
-    known: Sequence[Word] = (),
+    words: Sequence[Word] = (),
     periods: Sequence[int] = PERIODS,
 ) -> tuple[float, Word]:
     """Return the fastest growth per period at x of the patterns that a climb finds, and its
     pattern.
 
-    known: patterns to begin with, before others. periods: in these. The search ends with the first
+    words: patterns to begin with, before others. periods: in these. The search ends with the first
     one that grows.
     """
     ring = _Ring.of(family)
     best: tuple[float, Word] = (0.0, ())
-    for found in _climbs(family.at(x), ring, (*known, *_starts(ring, periods))):
-        best = max(best, found)
+    for pattern in _climbs(family.at(x), ring, (*words, *_starts(ring, periods))):
+        best = max(best, pattern)
         if best[0] >= 1:
             break
     return best
@@ -87,9 +87,9 @@ def nearest_pattern(family: RingFrames, start: float, limit: float) -> Refuted:
 
     def grown(x, like, many):
         nonlocal tracked
-        known = [like, *(word for _, word in tracked.values())]
+        words = [like, *(word for _, word in tracked.values())]
         best: dict[int, tuple[float, Word]] = {}
-        starts = (*known, *_starts(ring, PERIODS if many else SOON))
+        starts = (*words, *_starts(ring, PERIODS if many else SOON))
         for rate, word in _climbs(family.at(x), ring, starts):
             if rate >= 1:
                 return [word]
@@ -126,15 +126,17 @@ class _Ring:
     @staticmethod
     def of(family: RingFrames) -> _Ring:
         """That of a family."""
-        held = [[-1 if back is None else back for back in each.back] for each in family.symbols]
-        backs = np.array(held)
+        backs_of_symbols = [
+            [-1 if back is None else back for back in symbol.back] for symbol in family.symbols
+        ]
+        backs = np.array(backs_of_symbols)
         first = np.searchsorted(family.place, np.arange(family.place.max() + 2))
-        at = np.full((first.size - 1, *backs.max(0) + 1), -1)
+        index_of = np.full((first.size - 1, *backs.max(0) + 1), -1)
         read = backs[first[:-1]] >= 0
         backs = np.maximum(backs, 0)
-        at[(family.place, *backs.T)] = np.arange(len(backs))
+        index_of[(family.place, *backs.T)] = np.arange(len(backs))
         ticks = np.array([family.symbols[index].tick for index in first[:-1]])
-        return _Ring(family, backs, read, first, at, ticks)
+        return _Ring(family, backs, read, first, index_of, ticks)
 
     @property
     def places(self) -> int:
@@ -183,37 +185,40 @@ class _Ring:
         before = None
         # Until it repeats, which it does, as what is held is never older than a turn before.
         while before != newest[-1] - count:
-            before = held = newest[-1] - count
+            before = shown = newest[-1] - count
             newest = []
             for tick in range(ticks.size):
-                if held < lowest[tick]:
+                if shown < lowest[tick]:
                     fresh = max(lowest[tick], earliest[tick])
-                    held = fresh if fresh <= newest_sent[tick] else held
-                    lowest[tick] = max(lowest[tick], held)
+                    shown = fresh if fresh <= newest_sent[tick] else shown
+                    lowest[tick] = max(lowest[tick], shown)
                 else:
-                    lowest[tick] = held
-                newest.append(held)
+                    lowest[tick] = shown
+                newest.append(shown)
         return newest
 
     def changed(self, word: Word, gains: Sequence[np.ndarray], cost: float) -> Word:
         """The pattern with what gains most at each place; cost: of a change, as a share of the
         largest gain."""
-        most = max(own.max() - own.min() for own in gains)
-        found = []
+        largest = max(index_in_place.max() - index_in_place.min() for index_in_place in gains)
+        changed_word = []
         for step, (symbol, gain) in enumerate(zip(word, gains, strict=True)):
-            own = symbol - self.first[step % self.places]
+            index_in_place = symbol - self.first[step % self.places]
             better = int(gain.argmax())
-            changes = gain[better] - cost * most > gain[own]
-            found.append(symbol - own + better if changes else symbol)
-        return tuple(found)
+            changes = gain[better] - cost * largest > gain[index_in_place]
+            changed_word.append(symbol - index_in_place + better if changes else symbol)
+        return tuple(changed_word)
 
 
 def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
     """Return what happens to the messages of each channel in a pattern, in the order in which they
     are sent from the begin of a period on: ticks by which each is late, LOST of one that is lost."""
-    found = {}
+    messages = {}
     ring = _Ring.of(family)
-    newest_of = [np.array(ring.numbers(word, at)) for at in range(len(family.loop.channels))]
+    newest_of = [
+        np.array(ring.numbers(word, channel_number))
+        for channel_number in range(len(family.loop.channels))
+    ]
     for channel, newest, earlier in zip(
         family.loop.channels, newest_of, family.loop.earlier, strict=True
     ):
@@ -231,8 +236,8 @@ def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
                 late.append(first - sent if ahead[first] == number else channel.late)
             else:
                 late.append(LOST)
-        found[channel.name] = [late[(each + earlier) % count] for each in range(count)]
-    return found
+        messages[channel.name] = [late[(message + earlier) % count] for message in range(count)]
+    return messages
 
 
 def _starts(ring: _Ring, numbers: Sequence[int]) -> Iterator[Word]:
@@ -253,9 +258,9 @@ def _starts(ring: _Ring, numbers: Sequence[int]) -> Iterator[Word]:
             ways.append(1.0 * (np.cos(2 * np.pi * (waves * steps + phase)) > 0))
         for way in ways:
             word = np.zeros(length, int)
-            for place, own in enumerate(members):
-                wanted = way[place :: ring.places, None] * own.max(0)
-                nearest = np.abs(own - wanted).sum(-1).argmin(1)
+            for place, backs_of_place in enumerate(members):
+                wanted = way[place :: ring.places, None] * backs_of_place.max(0)
+                nearest = np.abs(backs_of_place - wanted).sum(-1).argmin(1)
                 word[place :: ring.places] = ring.first[place] + nearest
             yield ring.realised(tuple(word.tolist()))
 
@@ -281,4 +286,4 @@ def _gains(A, ring, word):
     places = np.arange(len(word)) % ring.places
     choices = [A[ring.first[place] : ring.first[place + 1]] for place in places]
     modes = largest_modes(product_of(A, word)[None], lambda z: _sizes(z[0])[None])
-    return [own[0] for own in slopes_of(choices, A[list(word), None], modes)]
+    return [gains_of_step[0] for gains_of_step in slopes_of(choices, A[list(word), None], modes)]

@@ -63,8 +63,8 @@ class RingFrames:
     def few(self) -> bool:
         """Whether of what may be held there is only the newest and the oldest, as all are too many
         for norms."""
-        held = sum(prod(map(len, row)) for row in self.loop.choices)
-        return held > MOST_HELD or held * self._states**2 > MOST_ENTRIES
+        choices_held = sum(prod(map(len, row)) for row in self.loop.choices)
+        return choices_held > MOST_HELD or choices_held * self._states**2 > MOST_ENTRIES
 
     @property
     def _states(self) -> int:
@@ -77,12 +77,14 @@ class RingFrames:
         """What may be held at each place, and the kinds of ticks from it to the next one."""
         choices = self.loop.choices
         if self.few:
-            choices = [[[*dict.fromkeys((each[0], each[-1]))] for each in row] for row in choices]
-            held = sum(prod(map(len, row)) for row in choices)
-            if held * self._states**2 > MOST_ENTRIES:
+            choices = [
+                [[*dict.fromkeys((choice[0], choice[-1]))] for choice in row] for row in choices
+            ]
+            number_held = sum(prod(map(len, row)) for row in choices)
+            if number_held * self._states**2 > MOST_ENTRIES:
                 raise UsageError(
-                    f"channels {', '.join(each.name for each in self.loop.channels)}: {self._states} states, most of them "
-                    f"messages that are kept, expected at most {int((MOST_ENTRIES / held) ** 0.5)}; let fewer messages be under way"
+                    f"channels {', '.join(choice.name for choice in self.loop.channels)}: {self._states} states, most of them "
+                    f"messages that are kept, expected at most {int((MOST_ENTRIES / number_held) ** 0.5)}; let fewer messages be under way"
                 )
         return _places(self.loop, choices)
 
@@ -94,7 +96,7 @@ class RingFrames:
     @cached_property
     def place(self) -> np.ndarray:
         """The place of each matrix."""
-        ticks = [held.tick for held in self.symbols]
+        ticks = [symbol.tick for symbol in self.symbols]
         return np.unique(ticks, return_inverse=True)[1]
 
     @property
@@ -112,8 +114,8 @@ class RingFrames:
     def slots(self) -> np.ndarray:
         """The states of `whole` at each place, `(places, n)`, -1 where a place has fewer: these are
         zero."""
-        kept = self.whole.kept
-        acts = [each[np.ix_(kept, kept)] for each in self.whole.patterns]
+        states = self.whole.kept
+        acts = [pattern[np.ix_(states, states)] for pattern in self.whole.patterns]
         return _slots(np.array(acts), self.place)
 
     @property
@@ -148,13 +150,13 @@ class RingFrames:
         """Changes `(..., symbols, n, n)` in the states of each place, with bounds on their errors."""
         rows, columns, there = self._picked
         symbol = np.arange(len(self.place))[:, None, None]
-        own = there & (rows == columns)
+        on_diagonal = there & (rows == columns)
         diagonal = np.eye(self.slots.shape[1], dtype=bool)
         picked = np.where(there, E[..., symbol, rows, columns], 0.0)
-        moved = picked + own - diagonal
-        rounding = np.where(own == diagonal, 0.0, 2 * UNIT_ROUNDING * (1 + np.abs(moved)))
+        moved = picked + on_diagonal - diagonal
+        rounding = np.where(on_diagonal == diagonal, 0.0, 2 * UNIT_ROUNDING * (1 + np.abs(moved)))
         return (
-            np.where(own == diagonal, picked, moved),
+            np.where(on_diagonal == diagonal, picked, moved),
             np.where(there, dE[..., symbol, rows, columns], 0.0) + rounding,
         )
 
@@ -191,7 +193,7 @@ def gain_over(
 ) -> SmallGain:
     """Return the small gain of some loops of a box of sides, whose ticks it gives over the box."""
     inside = inside_of(box)
-    numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
+    numbers = {side.path: side.number(inside[:, index]) for index, side in enumerate(sides)}
     loop = OpenLoop.of(drawing, values | numbers, channels_of(drawing, values), "")
     return SmallGain.of(loop)
 
@@ -206,8 +208,8 @@ def _places(loop: OpenLoop, choices) -> tuple[list[Held], list[list[tuple]]]:
 
     def kind(tick, back):
         taken = []
-        for channel, count, each in zip(loop.channels, loop.counts, back, strict=True):
-            taken.append(taken_from(channel.sends(tick), count, each))
+        for channel, count, count_back in zip(loop.channels, loop.counts, back, strict=True):
+            taken.append(taken_from(channel.sends(tick), count, count_back))
         return alike[tick], tuple(taken)
 
     period = len(choices)
@@ -216,8 +218,8 @@ def _places(loop: OpenLoop, choices) -> tuple[list[Held], list[list[tuple]]]:
     kinds = []
     for tick, later in zip(places, [*places[1:], places[0] + period], strict=True):
         rest = [
-            kind(at % period, [each[0] for each in choices[at % period]])
-            for at in range(tick + 1, later)
+            kind(between % period, [count_back[0] for count_back in choices[between % period]])
+            for between in range(tick + 1, later)
         ]
         for back in product(*choices[tick]):
             symbols.append(Held(tick, back))
@@ -232,7 +234,7 @@ def _slots(acts: np.ndarray, place: np.ndarray) -> np.ndarray:
     acts: entries of each matrix that may be nonzero.
     """
     places = place.max() + 1
-    act = np.array([acts[place == at].any(0) for at in range(places)])
+    act = np.array([acts[place == place_number].any(0) for place_number in range(places)])
     live = np.ones(act.shape[:2], bool)
     while True:
         after = np.roll(live, -1, 0)
@@ -243,11 +245,11 @@ def _slots(acts: np.ndarray, place: np.ndarray) -> np.ndarray:
             break
         live = less
     slots = np.full((places, max(1, live.sum(1).max())), -1)
-    for at in range(places):
-        new = list(np.flatnonzero(live[at]))
-        for index, state in enumerate(slots[at - 1]) if at else ():
+    for place_number in range(places):
+        new = list(np.flatnonzero(live[place_number]))
+        for index, state in enumerate(slots[place_number - 1]) if place_number else ():
             if state in new:
-                slots[at, index] = state
+                slots[place_number, index] = state
                 new.remove(state)
-        slots[at, np.flatnonzero(slots[at] < 0)[: len(new)]] = new
+        slots[place_number, np.flatnonzero(slots[place_number] < 0)[: len(new)]] = new
     return slots

@@ -35,15 +35,15 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     return answers | {"every_hand": damping(spec), "claims": claims}
 
 
-def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
+def lines(spec: Spec, facts: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     """Yield what is proved beside the answer to [for_all] itself."""
-    if not found.get("for_all"):
+    if not facts.get("for_all"):
         return
     apart = spec.for_all.apart(spec.values) if spec.for_all else []
     if apart:
         yield 1, f"[for_all] leaves the spec's own {' and '.join(apart)} out"
-    if damping := found.get("every_hand"):
-        refuted = found.get("for_all", {}).get("verdict") == "refuted"
+    if damping := facts.get("every_hand"):
+        refuted = facts.get("for_all", {}).get("verdict") == "refuted"
         if not refuted or damping.get("doubt") == "contradiction":
             yield 1.5, _every_hand(spec, damping)
         elif damping["needed"] is not None:  # nobody at the device is a passive hand as well

@@ -65,7 +65,7 @@ class OpenLoop:
         loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
             name_of(number) if number else ""
         )
-        choices = [[_choices(each, tick) for each in before] for tick in range(loop.ticks)]
+        choices = [[_choices(back, tick) for back in before] for tick in range(loop.ticks)]
         return OpenLoop(
             drawing, values | varied, number, loop, tuple(before), tuple(earlier), choices
         )
@@ -73,7 +73,7 @@ class OpenLoop:
     @property
     def counts(self) -> list[int]:
         """The messages that each channel keeps, of which any may be held."""
-        return [_count([row[at] for row in self.choices]) for at in range(len(self.channels))]
+        return [_count([row[index] for row in self.choices]) for index in range(len(self.channels))]
 
     @property
     def alike(self) -> list[int]:
@@ -87,8 +87,8 @@ class OpenLoop:
     ) -> LoopFrames:
         """The frames that consist of these kinds of ticks, of several loops those of the first;
         more: registers beside messages, which are free: none may be relative to what it copies."""
-        held, drift = self._drift(more)
-        rows, places = places_of(self.drawn, self.channels, kinds, held)
+        held_ports, drift = self._drift(more)
+        rows, places = places_of(self.drawn, self.channels, kinds, held_ports)
         ticks = ticks_of(places, self.number)
         refuse_moved(ticks, drift)
         ticks, _ = drift.relative_ticks(ticks, copied=not more)
@@ -100,14 +100,14 @@ class OpenLoop:
         return LoopFrames.of(ticks, drift.remaining, written)
 
     def over(
-        self, kinds: Sequence[tuple], symbols, sides: Sequence[Side], kept: np.ndarray
+        self, kinds: Sequence[tuple], symbols, sides: Sequence[Side], states_kept: np.ndarray
     ) -> FramesOver:
         """The ticks of these kinds over the cells of a box of sides, with a register beside messages;
-        the values are those of some of its loops. kept: the states that remain."""
-        held, drift = self._drift(1)
-        (samples,), places = places_of(self.drawn, self.channels, [kinds], held)
+        the values are those of some of its loops. states_kept: the states that remain."""
+        held_ports, drift = self._drift(1)
+        (samples,), places = places_of(self.drawn, self.channels, [kinds], held_ports)
         enclosed = EnclosedLoop(self.drawing, self.values, sides, TOTAL_DEGREE)
-        states = [drift.remaining.index(state) for state in kept.tolist()]
+        states = [drift.remaining.index(state) for state in states_kept.tolist()]
         ticks = [(enclosed, place) for place in places]
         return FramesOver(ticks, drift, ((),) * len(kinds), tuple(samples), symbols, kept=states)
 
@@ -133,7 +133,7 @@ def _choices(channel: Channel, tick: int) -> list[int | None]:
 
 def _count(choices) -> int:
     """The messages that a channel keeps, of which any may be held."""
-    return 1 + max(each for row in choices for each in (0, *row) if isinstance(each, int))
+    return 1 + max(choice for row in choices for choice in (0, *row) if isinstance(choice, int))
 
 
 def taken_from(sends: bool, count: int, back: int | None) -> tuple[object, tuple]:
@@ -146,7 +146,7 @@ def _delays_behind(
     loop: MultirateLoop, drawing: Drawing, channels: Sequence[Channel]
 ) -> dict[str, tuple[str, int]]:
     """The delay in every tick that alone reads a channel, and its ticks, by the channel's name."""
-    found = {}
+    delays = {}
     for channel in channels:
         signal = f"{channel.name}.y"
         readers = [port for port, terms in loop.sums.items() if signal in terms]
@@ -159,16 +159,16 @@ def _delays_behind(
                 last = np.eye(steps)[-1:]
                 in_line = scheduled.every == 1 and steps > 0 and not block.D.any()
                 if in_line and np.array_equal(block.E, shifts) and np.array_equal(block.C, last):
-                    found[channel.name] = block.name, steps
-    return found
+                    delays[channel.name] = block.name, steps
+    return delays
 
 
 def _swapped(drawing: Drawing, delays: Mapping[str, tuple[str, int]]) -> Drawing:
     """The drawing with these delays before their channels, which then send later by as much."""
-    own = {f"{delay}.y": f"{channel}.y" for channel, (delay, _) in delays.items()}
+    renamed = {f"{delay}.y": f"{channel}.y" for channel, (delay, _) in delays.items()}
     wires = dict(drawing.wires)
     for port, terms in drawing.wires:
-        wires[port] = tuple((own.get(signal, signal), gain) for signal, gain in terms)
+        wires[port] = tuple((renamed.get(signal, signal), gain) for signal, gain in terms)
     for channel, (delay, _) in delays.items():
         wires[f"{delay}.u"] = wires[f"{channel}.u"]
         wires[f"{channel}.u"] = ((f"{delay}.y", Tree.number(1.0)),)

@@ -51,8 +51,8 @@ class PeakGain:
 def _decays(M: np.ndarray, R: np.ndarray, slots: Sequence[int]) -> bool:
     """Whether peaks show that all ticks `(ticks, n, n)` within R of M decay."""
     ticks, n, _ = M.shape
-    others = np.delete(np.arange(n), slots)
-    order = [*slots, *others]
+    unsent = np.delete(np.arange(n), slots)
+    order = [*slots, *unsent]
     M = M[:, order][..., order]
     free = len(slots)
     R = (R[:, order][..., order] + (2 * n + 4) * EPS * np.abs(M)).max(0)
@@ -63,11 +63,11 @@ def _decays(M: np.ndarray, R: np.ndarray, slots: Sequence[int]) -> bool:
     sums = np.zeros((ticks, n, n))
     enough = ticks
     for tick in range(MOST_TICKS):
-        at = tick % ticks
-        responses = np.tensordot(M[at], responses, 1)
+        place = tick % ticks
+        responses = np.tensordot(M[place], responses, 1)
         if tick < ticks:
             responses[:, tick] = inputs[tick]
-        sums[at] += np.abs(responses).sum(1)
+        sums[place] += np.abs(responses).sum(1)
         if tick + 1 < enough:
             continue
         enough *= 2

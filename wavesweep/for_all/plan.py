@@ -100,10 +100,10 @@ class Schedule:
         """Return the loop with a frame that has one tick of each kind: connecting it gives the
         map of each kind."""
         placed = []
-        running = self.running([each.block.name for each in loop.placed])
-        for each, runs in zip(loop.placed, running.T, strict=True):
+        running = self.running([block.block.name for block in loop.placed])
+        for block, runs in zip(loop.placed, running.T, strict=True):
             phase = tuple(np.flatnonzero(runs).tolist())
-            placed.append(replace(each, every=len(self.kinds), phase=phase))
+            placed.append(replace(block, every=len(self.kinds), phase=phase))
         return replace(loop, placed=tuple(placed))
 
     def running(self, names: Sequence[str]) -> np.ndarray:
@@ -161,7 +161,9 @@ class Plan:
         """The different ticks, open at a number, what drifts in them, and the index of each kind at
         each step; see `different_ticks`."""
         at_steps = [self.schedule.with_period(self.drawing, step) for step in self.steps]
-        if number and not all(each.scalar_place(name_of(number)) for each in at_steps):
+        if number and not all(
+            loop_at_step.scalar_place(name_of(number)) for loop_at_step in at_steps
+        ):
             raise UsageError(
                 f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads "
                 "linearly, found another; look along another one (a gain in the wire behind a block is one), or leave `varying` "
@@ -213,17 +215,17 @@ class Plan:
 
         def counted_at(points):
             maps = []
-            for step, some in groupby(picked, lambda each: each[0]):
+            for step, some in groupby(picked, lambda pick: pick[0]):
                 ticks = ticks_at(step, points, [place for _, place in some])
                 maps += [ticks.maps[kind] for kind in ticks.kind]
             return drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
 
         ticks = []
-        for step, some in groupby(picked, lambda each: each[0]):
+        for step, some in groupby(picked, lambda pick: pick[0]):
             enclosed = EnclosedLoop(drawn_at(step), self.values, sides, TOTAL_DEGREE)
             loop = self.schedule.scheduled(Loops(drawn_at(step), with_numbers(inside)).drawn())
-            held = loop.held()
-            ticks += [(enclosed, TickPlace(loop, place, held)) for _, place in some]
+            held_ports = loop.held()
+            ticks += [(enclosed, TickPlace(loop, place, held_ports)) for _, place in some]
         rows, samples, symbols, _ = self.written(index)
         _, groups = counted_at(inside)
         lead = lasting(drift, lambda points: counted_at(points)[0], box)
@@ -248,7 +250,7 @@ class Plan:
 
         def counted_at(points):
             maps = []
-            for step, some in groupby(picked, lambda each: each[0]):
+            for step, some in groupby(picked, lambda pick: pick[0]):
                 ticks = ticks_at(step, points, [place for _, place in some])
                 maps += [ticks.maps[kind] for kind in ticks.kind]
             ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
@@ -270,10 +272,12 @@ class Plan:
         for step in self.steps:
             ticks = ticks_at(step)
             for place, kind in enumerate(self.schedule.kinds):
-                own = ticks.maps[ticks.kind[place]]
-                alike = next((i for i in range(len(maps)) if _alike(maps[i], own)), len(maps))
+                map_of_place = ticks.maps[ticks.kind[place]]
+                alike = next(
+                    (i for i in range(len(maps)) if _alike(maps[i], map_of_place)), len(maps)
+                )
                 if alike == len(maps):
-                    maps.append(own)
+                    maps.append(map_of_place)
                     picked.append((step, place))
                 index[kind, step] = alike
         return maps, picked, index
@@ -297,8 +301,8 @@ class Plan:
         steps = self.steps
         symbols = list(self.symbols)
         samples = {schedule.sample(symbol) for symbol in symbols}
-        others = [kind for kind in schedule.kinds if kind not in samples]
-        if all(index[kind, step] == index[kind, steps[0]] for kind in others for step in steps):
+        remaining = [kind for kind in schedule.kinds if kind not in samples]
+        if all(index[kind, step] == index[kind, steps[0]] for kind in remaining for step in steps):
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
         symbols, follows = _endless(symbols)
         rows = []
@@ -335,7 +339,7 @@ def _may_follow(before, after):
     return in_a_row and before.through == at_once and after.step in (None, before.ticks)
 
 
-def _alike(one, other):
-    return one.inputs == other.inputs and all(
-        np.array_equal(getattr(one, part), getattr(other, part)) for part in "EBCD"
+def _alike(first, second):
+    return first.inputs == second.inputs and all(
+        np.array_equal(getattr(first, part), getattr(second, part)) for part in "EBCD"
     )

@@ -277,8 +277,8 @@ def felt_for_all(rules: Rules, loop: Loops, along: str, values: np.ndarray) -> n
 
 def own_cases(rules: Rules, spec: Spec) -> list[Case]:
     """The cases of a spec's own design."""
-    own = Loops(own_loop(spec).drawing, dict(spec.values))
-    return cases_of(rules, "", (0.0, 0.0), own)
+    design = Loops(own_loop(spec).drawing, dict(spec.values))
+    return cases_of(rules, "", (0.0, 0.0), design)
 
 
 def _refuse_faults(rules, values, fixed) -> None:
@@ -287,9 +287,9 @@ def _refuse_faults(rules, values, fixed) -> None:
     if not rules.drawing or not fixed:
         return
     numbers = {path: number for path, number in values.items() if not np.ndim(number)}
-    for path, expected, found in faults(rules.drawing, numbers | fixed):
-        at = ", ".join(f"{name_of(name)} = {number:g}" for name, number in fixed.items())
-        refuse(path, expected, f"{found} with {at} of [for_all]")
+    for path, expected, text_found in faults(rules.drawing, numbers | fixed):
+        place = ", ".join(f"{name_of(name)} = {number:g}" for name, number in fixed.items())
+        refuse(path, expected, f"{text_found} with {place} of [for_all]")
 
 
 def _pieces(drawing, values, ranges):
@@ -371,13 +371,13 @@ class _Loop:
                     self._bracketed(case, interval)
                     for interval in parts_that_decay(family, *family.probable(*self.span))
                 )
-                own = list(filter(None, over_ranges))
+                family_of_case = list(filter(None, over_ranges))
             else:
-                own = [
-                    self._row(case, told(bracket, lambda _, own=family: own))
+                family_of_case = [
+                    self._row(case, told(bracket, lambda _, family_of_case=family: family_of_case))
                     for bracket in brackets_on_average(family, self.span)
                 ]
-            both = [all_of(pair) for pair in product(rows, own)]
+            both = [all_of(pair) for pair in product(rows, family_of_case)]
             rows = [row for row in both if row.low < row.high]
         return rows
 
@@ -391,20 +391,20 @@ class _Loop:
             for family in families
         )
 
-    def _row(self, case, found: Bracket) -> Row:
-        ends = [found.below, found.above]
+    def _row(self, case, bracket: Bracket) -> Row:
+        ends = [bracket.below, bracket.above]
         by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
-        low = found.below.x if found.below.word else found.low
-        high = found.above.x if found.above.word else found.high
+        low = bracket.below.x if bracket.below.word else bracket.low
+        high = bracket.above.x if bracket.above.word else bracket.high
         part = Part(low, high, *by)
-        left_open = open_in_words(found.open)
+        left_open = open_in_words(bracket.open)
         places = []
-        for refuted, edge, end in zip(by, self.span, (found.low, found.high), strict=True):
+        for refuted, edge, end in zip(by, self.span, (bracket.low, bracket.high), strict=True):
             if refuted is None and end != edge:  # where the proof ends, and not what it is of
                 places.append(span_around(*sorted((edge, end)), 4))
         if places and not (case.ranges or left_open):
             left_open = f"within {name_of(self.along)} {' and '.join(places)}"
-        return Row(found.low, found.high, part, self.span, text_of_part(part), left_open)
+        return Row(bracket.low, bracket.high, part, self.span, text_of_part(part), left_open)
 
 
 def open_in_words(open_: LeftOpen | None) -> str:
@@ -418,9 +418,9 @@ def open_in_words(open_: LeftOpen | None) -> str:
     return shorten(f"{share}within {', '.join(places)}", LEFT_OPEN, placeholder=" ...")
 
 
-def is_near(one: float, other: float) -> bool:
+def is_near(first: float, second: float) -> bool:
     """Whether an end that is proved is so near to one that is refuted that it counts as settled."""
-    return abs(one - other) <= SETTLED_WITHIN * max(abs(other), abs(one))
+    return abs(first - second) <= SETTLED_WITHIN * max(abs(second), abs(first))
 
 
 def text_of_part(part: Part) -> str:
@@ -476,11 +476,11 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     return float(from_zero["high"].max(initial=0.0))
 
 
-def reason_of(found: Mapping[str, str]) -> str:
+def reason_of(facts: Mapping[str, str]) -> str:
     """Why a verdict is not known."""
-    if found.get("doubt"):
+    if facts.get("doubt"):
         return CONTRADICTED
-    return found.get(
+    return facts.get(
         "known", "neither proved nor refuted: see what `wavesweep stability-region` proves"
     )
 
@@ -488,20 +488,20 @@ def reason_of(found: Mapping[str, str]) -> str:
 def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
     """What is known of all loops of some rules, as a claim about the plans that the proof used,
     and as `verdict` has it."""
-    found = verdict(spec, rules)
-    status = Status[found["verdict"].upper()]
+    facts = verdict(spec, rules)
+    status = Status[facts["verdict"].upper()]
     reason = ""
     if status is Status.REFUTED and rules.at_random:
-        reason = found["counterexample"]
+        reason = facts["counterexample"]
     elif status is Status.REFUTED:
         modes = rules.require and rules.require.bound.of_modes  # a refuter of which may be stable
-        reason = f"{'not' if modes else 'unstable'} with {in_a_sentence(found['counterexample'])}"
+        reason = f"{'not' if modes else 'unstable'} with {in_a_sentence(facts['counterexample'])}"
     elif status is Status.UNKNOWN:
-        reason = reason_of(found)
+        reason = reason_of(facts)
     else:
-        reason = found.get("known", "")
+        reason = facts.get("known", "")
     rows = ForAllGuarantee(rules)
-    return Claim(rows.what, rows.scope(spec), status, reason), found
+    return Claim(rows.what, rows.scope(spec), status, reason), facts
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
@@ -537,8 +537,8 @@ def _verdict(spec, rules):
         texts[said] = texts.get(said) or text
     decided = "unknown" if "unknown" in texts else "proved"
     covered = {"verdict": decided, "counterexample": ""}
-    if known := texts.get(decided):
-        covered["known"] = known
+    if what_is_known := texts.get(decided):
+        covered["known"] = what_is_known
     if decided == "proved" and not claims_hold(rules, loop.cases):
         return covered | {"verdict": "unknown", "doubt": "contradiction"}
     return covered
@@ -586,14 +586,14 @@ def _decided(spec, rules, number, case):
     the tables have them: their proofs go on from numbers at which norms are found at once, and the
     patterns that set their ends are found nearer to them.
     """
-    own = rules, case.values, case.ranges
+    loop_and_ranges = rules, case.values, case.ranges
     if spec.wall:
         path = spec.wall[0]
     else:
         path = spec.along and spec.names.find(spec.along).path
     if not path or rules.at_random:
-        return decided_over(*own)
-    said, alone = decided_over(*own, SOON)
+        return decided_over(*loop_and_ranges)
+    said, alone = decided_over(*loop_and_ranges, SOON)
     if said != Verdict.UNKNOWN:
         return said, alone
     value = float(spec.values[path])
@@ -604,10 +604,10 @@ def _decided(spec, rules, number, case):
     along = loop.cases[number]
     for interval in searched(loop.cases, span):
         try:
-            found = loop.bracketed(along, (interval.low, interval.high))
+            bracket = loop.bracketed(along, (interval.low, interval.high))
         except UsageError:  # its frames cannot be cut there
-            return decided_over(*own)
-        said, by = decided_along(rules, along.values, path, along.ranges, value, found)
+            return decided_over(*loop_and_ranges)
+        said, by = decided_along(rules, along.values, path, along.ranges, value, bracket)
         if said != Verdict.UNKNOWN:
             return said, by
     return said, alone

@@ -66,14 +66,14 @@ class Part:
         return (PROVED_FROM_ZERO * high if low == 0 else low), high
 
 
-def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
+def shared(parts: Sequence[Part], second_parts: Sequence[Part]) -> list[Part]:
     """The parts that two sets of intervals have in common, each end with the numbers that set
     it."""
     overlaps = []
     for interval in parts:
-        for second in others:
-            low = max(interval, second, key=lambda each: each.low)
-            high = min(interval, second, key=lambda each: each.high)
+        for second in second_parts:
+            low = max(interval, second, key=lambda part: part.low)
+            high = min(interval, second, key=lambda part: part.high)
             if low.low < high.high:
                 overlaps.append(
                     Part(
@@ -124,9 +124,9 @@ def proofs(
     away from it.
     """
     # Four rounds of a search after a proof that has not ended.
-    left = [(interval, 4, {}) for interval in searched(cases, span)]
-    while left:
-        part, rounds, known = left.pop(0)
+    waiting = [(interval, 4, {}) for interval in searched(cases, span)]
+    while waiting:
+        part, rounds, proved_before = waiting.pop(0)
         if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
             yield part, Proved(part.low, part.high)
             continue
@@ -134,7 +134,7 @@ def proofs(
         if not low < high:
             yield part, None
             continue
-        covers = [case.cover(low, high, known.get(case)) for case in cases]
+        covers = [case.cover(low, high, proved_before.get(case)) for case in cases]
         intervals = [part]
         for case, covered in zip(cases, covers, strict=True):
             if covered.unstable:
@@ -142,11 +142,11 @@ def proofs(
             if not covered.whole:
                 intervals = case.narrowed(intervals)
         if intervals != [part] and rounds:
-            known = dict(zip(cases, covers, strict=True))
-            left = [(narrower, rounds - 1, known) for narrower in intervals] + left
+            proved_before = dict(zip(cases, covers, strict=True))
+            waiting = [(narrower, rounds - 1, proved_before) for narrower in intervals] + waiting
             continue
-        lowest = max(covers, key=lambda each: each.low)
-        highest = min(covers, key=lambda each: each.high)
+        lowest = max(covers, key=lambda part_of_case: part_of_case.low)
+        highest = min(covers, key=lambda part_of_case: part_of_case.high)
         for interval in intervals:
             inner = interval.within(near)
             low = max(lowest.low, inner[0])
@@ -206,8 +206,8 @@ class Case:
                 starts = [np.insert(self._starts, 0, end, axis=1) for end in (low, high)]
                 starts += [[[low, *point]] for point in self._setting(part.low_by)]
                 starts += [[[high, *point]] for point in self._setting(part.high_by)]
-                found = growth.climb(box, np.concatenate(starts)).unstable[:MEMBERS_MET, 1:]
-                parts = self.met(parts, np.unique(found, axis=0))
+                members = growth.climb(box, np.concatenate(starts)).unstable[:MEMBERS_MET, 1:]
+                parts = self.met(parts, np.unique(members, axis=0))
             if _alike(parts, before):
                 parts = self._narrowed_by_edges(parts, growth)
             if _alike(parts, before):
@@ -251,10 +251,10 @@ class Case:
     @property
     def _first(self):
         """The spec's own member, the corners and the middle."""
-        own = np.clip([[float(self.values[axis.path]) for axis in self.ranges]], *self.box)
+        nominal = np.clip([[float(self.values[axis.path]) for axis in self.ranges]], *self.box)
         if self.ranges:
-            return np.concatenate([own, corners_of(self.box)])
-        return own
+            return np.concatenate([nominal, corners_of(self.box)])
+        return nominal
 
     def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
         """What is left of the parts after the exact intervals at points of the box."""
@@ -305,11 +305,13 @@ class Case:
             else:
                 yield from unbuilt.changed(arrays).built_alike(alike)
 
-    def cover(self, low: float = 0.0, high: float = 0.0, known: Proved | None = None) -> Proved:
+    def cover(
+        self, low: float = 0.0, high: float = 0.0, proved_before: Proved | None = None
+    ) -> Proved:
         """What is proved of all loops of the box, from low to high of the number if there is one:
         up and down from between.
 
-        known: what is proved already, of a part from which the proof goes on.
+        proved_before: what is proved already, of a part from which the proof goes on.
         """
         paths = [axis.path for axis in self.ranges]
         box = self.box
@@ -322,8 +324,10 @@ class Case:
         if not self.along:
             return self._covered(frames, sides, whole, self.left, lambda share: share, up=True)
         begun = np.full(2, low + 0.4 * (high - low))  # where a proof begins
-        if known is not None and max(low, known.low) < min(high, known.high):
-            begun = np.clip([known.low, known.high], low, high)
+        if proved_before is not None and max(low, proved_before.low) < min(
+            high, proved_before.high
+        ):
+            begun = np.clip([proved_before.low, proved_before.high], low, high)
         lower = whole.copy()
         upper = whole.copy()
         lower[1, 0], upper[0, 0] = sides[0].place(begun)
@@ -372,14 +376,14 @@ class Case:
                 return
             PROOF_LOGGER.info(SO_FAR, name_of(first.path), *ends, 100 * share_of_all(share))
 
-        found = cover(frames, box, ALWAYS, work, up, report=report)
-        self.left -= found.used
-        end = float(first.number(found.end))
-        if found.open:
+        covering = cover(frames, box, ALWAYS, work, up, report=report)
+        self.left -= covering.used
+        end = float(first.number(covering.end))
+        if covering.open:
             end += INWARD * abs(end) * (-1 if up else 1)
         low, high = (begun, end) if up else (end, begun)
-        open_ = None if found.word else left_open(found, sides, box, up=up)
-        return Proved(low, high, open_, _met(found, sides), not found.open)
+        open_ = None if covering.word else left_open(covering, sides, box, up=up)
+        return Proved(low, high, open_, _met(covering, sides), not covering.open)
 
     @property
     def _growth(self):
@@ -422,19 +426,19 @@ class Case:
         )
 
 
-def _alike(parts, others):
+def _alike(parts, second_parts):
     """Whether parts have the same ends, but for rounding."""
-    if len(parts) != len(others):
+    if len(parts) != len(second_parts):
         return False
-    for part, other in zip(parts, others, strict=True):
-        for one, two in ((part.low, other.low), (part.high, other.high)):
-            if abs(one - two) > SAME_END * max(abs(one), abs(two)):
+    for part, second_part in zip(parts, second_parts, strict=True):
+        for first, two in ((part.low, second_part.low), (part.high, second_part.high)):
+            if abs(first - two) > SAME_END * max(abs(first), abs(two)):
                 return False
     return True
 
 
-def _met(found, sides):
+def _met(covering, sides):
     """The point at which a proof has found no form, as numbers."""
-    if found.word:
-        return (tuple(sides.numbers(found.point).tolist()),)
+    if covering.word:
+        return (tuple(sides.numbers(covering.point).tolist()),)
     return ()

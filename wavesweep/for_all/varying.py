@@ -158,9 +158,9 @@ class Rules:
         for_all = self.for_all
         if self.messages and not (self.at_random and for_all.shares):
             if for_all.changing:
-                found = ", ".join(without_rule(self.drawing.channels))
+                text_found = ", ".join(without_rule(self.drawing.channels))
                 expected = f"blocks {RULED} beside channels, or both frames (shares) and messages (loss, burst) at random"
-                refuse(self._key(for_all.changing[0]), expected, found)
+                refuse(self._key(for_all.changing[0]), expected, text_found)
             if self.at_random:
                 return chances(self.drawing, values, along)
             return frames_of_messages(self.drawing, values, along)
@@ -180,8 +180,10 @@ class Rules:
         """The `family` of each of several loops, of frames that are not at random; columns: see
         `Plan.along_each`."""
         if self.messages:
-            alone = [{path: column[at] for path, column in columns.items()} for at in range(size)]
-            return [self.family({**values, **own}, along) for own in alone]
+            alone = [
+                {path: column[index] for path, column in columns.items()} for index in range(size)
+            ]
+            return [self.family({**values, **of_loop}, along) for of_loop in alone]
         return self.plan(values, (along,)).along_each(along, columns, size)
 
     @property
@@ -262,8 +264,11 @@ def placed(spec: Spec) -> Iterator[None]:
     try:
         yield
     except SpecError as error:
-        facts = [(each.key, each.expected, each.found) for each in error.mistakes]
-        raise SpecError(places.get(at[0], spec).mistake(*at) for at in facts) from None
+        facts = [(mistake.key, mistake.expected, mistake.found) for mistake in error.mistakes]
+        raise SpecError(
+            places.get(place_and_texts[0], spec).mistake(*place_and_texts)
+            for place_and_texts in facts
+        ) from None
 
 
 def _shown(text: str, number: str) -> Callable[[float, float, float], None]:
@@ -287,9 +292,9 @@ def bracketed(
     if isinstance(family, RingFrames):
         return bracket_ring(family, about, report=report)
     for share in STARTS:
-        found = bracket(family, low + share * (high - low), span, report=report)
-        if np.isfinite(found.low):
-            return found
+        bracket_found = bracket(family, low + share * (high - low), span, report=report)
+        if np.isfinite(bracket_found.low):
+            return bracket_found
     return None
 
 
@@ -322,9 +327,9 @@ def bracketed_over(
     report = _shown(SO_FAR, rules.said + name_of(along))
     for share in STARTS:
         start = low + share * (high - low)
-        found = bracket_over(loops, start, span, rules.work, rules.begins, report)
-        if np.isfinite(found.low):
-            return told(found, loops.family)
+        bracket_found = bracket_over(loops, start, span, rules.work, rules.begins, report)
+        if np.isfinite(bracket_found.low):
+            return told(bracket_found, loops.family)
     return None
 
 
@@ -341,8 +346,8 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     # Of channels beside frames of one length, steps of messages are what differs, otherwise frames.
     steps = rules.messages and not rules.for_all.changing
     plan = None if steps else rules.plan(values, (along, *paths))
-    own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
-    sides = Sides.of(Loops(*own), paths, box)
+    loop_of_plan = (plan.drawing, plan.values) if plan else (rules.drawing, values)
+    sides = Sides.of(Loops(*loop_of_plan), paths, box)
     whole = box
     if along:
         zero = min(0.0, span[0])
@@ -362,15 +367,15 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
         frames = plan.over(sides, whole)
         members = plan.members(numbers, bounds)
     elif isinstance(family(tuple(box.mean(0).tolist())), RingFrames):
-        gain = gain_over(*own, sides, whole)
+        gain = gain_over(*loop_of_plan, sides, whole)
         frames = gain.over(sides)
     else:
-        frames = messages_over(*own, sides, whole)
-        members = members_with_messages(*own, numbers, bounds)
+        frames = messages_over(*loop_of_plan, sides, whole)
+        members = members_with_messages(*loop_of_plan, numbers, bounds)
 
     @cache
     def extremes():
-        return Resolution(*own, list(map(Expressed, paths))).extremes(box)
+        return Resolution(*loop_of_plan, list(map(Expressed, paths))).extremes(box)
 
     spec_numbers = [[float(values[path]) for path in paths]]
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
@@ -378,12 +383,12 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     if gain is not None:
         return loops(
             frames,
-            growth=Growth.of_loops(Loops(*own), numbers),
+            growth=Growth.of_loops(Loops(*loop_of_plan), numbers),
             gain=gain,
             patterns=message_patterns,
         )
-    known = [] if rules.words is None else rules.words[members.follows.tobytes()]
-    loops = partial(loops, known=known)
+    refuters = [] if rules.words is None else rules.words[members.follows.tobytes()]
+    loops = partial(loops, known=refuters)
     if not rules.at_random:
         words = joined(members.follows)
         growth = Growth.in_words(members.at, members.states, members.follows)
@@ -414,8 +419,8 @@ def decided_over(
             verdict = decays(family)
             return verdict, {GROW if verdict == Verdict.REFUTED else "": None}
         decide_one = decide_ring if isinstance(family, RingFrames) else decide
-        found = decide_one(family, **({"work": work} if work else {}))
-        return found.verdict, {found.by or text_of_pattern(family, found.word): None}
+        decision = decide_one(family, **({"work": work} if work else {}))
+        return decision.verdict, {decision.by or text_of_pattern(family, decision.word): None}
     loops = _over(rules, values, "", ranges)
     point, word, proved = decide_over(loops, work or OPERATIONS_OF_PROOFS)
     if word:

@@ -75,9 +75,14 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
 
     def ticks_at(step):
         drawn = plan.schedule.scheduled(loops_at(step).drawn(*names))
-        held = drawn.held(READ[: len(names)])
+        held_ports = drawn.held(READ[: len(names)])
         return Ticks.of(
-            drawn, READ[: len(names)], alone=True, through=PRODUCT, held_ports=held, terms=True
+            drawn,
+            READ[: len(names)],
+            alone=True,
+            through=PRODUCT,
+            held_ports=held_ports,
+            terms=True,
         )
 
     twins = map(plan.schedule.scheduled, loops_at(plan.schedule.nominal).twins(*names))
@@ -92,13 +97,13 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
         raise UnfitWallError("one that does not act in each frame")
     if any(acts[i] for row in befores for i in row):
         raise UnfitWallError("one that acts several times in a frame")
-    found = list(_frames(ticks, befores, samples))
+    frames = list(_frames(ticks, befores, samples))
     delays_vary = len({symbol.delay for symbol in symbols}) > 1
     names = tuple(
         f"{symbol.ticks} ticks" + f" and a delay of {symbol.delay}" * delays_vary
         for symbol in symbols
     )
-    return _without_drift(found, drift, follows, names)
+    return _without_drift(frames, drift, follows, names)
 
 
 def _frames(ticks: Ticks, befores, samples):
@@ -130,34 +135,34 @@ def _frames(ticks: Ticks, befores, samples):
         )
 
 
-def _without_drift(found, drift, follows, names) -> WallFrames:
+def _without_drift(frames, drift, follows, names) -> WallFrames:
     """The frames with the drift that the wall reads as their last state, and without states that
     nothing reads. Errors: UnfitWallError of another drift."""
-    changes, rows, changes_error, rows_error = map(np.array, zip(*found, strict=True))
+    changes, rows, changes_error, rows_error = map(np.array, zip(*frames, strict=True))
     if rows.shape[1] == 1:  # no damping
         rows = np.concatenate([rows, np.zeros_like(rows)], axis=1)
         rows_error = np.concatenate([rows_error, np.zeros_like(rows_error)], axis=1)
     moving = [lead for lead in drift.leads if rows[:, 0, lead].any()]
     if rows[:, 1, drift.leads].any():
         raise UnfitWallError(OTHER_DRIFT)
-    kept = list(drift.remaining)
+    states = list(drift.remaining)
     force = changes.shape[-1] - 1
     while True:
-        read = (changes[:, [*kept, *moving]] != 0).any(0)
+        read = (changes[:, [*states, *moving]] != 0).any(0)
         # The change of a state that each frame sets anew is its own value, which it does not read.
-        for at, state in enumerate(kept):
-            read[at, state] = (changes[:, state, state] != -1).any()
+        for index, state in enumerate(states):
+            read[index, state] = (changes[:, state, state] != -1).any()
         is_read = read.any(0) | (rows != 0).any((0, 1))
-        if is_read[kept].all():
+        if is_read[states].all():
             break
-        kept = [state for state in kept if is_read[state]]
-    columns = [*kept, force]
+        states = [state for state in states if is_read[state]]
+    columns = [*states, force]
     # A shift of all that drifts is constant in every signal, so that its share of what the wall reads is
     # one number for all frames, within the bounds of the first of them.
     share = Bounded(rows[:1, :1, moving], rows_error[:1, :1, moving])
     of = Bounded(changes, changes_error)
     read = share @ of.part(*np.ix_(range(len(changes)), moving, columns))
-    moved = of.part(*np.ix_(range(len(changes)), kept, columns))
+    moved = of.part(*np.ix_(range(len(changes)), states, columns))
     whole = Bounded.joined([moved, read], -2)
     seen = rows[..., columns], rows_error[..., columns]
     return WallFrames(whole.value, seen[0], whole.error, seen[1], bool(moving), follows, names)

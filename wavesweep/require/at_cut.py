@@ -76,9 +76,9 @@ def refuse_cut(drawing: Any, cut: str) -> None:
     """Raise UsageError for a signal at which loops cannot be cut."""
     fault = fault_of_cut(drawing, cut)
     if fault:
-        expected, found, hint = fault
+        expected, text_found, hint = fault
         meant = f"; did you mean `{hint}`?" if hint else ""
-        raise UsageError(f"{PATH}.cut: expected {expected}, found {found}{meant}")
+        raise UsageError(f"{PATH}.cut: expected {expected}, found {text_found}{meant}")
 
 
 def runs_at_cut(loops: Loops) -> np.ndarray:

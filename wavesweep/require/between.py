@@ -31,13 +31,13 @@ def loops_between(
 ) -> tuple[Port, np.ndarray]:
     """The loops `number` at values p as they are seen between an input and a signal, and their
     pivots."""
-    at = loops.some(number).changed({along: p})
+    loops_at_values = loops.some(number).changed({along: p})
     with np.errstate(all="ignore"):
-        drawn = at.drawn()
+        drawn = loops_at_values.drawn()
         port = Port.between(drawn, *route, drift)
         pivot, _ = Ticks.of(drawn, alone=True).facts
     pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
-    guards = at.guards_at(along, p.shape).reshape(p.size, -1)
+    guards = loops_at_values.guards_at(along, p.shape).reshape(p.size, -1)
     return port, np.concatenate([pivot, guards], -1)
 
 
@@ -99,8 +99,8 @@ class Between:
     def between(self, column: np.ndarray, p: np.ndarray) -> tuple[Port, np.ndarray]:
         """The loops of columns at values p as they are seen between the input and the signal, and
         pivots."""
-        own = self.columns[column]
-        return loops_between(self.loops, self.along, self.drift, self.route, own, p)
+        numbers = self.columns[column]
+        return loops_between(self.loops, self.along, self.drift, self.route, numbers, p)
 
     def maps(self, column: np.ndarray, p: np.ndarray) -> tuple[Bounded, Bounded, Bounded, Bounded]:
         """E less identity, G, O and T of a frame, each with a bound on its error."""
@@ -164,9 +164,9 @@ class Between:
         radius = high - low  # twice that of the panel
         p = middle[:, None] + radius[:, None] * np.append(0.0, HALF_RIM)
         port, pivots = self.between(np.repeat(column, p.shape[1]), p.ravel())
-        known = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
-        known &= ~poles_inside(pivots.reshape(*p.shape, -1))
-        return port, p.shape, known
+        analytic = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
+        analytic &= ~poles_inside(pivots.reshape(*p.shape, -1))
+        return port, p.shape, analytic
 
 
 def by_panel(pairs: tuple[Bounded, ...], shape: tuple[int, int]) -> list[Bounded]:
@@ -174,9 +174,9 @@ def by_panel(pairs: tuple[Bounded, ...], shape: tuple[int, int]) -> list[Bounded
     return [pair.each(lambda matrix: matrix.reshape(*shape, *matrix.shape[1:])) for pair in pairs]
 
 
-def of_panels(pairs: list[Bounded], at: np.ndarray) -> list[Bounded]:
+def of_panels(pairs: list[Bounded], panels: np.ndarray) -> list[Bounded]:
     """Those of some panels."""
-    return [pair.part(at) for pair in pairs]
+    return [pair.part(panels) for pair in pairs]
 
 
 def poles_inside(pivots: np.ndarray) -> np.ndarray:

@@ -96,17 +96,17 @@ class Bound:
         frame = np.asarray(period, float)
         longest = frame.max(initial=0.0)
         radii = [np.broadcast_to(self.radius, frame.shape)]
-        asked = [("radius", self.radius, "one nearer to 1")]
+        requirements = [("radius", self.radius, "one nearer to 1")]
         for key, time in self.times:
             constants = TIMES_OF_MODES[key].constants
             radii.append(np.exp(-constants * frame / time))
             least = rounded_up(-constants * longest / np.log(LEAST_RADIUS), 3)
-            asked.append((key, time, f"at least {least} s"))
-        for (key, found, expected), radius in zip(asked, radii, strict=True):
+            requirements.append((key, time, f"at least {least} s"))
+        for (key, value, expected), radius in zip(requirements, radii, strict=True):
             if (radius < LEAST_RADIUS).any():
-                left = f"where a frame takes {longest:.3g} s"
+                remedy = f"where a frame takes {longest:.3g} s"
                 raise UsageError(
-                    f"sweep.require.{key}: expected {expected} {left}, found {found:g}"
+                    f"sweep.require.{key}: expected {expected} {remedy}, found {value:g}"
                 )
         return np.minimum.reduce(radii)
 
@@ -263,12 +263,12 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
     )
     damped = ""
     if "damping_ratio" in written:
-        asked = Damped(
+        requirement = Damped(
             written["damping_ratio"],
             written.get("modes", ALL_MODES),
             written.get("slower_than", 0.0),
         )
-        damped = asked.words()
+        damped = requirement.words()
     gain = written.get("gain")
     peak = written.get("peak")
     margins = written.get("margins", [])

@@ -65,9 +65,9 @@ def along_by_discs(
     eigenvalues there.
     """
     columns = domain.period.size
-    loops, known = _loops_of(family, lines, domain.span, columns, place)
+    loops, finite_columns = _loops_of(family, lines, domain.span, columns, place)
     ends = Accuracy(END_ROUNDING, 256.0, END_ROUNDING * SHARE_OF_SPAN, np.full(columns, BEGUN))
-    return along_panels(loops, known, domain, ends)
+    return along_panels(loops, finite_columns, domain, ends)
 
 
 def _loops_of(
@@ -88,16 +88,16 @@ def _loops_of(
     states = E.shape[-1]
     E = E.reshape(columns, points.size, states, states)
     finite = np.isfinite(E).all((-1, -2))
-    known = finite.any(-1)
+    finite_columns = finite.any(-1)
     nonzero = (finite[..., None, None] & (E + np.eye(states) != 0)).any((0, 1))
     loops = []
     for block in blocks_of(nonzero):
         same_block = block[:, None], block
         if nonzero[same_block].any():
-            some = np.flatnonzero(known)
+            some = np.flatnonzero(finite_columns)
             loops.append(_LoopsInDiscs(family, lines, some, states, block, place))
             place.refuse(E[finite][:, *same_block])
-    return loops, known
+    return loops, finite_columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,7 +196,7 @@ class _LoopsInDiscs:
         middle: np.ndarray,
         radius: np.ndarray,
         delta: np.ndarray,
-        asked: np.ndarray,
+        wanted: np.ndarray,
         of_discs: np.ndarray | None = None,
     ) -> np.ndarray:
         """What the modes of eigenvalues less 1 in discs about those in the middles of panels turn
@@ -213,11 +213,11 @@ class _LoopsInDiscs:
             p = np.concatenate([p, p + radius[:, None] * HALF_RIM], axis=1)
         # Entries of the matrices of a tick, on circles about panels.
         at_once = max(1, 500_000 // (p.shape[1] * self.states**2))
-        some = np.flatnonzero(asked.any(-1))
+        some = np.flatnonzero(wanted.any(-1))
         for first in range(0, some.size, at_once):
             batch = some[first : first + at_once]
             turns[batch] = self.told(
-                self.columns[column[batch]], p[batch], delta[batch], asked[batch], of_discs[batch]
+                self.columns[column[batch]], p[batch], delta[batch], wanted[batch], of_discs[batch]
             )
         return turns
 
@@ -226,25 +226,25 @@ class _LoopsInDiscs:
         columns: np.ndarray,
         p: np.ndarray,
         delta: np.ndarray,
-        asked: np.ndarray,
+        wanted: np.ndarray,
         radius: np.ndarray,
     ) -> np.ndarray:
-        """What some modes at values turn, see `FramesAlong.turns`; asked: which, a mask. The
+        """What some modes at values turn, see `FramesAlong.turns`; wanted: which, a mask. The
         others may have their angles."""
         turns = np.stack([np.abs(np.angle(1 + delta))] * 3, -1)
         conjugate = np.abs(delta[:, :, None] - delta.conj()[:, None, :]).argmin(-1)
-        asked = asked | np.take_along_axis(asked, conjugate, 1)
+        wanted = wanted | np.take_along_axis(wanted, conjugate, 1)
         radius = np.maximum(radius, np.take_along_axis(radius, conjugate, 1))
-        upper = asked & (delta.imag >= 0)
-        most = upper.sum(-1).max(initial=0)
-        if not most:
+        upper = wanted & (delta.imag >= 0)
+        modes = upper.sum(-1).max(initial=0)
+        if not modes:
             return turns
-        order = np.argsort(~upper, axis=-1, kind="stable")[:, :most]
+        order = np.argsort(~upper, axis=-1, kind="stable")[:, :modes]
         of_order = (np.take_along_axis(array, order, 1) for array in (delta, radius))
         lines = self.family.turns(columns, p, *of_order, SAFE)
         np.put_along_axis(turns, order[..., None], lines, 1)
         of_conjugate = np.take_along_axis(turns, conjugate[..., None], 1)
-        return np.where((asked & ~upper)[..., None], of_conjugate, turns)
+        return np.where((wanted & ~upper)[..., None], of_conjugate, turns)
 
     def worst(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of each loop the eigenvalue less 1 that is farthest outside of its place, and by how
@@ -254,11 +254,11 @@ class _LoopsInDiscs:
         delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
         place = self.place.at(np.full(p.size, column))
         if self.lines:
-            asked = place.turning(delta)
+            wanted = place.turning(delta)
             columns = np.full(p.size, column)
             alone = np.zeros(delta.shape)
-            place = place.told(self.told(columns, p[:, None], delta, asked, alone))
+            place = place.told(self.told(columns, p[:, None], delta, wanted, alone))
         beyond = place.beyond(delta)
         loop = np.arange(p.size)
-        most = beyond.argmax(-1)
-        return delta[loop, most], beyond[loop, most]
+        farthest = beyond.argmax(-1)
+        return delta[loop, farthest], beyond[loop, farthest]

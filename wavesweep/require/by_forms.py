@@ -44,8 +44,8 @@ class ByForms:
     @cached_property
     def _with_factor(self) -> tuple[Loops, Axis]:
         """The loops with the factor, and its range."""
-        asked = {"cut": self.cut, self.margin: self.size}
-        loops, (factor,) = next(with_factors(self.loops, asked, {self.along: self.span}))
+        margin_at_cut = {"cut": self.cut, self.margin: self.size}
+        loops, (factor,) = next(with_factors(self.loops, margin_at_cut, {self.along: self.span}))
         return loops, factor
 
     def told(
@@ -56,9 +56,9 @@ class ByForms:
         loops, factor = self._with_factor
         loops = loops.one(column) if loops.batch else loops
         order = np.argsort(low)
-        at = order[np.unique(np.linspace(0, low.size - 1, VALUES).astype(int))]
-        p = (low[at] + high[at]) / 2
-        growth = np.array([self._worst(loops, factor, each, zooms=1)[0] for each in p])
+        sampled = order[np.unique(np.linspace(0, low.size - 1, VALUES).astype(int))]
+        p = (low[sampled] + high[sampled]) / 2
+        growth = np.array([self._worst(loops, factor, value, zooms=1)[0] for value in p])
         edges = [low.min()]
         for first in np.flatnonzero((growth[1:] < 0) != (growth[:-1] < 0)).tolist():
             edges.append(self._end(loops, factor, *p[first : first + 2]))
@@ -74,8 +74,8 @@ class ByForms:
                 told.append((down, up, GOOD))
             else:
                 for seen_at in (start, (start + stop) / 2, stop):
-                    found = self._unstable(loops, factor, seen_at, (start, stop))
-                    told += [(*ends, BAD) for ends in found]
+                    unstable = self._unstable(loops, factor, seen_at, (start, stop))
+                    told += [(*ends, BAD) for ends in unstable]
             good = not good
         return told
 
@@ -89,16 +89,16 @@ class ByForms:
         def radii(places):
             return growth.of(np.column_stack([np.full(places.size, p), places]))
 
-        found = radii(places)
+        radii_found = radii(places)
         for _ in range(zooms):
-            beside = np.pad(found, 1, constant_values=-1.0)
-            peaks = np.flatnonzero((found >= beside[:-2]) & (found >= beside[2:]))
-            peaks = peaks[np.argsort(-found[peaks])][:PEAKS]
+            beside = np.pad(radii_found, 1, constant_values=-1.0)
+            peaks = np.flatnonzero((radii_found >= beside[:-2]) & (radii_found >= beside[2:]))
+            peaks = peaks[np.argsort(-radii_found[peaks])][:PEAKS]
             around = places[peaks, None] + np.linspace(-step, step, LOOKED_AT // 2)
             places = np.unique(np.clip(np.append(around, places[peaks]), factor.start, factor.stop))
             step *= 2 / (LOOKED_AT // 2 - 1)
-            found = radii(places)
-        return float(np.log(found.max())), places[found.argmax()]
+            radii_found = radii(places)
+        return float(np.log(radii_found.max())), places[radii_found.argmax()]
 
     def _end(self, loops, factor, first, second):
         """Where between two values the loops begin to be unstable with some factor."""
@@ -114,8 +114,8 @@ class ByForms:
     def _unstable(self, loops, factor, seen_at, span):
         """Stretches of a span in which no loop is stable with the factor that is worst at a value."""
         _, worst = self._worst(loops, factor, seen_at)
-        one = ((np.zeros(1, int), loops.changed({factor.path: worst})),)
-        records = Search(self.along, span, one, lines=False, checked=True).records()
+        group = ((np.zeros(1, int), loops.changed({factor.path: worst})),)
+        records = Search(self.along, span, group, lines=False, checked=True).records()
         if not records["certified"].all():
             return []
         stable = [span[0], *np.column_stack([records["low"], records["high"]]).ravel(), span[1]]

@@ -95,11 +95,11 @@ class Judge(Protocol):
 
 
 def along_panels(
-    judges: Sequence[Any], known: np.ndarray, domain: Domain, accuracy: Accuracy
+    judges: Sequence[Any], finite_columns: np.ndarray, domain: Domain, accuracy: Accuracy
 ) -> Intervals:
     """All intervals of a number within a domain in which all judges find GOOD, per column.
 
-    known: columns of which anything is known, `(columns,)`. What is left are the ends, each in a
+    finite_columns: columns of which anything is known, `(columns,)`. What is left are the ends, each in a
     gap as narrow as ends are exact, and panels in doubt.
     """
     if domain.from_above:
@@ -109,19 +109,19 @@ def along_panels(
             resolved=lambda column, low, high: domain.resolved(column, -high, -low),
             from_above=False,
         )
-        return _turned(along_panels(list(map(_Turned, judges)), known, turned, accuracy))
+        return _turned(along_panels(list(map(_Turned, judges)), finite_columns, turned, accuracy))
     # Of each column partitions of the span, each as sorted low ends of panels and their labels:
     # first the span as one panel, which is in doubt if nothing is known, then those of each judge.
     partitions = []
-    for is_known in known:
+    for is_known in finite_columns:
         label = GOOD if is_known else LOST
         partitions.append([(np.full(1, domain.span[0]), np.full(1, label))])
     for judge in judges:
         owner, low, label = _panels(judge, domain, accuracy)
         for place, column in enumerate(judge.columns.tolist()):
-            own = np.flatnonzero(owner == place)
-            own = own[np.argsort(low[own])]
-            partitions[column].append((low[own], label[own]))
+            of_column = np.flatnonzero(owner == place)
+            of_column = of_column[np.argsort(low[of_column])]
+            partitions[column].append((low[of_column], label[of_column]))
 
     rows = []
     for column, partitions_of_column in enumerate(partitions):
@@ -148,17 +148,17 @@ class _Turned:
         return self.judge.worst(column, -p)
 
 
-def _turned(found: Intervals) -> Intervals:
+def _turned(intervals: Intervals) -> Intervals:
     """Intervals of the number with the other sign."""
     turned = replace(
-        found,
-        index=np.where(found.index < 0, -1, found.count - 1 - found.index),
-        low=0.0 - found.high,
-        high=0.0 - found.low,
-        low_omega=found.high_omega,
-        high_omega=found.low_omega,
-        low_cause=found.high_cause,
-        high_cause=found.low_cause,
+        intervals,
+        index=np.where(intervals.index < 0, -1, intervals.count - 1 - intervals.index),
+        low=0.0 - intervals.high,
+        high=0.0 - intervals.low,
+        low_omega=intervals.high_omega,
+        high_omega=intervals.low_omega,
+        low_cause=intervals.high_cause,
+        high_cause=intervals.low_cause,
     )
     return turned.take(np.lexsort((turned.low, turned.column)))
 
@@ -212,9 +212,9 @@ def _panels(judge, domain, accuracy):
     done = []
     while column.size:
         label = np.full(column.size, OPEN)
-        at = np.flatnonzero(domain.resolved(judge.columns[column], low, high))
-        for first in range(0, at.size, at_once):
-            batch = at[first : first + at_once]
+        portion = np.flatnonzero(domain.resolved(judge.columns[column], low, high))
+        for first in range(0, portion.size, at_once):
+            batch = portion[first : first + at_once]
             label[batch] = judge.label(column[batch], low[batch], high[batch], bounds)
 
         open_panels = np.bincount(column, minlength=count)
@@ -222,12 +222,14 @@ def _panels(judge, domain, accuracy):
         struggles = judge.forms and (judge.struggles(tried) & ~helped)
         for place in np.flatnonzero(struggles).tolist():
             helped[place] = True
-            own = (column == place) & (label == OPEN)
-            stretches = judge.forms.told(int(judge.columns[place]), low[own], high[own])
-            pieces = _divided(low[own], high[own], stretches)
-            column = np.append(column[~own], np.full(pieces[0].size, place))
+            open_of_column = (column == place) & (label == OPEN)
+            stretches = judge.forms.told(
+                int(judge.columns[place]), low[open_of_column], high[open_of_column]
+            )
+            pieces = _divided(low[open_of_column], high[open_of_column], stretches)
+            column = np.append(column[~open_of_column], np.full(pieces[0].size, place))
             low, high, label = (
-                np.append(whole[~own], parts)
+                np.append(whole[~open_of_column], parts)
                 for whole, parts in zip((low, high, label), pieces, strict=True)
             )
 
@@ -279,10 +281,10 @@ def _first_edges(judge, column, domain, accuracy):
     p = np.linspace(low, high, SEEN_AT)
     beyond = np.nan_to_num(judge.worst(column, p)[1], nan=-1.0)
     ends = []
-    for at in np.flatnonzero(np.diff(beyond > 0)):
-        exact = accuracy.of(p[at], domain.width) / accuracy.finest
-        before, end = p[at : at + 2]
-        of_before, of_end = beyond[at : at + 2]
+    for change in np.flatnonzero(np.diff(beyond > 0)):
+        exact = accuracy.of(p[change], domain.width) / accuracy.finest
+        before, end = p[change : change + 2]
+        of_before, of_end = beyond[change : change + 2]
         for _ in range(MOST_SECANTS):
             if not abs(end - before) > exact:
                 break
@@ -387,11 +389,11 @@ def _told(column, runs, judging, domain, accuracy) -> _Runs:
     gaps = {}
     begun = False  # whether an interval begins at the low end, though nothing is proved there
     highs = [*edges[1:], stop]
-    for at, (low, high, verdict) in enumerate(zip(edges, highs, label, strict=True)):
-        sides = [*label[max(at - 1, 0) : at], *label[at + 1 : at + 2]]
+    for index, (low, high, verdict) in enumerate(zip(edges, highs, label, strict=True)):
+        sides = [*label[max(index - 1, 0) : index], *label[index + 1 : index + 2]]
         if verdict == OPEN and sorted(sides) in ([GOOD], [BAD], [GOOD, BAD]):
             near = high - low <= accuracy.begun[column] * width
-            if at == 0 and near and _seen_alike(column, low, high, judging, sides == [GOOD]):
+            if index == 0 and near and _seen_alike(column, low, high, judging, sides == [GOOD]):
                 begun = sides == [GOOD]
                 continue
             if high - low > GAP_EXACTNESS * accuracy.of(high, width):
@@ -426,8 +428,8 @@ def _end(column, edge, gaps, judging, domain) -> _End:
     low, high = gaps[edge]
 
     def worst(p: float) -> _Worst:
-        found = [judge.worst(column, np.array([p])) for judge in judging]
-        delta, beyond = max(found, key=lambda each: each[1][0])
+        worst_of_judges = [judge.worst(column, np.array([p])) for judge in judging]
+        delta, beyond = max(worst_of_judges, key=lambda mode: mode[1][0])
         return _Worst(delta[0], beyond[0])
 
     at_low = worst(low)

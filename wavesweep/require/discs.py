@@ -182,8 +182,8 @@ class RequiredCircle:
     def room(self, delta: np.ndarray) -> np.ndarray:
         """How large discs may be that meet no other."""
         apart = np.abs(delta[:, :, None] - delta[:, None, :])
-        own = np.arange(delta.shape[-1])
-        apart[:, own, own] = np.inf
+        index = np.arange(delta.shape[-1])
+        apart[:, index, index] = np.inf
         return np.minimum(apart.min(-1) / 2.5, np.abs(1 + delta) / 2)
 
     def label(self, delta: np.ndarray, radius: np.ndarray, _: np.ndarray) -> np.ndarray:
@@ -204,7 +204,7 @@ class LinesOfModes(Protocol):
     """What the modes of eigenvalues less 1 turn in a frame (rad), `(n, r, 3)`, see `Spiral`."""
 
     def __call__(
-        self, delta: np.ndarray, asked: np.ndarray, of_discs: np.ndarray | None = None, /
+        self, delta: np.ndarray, wanted: np.ndarray, of_discs: np.ndarray | None = None, /
     ) -> np.ndarray:
         """Of the eigenvalues delta in the middles of panels, `(n, r)`, those that are asked about, a
         mask; of_discs: the radii of discs in which they are on the panels; None: in the middles."""
@@ -247,20 +247,20 @@ def verdicts(
         entries = entries / (1 - loss)[:, None, None]
 
         # What an inverse of eigenvectors may be off by.
-        known = np.isfinite(entries).all((-1, -2)) & (loss < 0.1)
-        entries, _ = balance(np.where(known[:, None, None], entries, 1.0))
-        asked = None
+        finite_panels = np.isfinite(entries).all((-1, -2)) & (loss < 0.1)
+        entries, _ = balance(np.where(finite_panels[:, None, None], entries, 1.0))
+        wanted = None
         if lines:
-            asked = place.turning(delta) & known[:, None]
-            place = place.told(lines(delta, asked))
+            wanted = place.turning(delta) & finite_panels[:, None]
+            place = place.told(lines(delta, wanted))
         radius, in_units = _radii(delta, entries, place)
         if lines:
             largest = np.where(radius < place.room(delta), np.maximum(radius, in_units), in_units)
-            place = place.told(lines(delta, asked, largest))
+            place = place.told(lines(delta, wanted, largest))
         room = place.room(delta)
         label = place.label(delta, radius, room)
         label_in_units = place.label(delta, in_units, room)
-    return np.where(known, np.where(label == OPEN, label_in_units, label), OPEN)
+    return np.where(finite_panels, np.where(label == OPEN, label_in_units, label), OPEN)
 
 
 def eigenvectors(E: np.ndarray, small: float) -> tuple[np.ndarray, np.ndarray]:
@@ -273,13 +273,13 @@ def eigenvectors(E: np.ndarray, small: float) -> tuple[np.ndarray, np.ndarray]:
     delta = delta.astype(complex)
     V = V.astype(complex)
     near = np.abs(1 + delta) <= small
-    for at in np.flatnonzero(near.sum(-1) > 1):
-        A = E[at] + np.eye(E.shape[-1])
+    for panel in np.flatnonzero(near.sum(-1) > 1):
+        A = E[panel] + np.eye(E.shape[-1])
         T, Q, count = schur(A, output="complex", sort=lambda z: abs(z) <= small)
-        if count == near[at].sum():
-            far = ~near[at]
-            delta[at] = np.append(np.diagonal(T)[:count] - 1, delta[at][far])
-            V[at] = np.concatenate([Q[:, :count], V[at][:, far]], axis=1)
+        if count == near[panel].sum():
+            far = ~near[panel]
+            delta[panel] = np.append(np.diagonal(T)[:count] - 1, delta[panel][far])
+            V[panel] = np.concatenate([Q[:, :count], V[panel][:, far]], axis=1)
     return delta, V
 
 
@@ -298,8 +298,8 @@ def _radii(
     large = radius >= room
     into_large = np.where(large[:, None, :], entries, 0.0).sum(-1)
     among_others = np.where(large[:, None, :], 0.0, entries).sum(-1)
-    left = room / 2 - among_others
-    ratio = np.where(room / 2 > among_others, into_large / left, 1.0)
+    room_left = room / 2 - among_others
+    ratio = np.where(room / 2 > among_others, into_large / room_left, 1.0)
     ratio = np.where(large, 0.0, ratio).max(-1)
     units = np.where(large, 1.0, np.clip(ratio, 1e-12, 1.0)[:, None])
     in_units = (entries * units[:, None, :]).sum(-1) / units
@@ -307,13 +307,13 @@ def _radii(
 
 
 def _meeting(
-    one: np.ndarray, small: np.ndarray, other: np.ndarray, large: np.ndarray
+    first: np.ndarray, small: np.ndarray, second: np.ndarray, large: np.ndarray
 ) -> np.ndarray:
     """Whether discs `(n, r)` meet another disc than that of their own number."""
-    apart = np.abs(one[:, :, None] - other[:, None, :])
+    apart = np.abs(first[:, :, None] - second[:, None, :])
     meet = apart <= small[:, :, None] + large[:, None, :]
-    own = np.arange(one.shape[-1])
-    meet[:, own, own] = False
+    index = np.arange(first.shape[-1])
+    meet[:, index, index] = False
     return meet.any(-1)
 
 

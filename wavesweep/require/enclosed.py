@@ -104,7 +104,7 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
     do.
     """
     E, G, O, T = (matrix for matrix, _ in maps)
-    e, g, o, t = (each.part(slice(None), 0).real for each in maps)
+    e, g, o, t = (part.part(slice(None), 0).real for part in maps)
     n = E.shape[-1]
     ticks = T.shape[-1]
     low = np.zeros(len(E))
@@ -129,20 +129,20 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
             if not ((q > KNOWN) & np.isfinite(q)).any():
                 break
         uu = u[:, :, None] * u[:, None, :]
-        most = (_largest_on(X) / uu).max((-1, -2))
+        ratio_of_forms = (_largest_on(X) / uu).max((-1, -2))
         shown = (_largest_on(O) @ u[..., None])[..., 0]
-        rest = q**2 / (1 - q**2) * most * (shown**2).sum(-1)
+        rest = q**2 / (1 - q**2) * ratio_of_forms * (shown**2).sum(-1)
 
         middle = Bounded.exact(middle)
         changed = e @ middle
         missed = (g @ g.mT + changed + changed.mT + changed @ e.mT).size
         more = (missed * np.abs(_summed(e.value.mT, o.value.mT @ o.value))).sum((-1, -2))
-        found = ((o @ middle) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
+        square = ((o @ middle) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
 
         total = ((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2))
-        unsure = _moved(total) + more + found.error
-        low = np.fmax(low, found.value - unsure) / ticks
-        high = (found.value + unsure + np.where(q < 1, rest, np.inf)) / ticks
+        unsure = _moved(total) + more + square.error
+        low = np.fmax(low, square.value - unsure) / ticks
+        high = (square.value + unsure + np.where(q < 1, rest, np.inf)) / ticks
     return Enclosed(low, np.where(np.isfinite(high), high, np.inf))
 
 
@@ -198,7 +198,7 @@ def _over_blocks(
     largest = np.zeros((len(E), n))
     shown = np.zeros(rows[:, 0].shape)  # sum_k |O A^k| on the panels, and in the middle
     shown_middle = shown
-    found = Enclosed.unknown(len(E))
+    enclosed = Enclosed.unknown(len(E))
     again = np.full(len(E), np.inf)  # blocks of a panel that may be above the level
     done = 0
     count = 1
@@ -223,16 +223,16 @@ def _over_blocks(
         carried = ((grown @ pushed[..., None])[..., 0] / u).max(-1)
         rest = _Rest(kappa * a.max(-1)[:, None], so_far, so_far + later * carried[:, None])
         better = seen.value(rest)
-        found = Enclosed(np.fmax(found.low, better.low), np.fmin(found.high, better.high))
+        enclosed = Enclosed(np.fmax(enclosed.low, better.low), np.fmin(enclosed.high, better.high))
         if count == 1:
             slow = slow | (better.slow & (last > 1))  # a middle that grows tells nothing of others
             last = np.where(better.slow | ~seen.known, 1.0, last)
         if level is not None:
             again = np.where(seen.most > level, np.minimum(again, 2 * count), again)
-        if (found.decided(level) | (count >= np.minimum(last, again))).all():
+        if (enclosed.decided(level) | (count >= np.minimum(last, again))).all():
             looked_at = count * O[:, :, :, 0].size // len(O) * X.shape[-1]
-            slow &= ~found.decided(level) & (again > count) & seen.known
-            return found._replace(slow=slow, looked_at=looked_at)
+            slow &= ~enclosed.decided(level) & (again > count) & seen.known
+            return enclosed._replace(slow=slow, looked_at=looked_at)
         power = 2 * power + power @ power
         count = 2 * count
 
@@ -258,12 +258,12 @@ def _last_blocks(E: np.ndarray, cost: int) -> tuple[np.ndarray, np.ndarray]:
         # Size at which a mode has grown.
         grown = np.where(rim > 1, np.log(1e6) / np.log(rim), np.inf)
     # Blocks that are looked at, and multiplications of a panel in all of them.
-    most = min(MOST_BLOCKS, 4e9 / cost)
+    most_blocks = min(MOST_BLOCKS, 4e9 / cost)
     last = np.minimum(middle, grown)
-    slow = (middle > most) & alike
+    slow = (middle > most_blocks) & alike
     # Of these blocks, in which the value may be too large where panels of it rest too slowly.
-    given_up = most * (1 / 16) if E.shape[1] > 1 else most
-    return np.clip(np.where(last > most, given_up, last), 1.0, most), slow
+    given_up = most_blocks * (1 / 16) if E.shape[1] > 1 else most_blocks
+    return np.clip(np.where(last > most_blocks, given_up, last), 1.0, most_blocks), slow
 
 
 class _Step:
@@ -317,14 +317,14 @@ class _Step:
         off = self._off(middle)
         if self.in_ticks:
             least = off - moved
-            most = off + moved
+            farthest = off + moved
             for values, size, band in (
                 (self.low, least, BAND + self.unsure),
-                (self.high, most, BAND - self.unsure),
+                (self.high, farthest, BAND - self.unsure),
             ):
-                for at in np.flatnonzero(size.max() > band):  # the others are settled
-                    last = np.where(size > band[at], since + 1, 0).max((-1, -2))
-                    values[:, at] = np.maximum(values[:, at], last)
+                for sample in np.flatnonzero(size.max() > band):  # the others are settled
+                    last = np.where(size > band[sample], since + 1, 0).max((-1, -2))
+                    values[:, sample] = np.maximum(values[:, sample], last)
         else:
             off = np.where(since > self.after, off, -np.inf)
             self.low = np.maximum(self.low, (off - moved).max((-1, -2))[:, None])
@@ -361,9 +361,9 @@ class _Step:
         if not self.in_ticks:
             return values[:, 0] + share, share, self.known & (share <= self.unsure[-1])
         place = np.searchsorted(self.unsure, share)  # NaN is behind all
-        known = self.known & (place < self.unsure.size)
+        bounded = self.known & (place < self.unsure.size)
         place = np.minimum(place, self.unsure.size - 1)
-        return values[np.arange(len(values)), place], self.unsure[place], known
+        return values[np.arange(len(values)), place], self.unsure[place], bounded
 
 
 class _SlowMode(NamedTuple):
@@ -405,15 +405,17 @@ def _with_slow_mode(
     n = E.value.shape[-1]
     # The mode is the first state; the others are those of the loop, without their part in it.
     lead = np.abs(mode.left * mode.right)[:, 0].argmax(-1)[:, None]
-    others = np.argsort(np.arange(n) == lead, axis=-1, kind="stable")[:, :-1]
-    right, left = (
+    fast_states = np.argsort(np.arange(n) == lead, axis=-1, kind="stable")[:, :-1]
+    right, left_vectors = (
         part / np.take_along_axis(part, lead[:, None], -1) for part in (mode.right, mode.left)
     )
-    at = np.arange(len(lead))[:, None]
+    rows = np.arange(len(lead))[:, None]
     units = np.zeros(E.value.shape, complex)
     units[..., 0] = right
-    units[at, :, others, np.arange(1, n)] = 1.0
-    units[at, :, lead, np.arange(1, n)] = -np.take_along_axis(left, others[:, None], -1).mT
+    units[rows, :, fast_states, np.arange(1, n)] = 1.0
+    units[rows, :, lead, np.arange(1, n)] = -np.take_along_axis(
+        left_vectors, fast_states[:, None], -1
+    ).mT
     units = Bounded.exact(units)
     back = units.inverse()
     whole = E
@@ -422,31 +424,31 @@ def _with_slow_mode(
     w = mode.w[..., None, None]
     filtered = (O @ (E + Bounded.exact(-w * np.eye(n)))).over(Bounded.exact(-w))
     X, dX = back @ start
-    of_O, of_filtered = (each.part(slice(None), 0).with_rounding(n) for each in (O, filtered))
+    of_O, of_filtered = (bound.part(slice(None), 0).with_rounding(n) for bound in (O, filtered))
     # what w may be off in the middle, to first order
     of_w = (
-        np.abs(left[:, :1])
+        np.abs(left_vectors[:, :1])
         @ whole.part(slice(None), 0).with_rounding(n + 2)
         @ np.abs(right[:, 0, :, None])
     )
-    of_w = of_w / np.abs((left * right)[:, 0].sum(-1))[:, None, None]
+    of_w = of_w / np.abs((left_vectors * right)[:, 0].sum(-1))[:, None, None]
     of_filtered = of_filtered + np.abs((O @ E).value[:, 0]) * of_w / np.abs(w[:, 0]) ** 2
     rough = E.part(slice(None), 0).with_rounding(n + 2) + sum_rounding(n + 2) * np.eye(n)
-    E, O, filtered = (each.value for each in (E, O, filtered))
+    E, O, filtered = (bound.value for bound in (E, O, filtered))
 
     # Frames until the others are gone, of the slowest of these.
     frames = int(mode.frames.max())
     power = np.zeros_like(E)  # A^k - 1
     largest = np.zeros((len(E), n))
-    most = np.zeros((len(E), n, n))  # of |A^k|
-    summed = most
+    most_blocks = np.zeros((len(E), n, n))  # of |A^k|
+    summed = most_blocks
     shown = np.zeros(O[:, 0].shape)
     for _ in range(frames):
         seen.look(O @ X)
         largest = np.maximum(largest, np.abs(X[:, 0]).max(-1))
         grown = power + np.eye(n)
         size = _largest_on(grown)
-        most = np.maximum(most, size)
+        most_blocks = np.maximum(most_blocks, size)
         summed = summed + size
         shown = np.maximum(shown, _largest_on(filtered @ grown))
         X = X + E @ X
@@ -460,7 +462,7 @@ def _with_slow_mode(
         u = np.maximum(u, of_all @ u * (1 + 1e-3))
     holds = (of_all @ u <= u).all((1, 2))
     later = shown @ u + _largest_on(filtered) @ (summed @ (rough @ u)) + of_filtered @ u
-    off = (of_O @ largest[..., None] + np.abs(O[:, 0]) @ (most @ begun + pushed))[..., 0]
+    off = (of_O @ largest[..., None] + np.abs(O[:, 0]) @ (most_blocks @ begun + pushed))[..., 0]
     return seen.value(_Rest(np.where(holds[:, None], later[..., 0], np.nan), off, off))
 
 
@@ -474,12 +476,12 @@ def _seen_over_blocks(E: Bounded, O: Bounded, start: Bounded, seen: _Step) -> En
     X = start.value
     size = np.abs(1 + np.linalg.eigvals(changed[:, 0])).max(-1, initial=0.0)
     blocks = np.log(LITTLE) / np.log(size)
-    known = seen.known & (blocks <= MOST_BLOCKS)
-    for _ in range(1 + int(blocks[known].max(initial=-1))):
+    finite_panels = seen.known & (blocks <= MOST_BLOCKS)
+    for _ in range(1 + int(blocks[finite_panels].max(initial=-1))):
         seen.look(rows @ X)
         X = X + changed @ X
     low = seen.low[:, 0]
-    return Enclosed(low, np.where(known, low, np.inf))
+    return Enclosed(low, np.where(finite_panels, low, np.inf))
 
 
 def step(
@@ -513,23 +515,28 @@ def step(
         ends = O @ end + T @ ones
         ends = ends.part(..., 0)
 
-        def found(method: Callable[..., Any], at: np.ndarray, *more: Any) -> Enclosed:
+        def found(method: Callable[..., Any], panels: np.ndarray, *more: Any) -> Enclosed:
             unsure = UNSURE if proved else UNSURE[:1]
             seen = _Step(
-                T.part(at), steps, ends.part(at), settling=settling, after=after, unsure=unsure
+                T.part(panels),
+                steps,
+                ends.part(panels),
+                settling=settling,
+                after=after,
+                unsure=unsure,
             )
-            seen.known &= regular[at]
-            return method(*(each.part(at) for each in (E, O, starts)), seen, *more)
+            seen.known &= regular[panels]
+            return method(*(bound.part(panels) for bound in (E, O, starts)), seen, *more)
 
         open_ = np.ones(len(E.value), bool)
         value = Enclosed.unknown(open_.size)
         if level is not None and not settling:
             there, mode = _SlowMode.of(E.value)
             for alike in distinct([np.ceil(np.log2(mode.frames))], there.size):
-                at = there[alike]
-                slowly = found(_with_slow_mode, at, _SlowMode(*(part[alike] for part in mode)))
-                value.low[at] = slowly.low.real
-                value.high[at] = slowly.high.real
+                panels = there[alike]
+                slowly = found(_with_slow_mode, panels, _SlowMode(*(part[alike] for part in mode)))
+                value.low[panels] = slowly.low.real
+                value.high[panels] = slowly.high.real
             # Where the others are gone before the mode changes, only narrower panels tell more.
             open_[there] &= np.abs(mode.w[:, 0]) * mode.frames > 1
         open_ = np.flatnonzero(open_ & ~value.decided(level))
@@ -540,9 +547,11 @@ def step(
         if level is None:  # loops that come to rest as late as each other
             last = -1 / np.log(np.abs(1 + np.linalg.eigvals(E.value[open_, 0])).max(-1, initial=0))
             groups = [open_[alike] for alike in distinct([np.ceil(np.log2(last))], open_.size)]
-        for at in groups:
-            by_blocks = found(_over_blocks, at, level) if proved else found(_seen_over_blocks, at)
-            slow[at] = by_blocks.slow
-            value.low[at] = np.fmax(value.low[at], by_blocks.low.real)
-            value.high[at] = np.fmin(value.high[at], by_blocks.high.real)
+        for panels in groups:
+            by_blocks = (
+                found(_over_blocks, panels, level) if proved else found(_seen_over_blocks, panels)
+            )
+            slow[panels] = by_blocks.slow
+            value.low[panels] = np.fmax(value.low[panels], by_blocks.low.real)
+            value.high[panels] = np.fmin(value.high[panels], by_blocks.high.real)
         return value._replace(slow=slow, looked_at=by_blocks.looked_at)

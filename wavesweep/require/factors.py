@@ -112,9 +112,9 @@ def along_factors(
     begun = np.maximum(begun_at_low_end(judge, span), END_EXACTNESS)
     # Ends are exact to 16 of the narrowest panels.
     ends = Accuracy(END_EXACTNESS, 16.0, END_EXACTNESS, begun, slow=True)
-    found = along_panels([judge], np.ones(size, bool), domain, ends)
-    found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    return attached(found, stable, SHARE_OF_SPAN * domain.width, END_EXACTNESS)
+    intervals = along_panels([judge], np.ones(size, bool), domain, ends)
+    intervals = replace(intervals, low_omega=-intervals.low_omega, high_omega=-intervals.high_omega)
+    return attached(intervals, stable, SHARE_OF_SPAN * domain.width, END_EXACTNESS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,45 +182,49 @@ class Factors(Between):
         label = np.full(column.size, OPEN)
         spent = self.work[column] > MOST_WORK
         label[spent] = LOST
-        at = np.flatnonzero(~spent)
-        if not at.size:
+        panels_left = np.flatnonzero(~spent)
+        if not panels_left.size:
             return label
-        port, shape, known = self._about(column[at], low[at], high[at], bounds)
-        maps = by_panel(self.over_frame(port, known.size * shape[1]), shape)
+        port, shape, bounded = self._about(
+            column[panels_left], low[panels_left], high[panels_left], bounds
+        )
+        maps = by_panel(self.over_frame(port, bounded.size * shape[1]), shape)
         for matrix, error in maps:
-            known &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(error).all((1, 2, 3))
-        maps = of_panels(maps, known)
-        at = at[known]
-        left = self._left(column[at], low[at], high[at])
-        lost = np.zeros(at.size, bool)
+            bounded &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(error).all((1, 2, 3))
+        maps = of_panels(maps, bounded)
+        panels_left = panels_left[bounded]
+        pieces_left = self._left(column[panels_left], low[panels_left], high[panels_left])
+        lost = np.zeros(panels_left.size, bool)
         # A middle that is on the circle stays so: next to an end that one factor inside the range
         # sets, pieces are as wide as the root of a panel. Where all factors do, that is no help.
-        halvings = np.log2((self.span[1] - self.span[0]) / (high[at] - low[at]))
+        halvings = np.log2((self.span[1] - self.span[0]) / (high[panels_left] - low[panels_left]))
         every_other = np.round(halvings) % 2 == 0
-        open_pieces = [left[:0]]
-        while left.size:
-            panel = left["panel"]
-            spent = self.work[column[at]] > MOST_WORK
-            open_pieces.append(left[spent[panel]])
-            left = left[~spent[panel]]
-            fine, fine_middle, outside = self._shown(left, maps)
-            np.add.at(self.work, column[at][left["panel"]], PIECE_WORK + self.order**3)
-            lost[left["panel"][(fine | fine_middle) & outside]] = True
-            going_on = ~fine & ~lost[left["panel"]]
-            halved = going_on & fine_middle & (left["half"] > 0)
+        open_pieces = [pieces_left[:0]]
+        while pieces_left.size:
+            panel = pieces_left["panel"]
+            spent = self.work[column[panels_left]] > MOST_WORK
+            open_pieces.append(pieces_left[spent[panel]])
+            pieces_left = pieces_left[~spent[panel]]
+            fine, fine_middle, outside = self._shown(pieces_left, maps)
+            np.add.at(
+                self.work, column[panels_left][pieces_left["panel"]], PIECE_WORK + self.order**3
+            )
+            lost[pieces_left["panel"][(fine | fine_middle) & outside]] = True
+            going_on = ~fine & ~lost[pieces_left["panel"]]
+            halved = going_on & fine_middle & (pieces_left["half"] > 0)
             stuck = going_on & ~halved
             # Pieces of a panel with a middle next to the circle, up to which they are halved.
-            few = np.bincount(left["panel"][stuck], minlength=at.size) <= 16
-            finer = stuck & (left["half"] > 0) & (few & every_other)[left["panel"]]
-            open_pieces.append(left[stuck & ~finer])
-            open_pieces.append(_halves(left[finer]))
-            left = _halves(left[halved])
+            few = np.bincount(pieces_left["panel"][stuck], minlength=panels_left.size) <= 16
+            finer = stuck & (pieces_left["half"] > 0) & (few & every_other)[pieces_left["panel"]]
+            open_pieces.append(pieces_left[stuck & ~finer])
+            open_pieces.append(_halves(pieces_left[finer]))
+            pieces_left = _halves(pieces_left[halved])
         still_open = np.concatenate(open_pieces)
-        label[at[np.setdiff1d(np.arange(at.size), still_open["panel"])]] = GOOD
-        label[at[lost]] = BAD
+        label[panels_left[np.setdiff1d(np.arange(panels_left.size), still_open["panel"])]] = GOOD
+        label[panels_left[lost]] = BAD
         for index in np.unique(still_open["panel"]).tolist():
             pieces = still_open[still_open["panel"] == index]
-            place = at[index]
+            place = panels_left[index]
             self.kept_pieces[int(column[place]), "from", low[place]] = pieces
             self.kept_pieces[int(column[place]), "to", high[place]] = pieces
         return label
@@ -239,9 +243,9 @@ class Factors(Between):
                 sizes = np.abs(1 + of_factors).max(-1)
                 largest = int(sizes.argmax())
                 around = places[max(largest - 1, 0)], places[min(largest + 1, places.size - 1)]
-                found = of_factors[largest]
+                eigenvalues = of_factors[largest]
                 places = np.unique(np.append(np.linspace(*around, LOOKED_AT), places[largest]))
-            delta.append(found[np.abs(1 + found).argmax()])
+            delta.append(eigenvalues[np.abs(1 + eigenvalues).argmax()])
         delta = np.array(delta)
         return delta, np.abs(1 + delta) - 1
 
@@ -249,10 +253,12 @@ class Factors(Between):
         """The pieces that are to be shown on panels: those that stay open on twice as wide ones,
         or the first."""
         pieces = [np.zeros(0, PIECE)]
-        for index, own in enumerate(column.tolist()):
-            wider = self.kept_pieces.get((own, "from", low[index]))
+        for index, column_number in enumerate(column.tolist()):
+            wider = self.kept_pieces.get((column_number, "from", low[index]))
             if wider is None:
-                wider = self.kept_pieces.get((own, "to", high[index]), self.factors.first())
+                wider = self.kept_pieces.get(
+                    (column_number, "to", high[index]), self.factors.first()
+                )
             of_panel = wider.copy()
             of_panel["panel"] = index
             pieces.append(of_panel)
@@ -272,7 +278,7 @@ class Factors(Between):
             f, u, r = self.factors.about(some["place"], some["half"])
             turn = 1j if self.factors.turning else 1.0
             shown.append(clear(of_panels(maps, some["panel"]), f, turn, u, r))
-        return tuple(np.concatenate(each) for each in zip(*shown, strict=True))
+        return tuple(np.concatenate(parts) for parts in zip(*shown, strict=True))
 
 
 def clear(

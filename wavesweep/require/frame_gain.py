@@ -88,9 +88,9 @@ class Form(NamedTuple):
     def pencil(self) -> tuple[Bounded, Bounded]:
         """N - L, and L."""
         E, G, P, S, R, *_ = self
-        one = Bounded.exact(np.eye(E.value.shape[-1]))
+        identity = Bounded.exact(np.eye(E.value.shape[-1]))
         K = Bounded.block([[E, 0, G], [P, E.mT, S], [S.mT, G.mT, R]])
-        return K, Bounded.block([[one, 0, 0], [0, -(one + E.mT), 0], [0, -G.mT, R * 0.0]])
+        return K, Bounded.block([[identity, 0, 0], [0, -(identity + E.mT), 0], [0, -G.mT, R * 0.0]])
 
     def singular(self, shape: tuple[int, int]) -> np.ndarray:
         """Whether a pole may be 1 in panels, if that matters."""
@@ -137,9 +137,9 @@ class Joined(NamedTuple):
 
     def pencil(self) -> tuple[Bounded, Bounded]:
         """N - L, and L."""
-        one = Bounded.exact(np.eye(self.E.value.shape[-1]))
+        identity = Bounded.exact(np.eye(self.E.value.shape[-1]))
         K = Bounded.block([[self.E, -self.G], [-self.Q, -self.E.mT]])
-        return K, Bounded.block([[one, self.G], [0, one + self.E.mT]])
+        return K, Bounded.block([[identity, self.G], [0, identity + self.E.mT]])
 
     def singular(self, shape: tuple[int, int]) -> np.ndarray:
         """Whether something that is eliminated may be singular in panels."""
@@ -187,16 +187,16 @@ def of_tick(e: Bounded, b: Bounded, c: Bounded, d: Bounded, square: float, point
 
 def then(first: Joined, second: Joined) -> Joined:
     """Return some ticks and those that follow."""
-    one = Bounded.exact(np.eye(first.E.value.shape[-1]))
-    star = one + first.G @ second.Q
+    identity = Bounded.exact(np.eye(first.E.value.shape[-1]))
+    star = identity + first.G @ second.Q
     X = star.inverse()
-    A_1 = one + first.E
-    A_2 = one + second.E
+    A_1 = identity + first.E
+    A_2 = identity + second.E
     spread = X @ first.G
     carried = first.E - spread @ second.Q @ A_1  # X A_1, less identity
     E = carried + second.E + second.E @ carried
     G = second.G + A_2 @ spread @ A_2.mT
-    Q = first.Q + A_1.mT @ second.Q @ (one + carried)
+    Q = first.Q + A_1.mT @ second.Q @ (identity + carried)
     pivots = (*first.pivots, *second.pivots, np.linalg.det(star.value))
     below = (
         first.below
@@ -265,11 +265,11 @@ class BoundedGain(Between):
     ) -> np.ndarray:
         port, shape, judged = self._about(column, low, high, bounds)
         label, singular = self._at_level(1.0, column, port, shape, judged)
-        for beside, kept in ((BESIDE_LEVEL, BAD), (1 / BESIDE_LEVEL, GOOD)):
+        for beside, verdict in ((BESIDE_LEVEL, BAD), (1 / BESIDE_LEVEL, GOOD)):
             again = singular & (label == OPEN)
             if self.long and again.any():
-                found, _ = self._at_level(beside, column, port, shape, again)
-                label[again & (found == kept)] = kept
+                labels, _ = self._at_level(beside, column, port, shape, again)
+                label[again & (labels == verdict)] = verdict
         return label
 
     def _at_level(
@@ -289,17 +289,17 @@ class BoundedGain(Between):
         for array in (*K, *L):
             fine &= np.isfinite(array).all((-1, -2, -3))
         label = np.full(column.size, OPEN)
-        at = np.flatnonzero(fine)
-        if not at.size:
+        panels = np.flatnonzero(fine)
+        if not panels.size:
             return label, singular
 
-        middle = [each.part(at, 0).real for each in (K, L)]
-        rims = K.value[at, 1:], L.value[at, 1:]
-        arc = self.arc[self.columns[column[at]]]
+        middle = [matrix.part(panels, 0).real for matrix in (K, L)]
+        rims = K.value[panels, 1:], L.value[panels, 1:]
+        arc = self.arc[self.columns[column[panels]]]
         inside, d = clear(*middle, rims, frame.inputs, arc)
         theta = _angles(d, arc)
-        value = frame.least(at, theta)
-        label[at[inside & (value.max(-1) > frame.sure)]] = GOOD
+        value = frame.least(panels, theta)
+        label[panels[inside & (value.max(-1) > frame.sure)]] = GOOD
         by_signs = self.long or self.at_rest
         sure = frame.sure if by_signs else 0.0  # `_exceeds` needs no sign to begin with
         at_one = np.flatnonzero(value.min(-1) < -sure)
@@ -312,8 +312,8 @@ class BoundedGain(Between):
             else:
                 maps = by_panel(self.over_frame(port, np.prod(shape)), shape)
                 with np.errstate(all="ignore"):
-                    alone = _exceeds(of_panels(maps, at[at_one]), self.level, z)
-            label[at[at_one[alone]]] = BAD
+                    alone = _exceeds(of_panels(maps, panels[at_one]), self.level, z)
+            label[panels[at_one[alone]]] = BAD
         return label, singular
 
     def worst_at(self, column: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -338,7 +338,7 @@ class BoundedGain(Between):
         ticks = of_ticks(port, self.kept, (np.prod(shape),))
         square = (self.level * beside) ** 2
         with np.errstate(all="ignore"):
-            eliminated = [of_tick(*each, square, shape[1]) for each in ticks]
+            eliminated = [of_tick(*terms, square, shape[1]) for terms in ticks]
             return in_a_row(port.kind.tolist(), eliminated, then)
 
     def _form(self, port: Any, shape: tuple[int, int]) -> Form:
@@ -389,8 +389,8 @@ class Sine(BoundedGain):
         for matrix, size in maps:
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
-        for at in np.flatnonzero(judged):
-            label[at] = self._panel(column[at], of_panels(maps, at)).label()
+        for panel in np.flatnonzero(judged):
+            label[panel] = self._panel(column[panel], of_panels(maps, panel)).label()
         return label
 
     def _panel(self, column: int, maps: list[Bounded]) -> Panel:
@@ -400,10 +400,10 @@ class Sine(BoundedGain):
         """As that of `BoundedGain`."""
         index = np.searchsorted(self.columns, column)
         maps = self.maps(np.full(p.size, index), p)
-        found = [
+        worst = [
             self._panel(index, of_panels(maps, slice(at, at + 1))).worst() for at in range(p.size)
         ]
-        delta, beyond = np.array(found).T
+        delta, beyond = np.array(worst).T
         return delta, beyond.real
 
 
@@ -424,7 +424,7 @@ def _angles(d: np.ndarray, arc: np.ndarray) -> np.ndarray:
 
 def _units(G: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Units of the states in which G and Q are alike on their diagonals."""
-    of_G, of_Q = (np.abs(np.diagonal(each, axis1=-2, axis2=-1)) for each in (G, Q))
+    of_G, of_Q = (np.abs(np.diagonal(form, axis1=-2, axis2=-1)) for form in (G, Q))
     both = np.isfinite(of_G) & np.isfinite(of_Q) & (of_G > 0) & (of_Q > 0)
     return np.where(both, np.where(both, of_G, 1.0) / np.where(both, of_Q, 1.0), 1.0) ** 0.25
 
@@ -452,20 +452,24 @@ def _exceeds(
     E, G, O, T = (matrix[:, 0].real for matrix, _ in maps)
     z = on_circle(theta)[:, None, None] * np.eye(E.shape[-1])  # less 1
     H = T + O @ solve(z - E, G + 0j)
-    known = np.isfinite(H).all((-1, -2))
-    h, _, v = np.linalg.svd(np.where(known[:, None, None], H, 0.0))
+    finite_panels = np.isfinite(H).all((-1, -2))
+    h, _, v = np.linalg.svd(np.where(finite_panels[:, None, None], H, 0.0))
     E, G, O, T = maps
     determinant = 1.0
     moved = 0.0
-    left = h[:, None, :, :1]
+    left_vectors = h[:, None, :, :1]
     right = v[:, None, :1].mT
-    for w, h, v in ((z, left.conj(), right.conj()), (z.conj(), left, right)):
+    for w, h, v in ((z, left_vectors.conj(), right.conj()), (z.conj(), left_vectors, right)):
         of_states = Bounded(w, 2 * EPS * np.abs(w)).each(lambda entries: entries[:, None]) - E
         M = Bounded.block([[of_states, -(G @ v)], [(O.mT @ h).mT, (T.mT @ h).mT @ v]])
         least = inverse(M.value)[..., -1, -1]  # 1/f
         moved = np.maximum(moved, np.abs(least[:, 1:] - least[:, :1]).max(-1))
         determinant = determinant * determinants(M.value)
     # Of the conjugates in the middle, whose size is the same.
-    most = M.part(slice(None), 0).inverse().size[:, -1, -1] + SAFE / 2 * moved
+    largest_inverse = M.part(slice(None), 0).inverse().size[:, -1, -1] + SAFE / 2 * moved
     # The vectors are of length 1 up to rounding.
-    return known & (most * level < 1 - SURE_SIGN) & ~poles_inside(determinant[..., None])
+    return (
+        finite_panels
+        & (largest_inverse * level < 1 - SURE_SIGN)
+        & ~poles_inside(determinant[..., None])
+    )

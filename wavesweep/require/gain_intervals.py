@@ -85,10 +85,10 @@ def along_gain(
 
     begun = begun_at_low_end(gain, span[::-1] if domain.from_above else span)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)
-    known = np.ones(size, bool)
-    found = along_panels(judges, known, domain, ends)
-    found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    return attached(found, stable, SHARE_OF_SPAN * domain.width)
+    finite_columns = np.ones(size, bool)
+    intervals = along_panels(judges, finite_columns, domain, ends)
+    intervals = replace(intervals, low_omega=-intervals.low_omega, high_omega=-intervals.high_omega)
+    return attached(intervals, stable, SHARE_OF_SPAN * domain.width)
 
 
 def reads(port: Any) -> np.ndarray:
@@ -112,7 +112,7 @@ def about_reads(
     _, port, _, p = typical_between(loops, along, span, 1, route, word)
     ticks = port.kind.size
     E, G, O, T = (
-        each.value for each in over_frame(port, needed(port.maps), p.shape, np.arange(ticks))
+        matrix.value for matrix in over_frame(port, needed(port.maps), p.shape, np.arange(ticks))
     )
     read = reads(port)
     apart = between_reads(np.flatnonzero(read), ticks)
@@ -150,19 +150,19 @@ def _arc(wanted: GainBound, ticks: int, period: np.ndarray) -> np.ndarray:
 
 
 def attached(
-    found: Intervals, stable: Intervals, nothing: float, exactness: float = END_EXACTNESS
+    intervals: Intervals, stable: Intervals, nothing: float, exactness: float = END_EXACTNESS
 ) -> Intervals:
     """Intervals whose ends that are as near to those of stability as ends are exact are these."""
-    same_column = found.column[:, None] == stable.column
+    same_column = intervals.column[:, None] == stable.column
     ends = {}
     for side in ("low", "high"):
-        end = getattr(found, side)[:, None]
+        end = getattr(intervals, side)[:, None]
         stable_end = getattr(stable, side)
         exact = exactness * (np.abs(stable_end) + nothing)
         near = (np.abs(end - stable_end) <= exact) & same_column
         nearest = near.argmax(-1)
         for name in (side, f"{side}_omega", f"{side}_cause"):
             ends[name] = np.where(
-                near.any(-1), getattr(stable, name)[nearest], getattr(found, name)
+                near.any(-1), getattr(stable, name)[nearest], getattr(intervals, name)
             )
-    return replace(found, **ends)
+    return replace(intervals, **ends)

@@ -195,9 +195,9 @@ class Require(KeyValues):
         """The margins at each cut, by the names of their keys."""
         return self.get("margins", ())
 
-    def refuse_stability_alone(self, name: str, what: str) -> None:
+    def refuse_stability_alone(self, name: str, purpose: str) -> None:
         """Raise UsageError, since more is required; see `TableValue`."""
-        expected = f"no [sweep] require with {what}, which is about stability alone"
+        expected = f"no [sweep] require with {purpose}, which is about stability alone"
         raise UsageError(
             f"{name}: expected {expected} (--set sweep.require= leaves it out; columns low_hz and high_hz of "
             "stability-region name the mode at each end), found one"
@@ -244,14 +244,14 @@ def build(request: Request) -> Require | None:
     mistakes = request.mistakes
     leaves = request.belongs.below(PATH)
     of_margins = {name: leaf for name, leaf in leaves.items() if name.startswith("margins")}
-    others = {name: leaf for name, leaf in leaves.items() if name not in of_margins}
-    values = TABLE.read(others, mistakes)
+    remaining = {name: leaf for name, leaf in leaves.items() if name not in of_margins}
+    values = TABLE.read(remaining, mistakes)
     if of_margins:
         inside = {name[len("margins.") :]: leaf for name, leaf in of_margins.items()}
-        values["margins"] = tuple(_at_cut(request, each) for each in several(inside))
+        values["margins"] = tuple(_at_cut(request, table) for table in several(inside))
     if values.get("bounded") and len(values) > 1:
-        expected, found = "true alone", "other requirements as well"
-        mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", expected, found, of_key=False)
+        expected, text_found = "true alone", "other requirements as well"
+        mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", expected, text_found, of_key=False)
     for name in ("modes", "slower_than"):
         if name in values and "damping_ratio" not in values:
             mistakes.refuse(
@@ -288,12 +288,12 @@ def _at_cut(request: Request, leaves: dict[str, Any]) -> dict[str, float | str]:
 def _refuse_missing(mistakes: Any, leaves: dict[str, Any]) -> None:
     """Add the mistakes of what lies between an input and a signal without its ends or its level."""
     for table in BETWEEN:
-        given = [leaf for name, leaf in leaves.items() if name.startswith(f"{table}.")]
+        leaves_of_table = [leaf for name, leaf in leaves.items() if name.startswith(f"{table}.")]
         keys = [f"{table}.{name}" for name in NEEDED]
-        for key in keys if given else ():
+        for key in keys if leaves_of_table else ():
             if key not in leaves:
                 expected = f"all of {', '.join(keys)}"
-                mistakes.refuse(given[0], f"{PATH}.{table}", expected, f"none of {key}")
+                mistakes.refuse(leaves_of_table[0], f"{PATH}.{table}", expected, f"none of {key}")
 
 
 def _refuse_unknown_ports(request: Request, leaves: dict[str, Any]) -> None:

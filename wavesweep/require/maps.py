@@ -29,17 +29,19 @@ def over_frame(
     X = np.zeros((*batch, n, n + acting.size))  # less identity
     before = []
     outputs = []
-    own = [n + np.flatnonzero(read[acting] == tick) for tick in range(ticks)]  # column of its input
+    columns_of_tick = [
+        n + np.flatnonzero(read[acting] == tick) for tick in range(ticks)
+    ]  # column of its input
     for tick, kind in enumerate(order):
         e, b, c, d = (matrix for matrix, _ in kinds[kind])
         output = c @ X
         output[..., states] += c
-        output[..., own[tick]] += d
+        output[..., columns_of_tick[tick]] += d
         before.append(X)
         outputs.append(output)
         X = X + e @ X
         X[..., states] += e
-        X[..., own[tick]] += b
+        X[..., columns_of_tick[tick]] += b
     whole = np.concatenate([*outputs, X], -2)
 
     identity = np.eye(n, n + acting.size)
@@ -52,11 +54,11 @@ def over_frame(
         size = np.abs(X + identity)
         of_state = e.with_rounding(n + 2) @ size + rounding * np.abs(X)
         of_state[..., states] += rounding * np.abs(e.value)
-        of_state[..., own[tick]] += b.with_rounding(n + 2)
+        of_state[..., columns_of_tick[tick]] += b.with_rounding(n + 2)
         error[..., tick + 1 :, :] += np.abs(after) @ of_state
         of_output = c.with_rounding(n + 2) @ size
         of_output[..., states] += rounding * np.abs(c.value)
-        of_output[..., own[tick]] += d.error
+        of_output[..., columns_of_tick[tick]] += d.error
         error[..., tick, :] += of_output[..., 0, :]
         after = np.concatenate([c.value, after + after @ e.value], -2)
     columns = np.append(np.arange(n), n + acting)
@@ -66,20 +68,20 @@ def over_frame(
         wide[..., columns] = entries
         return wide
 
-    found = Bounded(whole, error).each(with_all_inputs)
+    frames = Bounded(whole, error).each(with_all_inputs)
     pairs = []
     for rows in (slice(ticks, None), slice(ticks)):
         for columns in (states, slice(n, None)):
-            pairs.append(found.part(..., rows, columns))
+            pairs.append(frames.part(..., rows, columns))
     return tuple(pairs)
 
 
 def at_runs(
-    port: Port, kept: np.ndarray, batch: tuple[int, ...], runs: np.ndarray
+    port: Port, states: np.ndarray, batch: tuple[int, ...], runs: np.ndarray
 ) -> tuple[Bounded, ...]:
     """The same of the inputs and outputs in the ticks `runs` of a frame alone."""
-    kinds = of_ticks(port, kept, batch)
-    n = kept.size
+    kinds = of_ticks(port, states, batch)
+    n = states.size
     no_input, no_output, neither = (
         Bounded.exact(np.zeros((*batch, *shape))) for shape in ((n, 0), (0, n), (0, 0))
     )
@@ -96,9 +98,9 @@ def _joined(
     """The maps of some ticks and of those that follow."""
     E_1, G_1, O_1, T_1 = first
     E_2, G_2, O_2, T_2 = second
-    one = Bounded.exact(np.eye(E_1.value.shape[-1]))
-    G = Bounded.block([[(one + E_2) @ G_1, G_2]])
-    O = Bounded.block([[O_1], [O_2 @ (one + E_1)]])
+    identity = Bounded.exact(np.eye(E_1.value.shape[-1]))
+    G = Bounded.block([[(identity + E_2) @ G_1, G_2]])
+    O = Bounded.block([[O_1], [O_2 @ (identity + E_1)]])
     return E_1.then(E_2), G, O, Bounded.block([[T_1, 0], [O_2 @ G_1, T_2]])
 
 
