@@ -234,9 +234,9 @@ def _judged(
 
 def _show_first(lines: Iterable[str], whole: bool) -> int:
     """Print the lines that come first, of which the verdict is folded least; gives their number."""
-    first, *others = lines
+    first, *remaining = lines
     fold = _within if whole else _folded
-    return _show([*_within(first), *chain.from_iterable(map(fold, others))])
+    return _show([*_within(first), *chain.from_iterable(map(fold, remaining))])
 
 
 def _frames_of_run(
@@ -292,7 +292,7 @@ def _within(line: str) -> list[str]:
     return wrap(line, WIDEST, subsequent_indent=indent, break_on_hyphens=False)
 
 
-def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
+def _foremost(ranked: Sequence[Ranked], room: int) -> Iterator[str]:
     """Yield the lines of the lowest ranks, in their order: as many as there is room for, and all that NEEDED shows."""
     from wavesweep.check.on_check import DETAIL, NEEDED
 
@@ -300,12 +300,12 @@ def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
     for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
         rank, line = ranked[number]
         needed = rank <= NEEDED
-        if not needed and (rank >= DETAIL or most <= 0):
+        if not needed and (rank >= DETAIL or room <= 0):
             continue
         folded = _folded(line() if callable(line) else line)
-        if needed or len(folded) <= most:
+        if needed or len(folded) <= room:
             foremost[number] = folded
-            most -= len(folded)
+            room -= len(folded)
     for number in sorted(foremost):
         yield from foremost[number]
 
@@ -360,27 +360,27 @@ def _interval_steps(
         yield f"{region} {name}", subject
         return
     for limit in sorted(verdict["limits"], key=distance):
-        along = limit["name"]
-        if limit["stable"] is None or read_in_several_places(spec, along):
+        number = limit["name"]
+        if limit["stable"] is None or read_in_several_places(spec, number):
             continue
         first, last = ends_in_words(limit["from"], limit["to"])
-        if _is_done_along(spec, along, float(first), float(last)):
-            span = f"'sweep.{along}={{start={first}, stop={last}}}'"
-            yield f"stability-region {name} --set sweep.along={along} --set {span}", ""
+        if _is_done_along(spec, number, float(first), float(last)):
+            span = f"'sweep.{number}={{start={first}, stop={last}}}'"
+            yield f"stability-region {name} --set sweep.along={number} --set {span}", ""
             return
 
 
-def _is_done_along(spec: Spec, along: str, start: float, stop: float) -> bool:
+def _is_done_along(spec: Spec, number: str, start: float, stop: float) -> bool:
     """Whether the rows of a spec can be computed along a number: what it asks for may not be proved
     along that."""
     from wavesweep.program.spec import Axis
     from wavesweep.program.tables.interval_table import stages_of
 
-    path = spec.names.find(along).path
-    others = [axis for axis in spec.sweep if axis.path != path]
-    axis = Axis(along, path, (), start, stop, False, "linear")
+    path = spec.names.find(number).path
+    other_axes = [axis for axis in spec.sweep if axis.path != path]
+    axis = Axis(number, path, (), start, stop, False, "linear")
     try:
-        stages_of(replace(spec, along=along, sweep=(*others, axis)), along, None)
+        stages_of(replace(spec, along=number, sweep=(*other_axes, axis)), number, None)
     except WavesweepError:
         return False
     return True

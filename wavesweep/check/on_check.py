@@ -48,20 +48,20 @@ def facts(spec: Spec, own: Facts, report: Callable[[int, int], None] | None) -> 
     return facts_found | {"hardware": hardware}
 
 
-def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
+def lines(spec: Spec, facts: Facts) -> Iterator[Ranked]:
     """Yield the lines about ranges, delay, feel, hardware and modes."""
-    yield from _limit_lines(spec, found)
-    if found["delay"] and found["spectral_radius"] is not None:
-        yield 2.5, _delay(spec, found["delay"])
-    if found["stable"] and found["felt"]:
-        yield from _felt(found["felt"], spec.at_port("N/m"), spec.at_port("N*s/m"))
-    yield from _hardware(found.get("hardware", {}), found["stable"], spec)
-    if found["stable"]:
+    yield from _limit_lines(spec, facts)
+    if facts["delay"] and facts["spectral_radius"] is not None:
+        yield 2.5, _delay(spec, facts["delay"])
+    if facts["stable"] and facts["felt"]:
+        yield from _felt(facts["felt"], spec.at_port("N/m"), spec.at_port("N*s/m"))
+    yield from _hardware(facts.get("hardware", {}), facts["stable"], spec)
+    if facts["stable"]:
         # A mode rings below this damping ratio.
-        rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < 0.5
-        yield from _mode(4 if rings else 2.5, "slowest mode", found["slowest"])
+        rings = facts["least_damped"] and facts["least_damped"]["damping_ratio"] < 0.5
+        yield from _mode(4 if rings else 2.5, "slowest mode", facts["slowest"])
         if rings:
-            yield from _mode(2.5, "least damped mode", found["least_damped"])
+            yield from _mode(2.5, "least damped mode", facts["least_damped"])
 
 
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
@@ -158,8 +158,10 @@ def _stable_where(limit: Facts, unit: str) -> str:
 
 def _beyond(limit: Facts, unit: str) -> str:
     """The stable intervals that the value does not lie in."""
-    others = [each for each in limit["intervals"] if not each[0] <= limit["value"] <= each[1]]
-    spans = [f"{_span(limit, *interval)}{unit}" for interval in others]
+    other_intervals = [
+        each for each in limit["intervals"] if not each[0] <= limit["value"] <= each[1]
+    ]
+    spans = [f"{_span(limit, *interval)}{unit}" for interval in other_intervals]
     if spans:
         return f"; also in {' and '.join(spans)}"
     return ""
@@ -193,12 +195,12 @@ def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) ->
     places = open_in_words(open_, unit)
     if open_["from"] >= limit["value"]:
         beyond = f", and stable again {end}" if high > open_["to"] else ""
-        known = rounded_down(min(high, open_["from"]))
-        return f"{start} up to at least {known}{unit}; {places}{beyond}"
+        inner_end = rounded_down(min(high, open_["from"]))
+        return f"{start} up to at least {inner_end}{unit}; {places}{beyond}"
     if open_["to"] <= limit["value"]:
         beyond = f", and stable again {start}" if low < open_["from"] else ""
-        known = rounded_up(max(low, open_["to"]))
-        return f"at least from {known} {end}; {places}{beyond}"
+        inner_end = rounded_up(max(low, open_["to"]))
+        return f"at least from {inner_end} {end}; {places}{beyond}"
     return f"in places {start} {end}; {places}"
 
 

@@ -90,7 +90,7 @@ class Search:
     def graph(self) -> Graph:
         """The graph of all control points."""
         places, cells = self.ticks.places, self.ticks.cells
-        number = {history: at for at, history in enumerate(self.histories)}
+        number = {history: index for index, history in enumerate(self.histories)}
         edges = []
         for place, cell, history in product(range(places), range(cells), self.histories):
             source = place * len(number) + number[history]
@@ -128,7 +128,7 @@ class Search:
         if self.remembered < MOST_REMEMBERED:
             ticks = ticks_with(max(2, self.ticks.cells))
             finer.append(replace(self, ticks=ticks, remembered=self.remembered + 1))
-        return [each for each in finer if each.cost < OPERATIONS_OF_STEP]
+        return [search for search in finer if search.cost < OPERATIONS_OF_STEP]
 
     def at(self, x: float, width: float = 1.0) -> np.ndarray:
         """The matrices of the control points, `A + width (A_k - A)` with the mean A of those at a
@@ -149,9 +149,9 @@ class Search:
         if to is None:
             return None
         search = replace(self, to=to)
-        one = np.eye(to.shape[-1])
-        P = np.broadcast_to(one, (self.graph.nodes, *one.shape))
-        start = Centre(P, self.graph, one, one).rounded()
+        identity = np.eye(to.shape[-1])
+        P = np.broadcast_to(identity, (self.graph.nodes, *identity.shape))
+        start = Centre(P, self.graph, identity, identity).rounded()
         return Forms(search, x, recentred(start, search.at(x, 0.0), 60))
 
     def proved(self, *ends: tuple[float, Centre]) -> tuple[Norms, ...] | None:
@@ -167,7 +167,7 @@ class Search:
         # Units of the states alone, powers of 2.
         units = np.exp2(np.round(np.log2(np.abs(self.back).max(-1))))
         into = units[:, None, None, None] / np.roll(units, -1, axis=0)[:, None, None, :, None]
-        A, dA = (self.ticks.in_slots(each) * into for each in (A, dA))
+        A, dA = (self.ticks.in_slots(tick) * into for tick in (A, dA))
         to = self.to * units[:, None]
         for _ in range(self.squares):
             A, dA = enclosed_square(A, dA)
@@ -240,7 +240,7 @@ class Forms:
                 centre = recentred(centre, before.at(self.x, width), 20)
             maps = [centre.P[nodes], centre.basis, centre.inverse]
             for _ in range(search.squares - before.squares):
-                maps = [squared(each) for each in maps]
+                maps = [squared(tick) for tick in maps]
             P, basis, inverse = maps
             centre = replace(centre, P=P, basis=basis, inverse=inverse, graph=search.graph)
             centre = recentred(centre.rounded(), search.at(self.x, width), 8)
@@ -259,8 +259,8 @@ def started(ticks_with: TicksWith, numbers: Iterable[float]) -> Forms | None:
     begun: Iterable[Forms | None] = map(first.alike, numbers)
     while True:
         stalled = []
-        for each in begun:
-            forms = each and each.opened()
+        for forms_begun in begun:
+            forms = forms_begun and forms_begun.opened()
             if forms is None:
                 continue
             if forms.proved:
@@ -271,7 +271,9 @@ def started(ticks_with: TicksWith, numbers: Iterable[float]) -> Forms | None:
         stalled.sort(key=lambda forms: -forms.width)
         most_open = stalled[:2]
         begun = [
-            each.finer(search) for each in most_open for search in each.search.finer(ticks_with)
+            forms_begun.finer(search)
+            for forms_begun in most_open
+            for search in forms_begun.search.finer(ticks_with)
         ]
 
 
@@ -320,7 +322,7 @@ def bracket(
         return Bracket(least, reached, below, above)
     if not refuted:
         return None
-    least = min(refuted, key=lambda each: each.x)
+    least = min(refuted, key=lambda refuter: refuter.x)
     return Bracket(least.x, least.x, above=least)
 
 
@@ -333,16 +335,18 @@ def _side(
         """A proof with finer graphs as long as goal and proof are far apart."""
         forms = replace(begun, centre=replace(begun.centre, work=0.0)).walked(goal)
         while True:
-            left = abs(goal - forms.x)
-            if left <= tolerance * max(abs(goal), tolerance * abs(goal - start)):
+            distance = abs(goal - forms.x)
+            if distance <= tolerance * max(abs(goal), tolerance * abs(goal - start)):
                 break
             best = forms
-            worth = WORTH * min(left, max(abs(forms.x), 1e-3 * left))
+            worth = WORTH * min(distance, max(abs(forms.x), 1e-3 * distance))
             for search in forms.search.finer(ticks_with):
                 ahead = forms.finer(search)
                 ahead = ahead and ahead.opened()
                 if ahead and ahead.proved:
-                    best = min(best, ahead.walked(goal), key=lambda each: abs(goal - each.x))
+                    best = min(
+                        best, ahead.walked(goal), key=lambda step_ahead: abs(goal - step_ahead.x)
+                    )
                 if abs(best.x - forms.x) > worth:
                     break
             if abs(best.x - forms.x) < worth / 10:

@@ -91,18 +91,20 @@ def build(request: Request) -> LateTick | None:
         return mistakes.refuse(leaves["steps"], f"{PATH}.steps", expected, "measured", of_key=False)
     if numbers.keys() not in ({"late"}, {"start", "stop"}):
         return mistakes.refuse(place, PATH, EITHER, ", ".join(numbers), of_key=False)
-    found = LateTick(**numbers)
+    late_tick = LateTick(**numbers)
     if request.hz:
-        own = 1 / request.hz
-        low, high = found.interval(request.hz)
-        if not low <= own * (1 + SAME_TICK) or not own <= high * (1 + SAME_TICK) or not low < high:
-            expected = (
-                f"times from start up to stop, with the spec's own tick of {own:g} s among them"
-            )
+        own_tick = 1 / request.hz
+        low, high = late_tick.interval(request.hz)
+        if (
+            not low <= own_tick * (1 + SAME_TICK)
+            or not own_tick <= high * (1 + SAME_TICK)
+            or not low < high
+        ):
+            expected = f"times from start up to stop, with the spec's own tick of {own_tick:g} s among them"
             mistakes.refuse(place, PATH, expected, f"{low:g} to {high:g} s", of_key=False)
     for expected, problem in _beside(request):
         mistakes.refuse(place, PATH, expected, problem, of_key=False)
-    return found
+    return late_tick
 
 
 def _beside(request: Request) -> Iterator[tuple[str, str]]:
@@ -120,7 +122,7 @@ def _beside(request: Request) -> Iterator[tuple[str, str]]:
         yield "stability alone beside tick", "[sweep] require"
     drawing = request.drawing
     if drawing and drawing.channels:
-        yield "a loop without channels", ", ".join(each.name for each in drawing.channels)
+        yield "a loop without channels", ", ".join(channel.name for channel in drawing.channels)
     if drawing and drawing.dead_times:
         names = ", ".join(drawing.dead_times)
         yield "delays in whole ticks", f"a delay in seconds, {names}"

@@ -15,8 +15,8 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
         return {}
     from wavesweep.late_ticks.rows import claim
 
-    found = claim(spec)
+    claimed = claim(spec)
     return {
-        "tick": {"status": found.status.name.lower(), "counterexample": found.reason},
-        "claims": [found],
+        "tick": {"status": claimed.status.name.lower(), "counterexample": claimed.reason},
+        "claims": [claimed],
     }

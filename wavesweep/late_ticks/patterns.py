@@ -35,15 +35,15 @@ Pattern = tuple[int, ...]
 """Of each tick which of the lengths it has, from the first tick of a frame on."""
 
 
-def growing(ticks: LateTicks, x: float, known: Sequence[Pattern] = ()) -> tuple[float, Pattern]:
+def growing(ticks: LateTicks, x: float, patterns: Sequence[Pattern] = ()) -> tuple[float, Pattern]:
     """Return the fastest growth per frame at x of the patterns that a climb finds, up to the shortest
     that grows for ever, and its pattern.
 
-    known: patterns to begin with beside all short, all long, and those of walks.
+    patterns: patterns to begin with beside all short, all long, and those of walks.
     """
     A = ticks.at_lengths(x)
     tried = [(each,) * ticks.places for each in range(len(ticks.lengths))]
-    tried += [*known, *_repeated_by_walks(A)]
+    tried += [*patterns, *_repeated_by_walks(A)]
     by_length: dict[int, set[Pattern]] = {}
     for pattern in tried:
         by_length.setdefault(len(pattern), set()).add(pattern)
@@ -65,8 +65,8 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> Refuted:
         rate, pattern = growing(ticks, x, [ticks.pattern_of(like)] if like else [])
         return [word_of(ticks, pattern)] if rate >= 1 else []
 
-    found = nearest_of(ticks.family, start, limit, 1, grown, BACK)
-    return replace(found, word=ticks.pattern_of(found.word))
+    refuted = nearest_of(ticks.family, start, limit, 1, grown, BACK)
+    return replace(refuted, word=ticks.pattern_of(refuted.word))
 
 
 def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:
@@ -89,8 +89,8 @@ def in_words(ticks: LateTicks, pattern: Pattern) -> str:
 def _shortest(pattern, places):
     """A pattern without its repetitions; a whole number of frames."""
     for length in range(places, len(pattern), places):
-        times, left = divmod(len(pattern), length)
-        if not left and pattern == pattern[:length] * times:
+        times, remainder = divmod(len(pattern), length)
+        if not remainder and pattern == pattern[:length] * times:
             return pattern[:length]
     return pattern
 
@@ -106,11 +106,11 @@ def _repeated_by_walks(A):
         frame = tick @ frame
     if not np.isfinite(frame).all():
         return
-    z, left, right = eig(frame, left=True)
+    z, left_vectors, right = eig(frame, left=True)
     # Smaller eigenvalues are of states that are soon gone.
     slow = [k for k in np.argsort(-np.abs(z)) if z[k].imag >= 0 and np.abs(z[k]) > 1e-3][:MODES]
     x = np.concatenate([right[:, slow].real.T, right[:, slow].imag.T])
-    reads = np.tile(left[:, slow].conj().T, (2, 1))
+    reads = np.tile(left_vectors[:, slow].conj().T, (2, 1))
     moves = x.any(1)
     if not moves.any():
         return
@@ -135,9 +135,9 @@ def _walked(A, reads, x, frames):
     states = [x / np.linalg.norm(x, axis=-1, keepdims=True)]
     for _ in range(frames):
         x = states[-1]
-        for tick, own in zip(A, reversed(seen), strict=True):
+        for tick, state in zip(A, reversed(seen), strict=True):
             after = tick @ x.T  # (lengths, n, walks)
-            chosen = np.abs((after * own.T).sum(1)).argmax(0)
+            chosen = np.abs((after * state.T).sum(1)).argmax(0)
             x = after[chosen, :, walks]
             lengths.append(chosen)
         states.append(x / np.linalg.norm(x, axis=-1, keepdims=True))

@@ -67,19 +67,19 @@ class LateTicksGuarantee(Guarantee):
 def refuse(spec: Spec, along: str) -> None:
     """Raise UsageError for a number that intervals cannot be held for; along: empty for a design
     alone."""
-    own = own_loop(spec, along) if along else own_loop(spec)
-    drawn = own.drawn()
+    design = own_loop(spec, along) if along else own_loop(spec)
+    drawn = design.drawn()
     if drawn.ticks > MOST_FRAME_PLACES:
         expected = f"a frame of at most {MOST_FRAME_PLACES} ticks"
         raise UsageError(f"[for_all] tick: expected {expected}, found {drawn.ticks}")
-    if along and not own.drawing.scalar_place(name_of(along)):
+    if along and not design.drawing.scalar_place(name_of(along)):
         expected = "intervals along a number that one wire or gain reads linearly, such as K_VE"
         raise UsageError(f"[for_all] tick: expected {expected}, found {name_of(along)}")
-    varied = {**own.values, along: TWO_VALUES} if along else own.values
-    if along and Loops(own.drawing, varied).drift().varying:
+    varied = {**design.values, along: TWO_VALUES} if along else design.values
+    if along and Loops(design.drawing, varied).drift().varying:
         expected = f"a loop whose position at rest does not depend on {name_of(along)}"
-        found = "one that rests elsewhere with each value, as a wave line beside a spring at the hand; check is of one value"
-        raise UsageError(f"[for_all] tick: expected {expected}, found {found}")
+        text_found = "one that rests elsewhere with each value, as a wave line beside a spring at the hand; check is of one value"
+        raise UsageError(f"[for_all] tick: expected {expected}, found {text_found}")
 
 
 def records_for_ticks(
@@ -90,64 +90,76 @@ def records_for_ticks(
 
     A row lies within an interval of the loop whose ticks are all on time.
     """
-    asked = offered("rules")
+    rules = offered("rules")
     ticks_with = lru_cache(lambda cells: late_ticks(loop, along, interval, cells))
     nominal = records_of_loop(loop, along, span)
     certified = bool(nominal["certified"].all())
     rows = []
     refuted = []  # the least number of an interval of which nothing is proved
     unproved = []  # such intervals in words
-    for own in nominal[nominal["intervals"] > 0]:
-        about = float(own["low"]), float(own["high"])
-        found = bracket(ticks_with, about)
-        if found and found.low < found.high:
+    for interval_on_time in nominal[nominal["intervals"] > 0]:
+        about = float(interval_on_time["low"]), float(interval_on_time["high"])
+        bracket_found = bracket(ticks_with, about)
+        if bracket_found and bracket_found.low < bracket_found.high:
             on_time = f"ticks of {1e3 / float(loop.rate):.6g} ms"
-            rows.append(_row(found, about, span, along, on_time if own["certified"] else ""))
+            rows.append(
+                _row(
+                    bracket_found,
+                    about,
+                    span,
+                    along,
+                    on_time if interval_on_time["certified"] else "",
+                )
+            )
             continue
         within = f"within {name_of(along)} {span_around(*about, 4)}"
-        if found and found.above.text:
-            refuted.append(found.above)
-            within += f", refuted at {in_all_digits(found.above.x)} by {found.above.text}"
+        if bracket_found and bracket_found.above.text:
+            refuted.append(bracket_found.above)
+            within += (
+                f", refuted at {in_all_digits(bracket_found.above.x)} by {bracket_found.above.text}"
+            )
         unproved.append(within)
     nowhere = not nominal["intervals"].any()
-    records = asked.recorded(rows, certified, agreed=True, none=nowhere)
+    records = rules.recorded(rows, certified, agreed=True, none=nowhere)
     if refuted and not rows:
         records["fails_from"] = refuted[0].x
         records["counterexample"] = shorten(refuted[0].text, TEXT, placeholder=" ...")
     for number, record in enumerate(records):
-        own = [rows[number].left_open] if rows and rows[number].left_open else []
+        interval_on_time = [rows[number].left_open] if rows and rows[number].left_open else []
         # 160 characters of the column.
-        record["left_open"] = shorten("; ".join([*own, *unproved]), 160, placeholder=" ...")
+        record["left_open"] = shorten(
+            "; ".join([*interval_on_time, *unproved]), 160, placeholder=" ..."
+        )
     return records
 
 
-def _row(found: Bracket, about, span, along, on_time: str):
+def _row(bracket_found: Bracket, about, span, along, on_time: str):
     """What is proved along a number; on_time: what refutes the ends of the interval of ticks that are all on
     time, empty if it is not known."""
-    asked = offered("rules")
-    below, above = found.below, found.above
+    rules = offered("rules")
+    below, above = bracket_found.below, bracket_found.above
     if not below.text and about[0] > span[0]:
         below = replace(below, x=about[0], text=on_time)
     if not above.text and about[1] < span[1]:
         above = replace(above, x=about[1], text=on_time)
-    low = below.x if below.text else found.low
-    high = above.x if above.text else found.high
-    part = asked.Part(low, high, below.text or None, above.text or None)
+    low = below.x if below.text else bracket_found.low
+    high = above.x if above.text else bracket_found.high
+    part = rules.Part(low, high, below.text or None, above.text or None)
     places = []
-    sides = zip(span, (below, above), (found.low, found.high), strict=True)
+    sides = zip(span, (below, above), (bracket_found.low, bracket_found.high), strict=True)
     for edge, refuted, end in sides:
         if not refuted.text and end != edge:
             places.append(span_around(*sorted((edge, end)), 4))
     left_open = f"within {name_of(along)} {' and '.join(places)}" if places else ""
     text = Refuters(below.text, above.text).written(TEXT)
-    return asked.Row(found.low, found.high, part, span, text, left_open)
+    return rules.Row(bracket_found.low, bracket_found.high, part, span, text, left_open)
 
 
 def claim(spec: Spec) -> Claim:
     """What is known of the spec's own loop for all ticks of its [for_all]."""
     refuse(spec, "")
     interval = spec.tick.interval(spec.tick_hz)
-    own = own_loop(spec)
-    verdict, pattern = decided(lambda cells: late_ticks(own, "", interval, cells))
+    design = own_loop(spec)
+    verdict, pattern = decided(lambda cells: late_ticks(design, "", interval, cells))
     scope = replace(own_scope(spec), tick=Tick(*interval))
     return Claim(STABLE, scope, Status[verdict.upper()], in_a_sentence(pattern))

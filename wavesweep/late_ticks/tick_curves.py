@@ -95,9 +95,9 @@ class LateTicks:
             live = read & np.roll((acts & read[:, None]).any(2), 1, axis=0)
         slots = []
         slot = np.full(live.sum(1).max(), n)
-        for own in live:
-            slot = np.where(np.append(own, False)[slot], slot, n)
-            coming = np.setdiff1d(np.flatnonzero(own), slot)
+        for live_of_place in live:
+            slot = np.where(np.append(live_of_place, False)[slot], slot, n)
+            coming = np.setdiff1d(np.flatnonzero(live_of_place), slot)
             slot[np.flatnonzero(slot == n)[: coming.size]] = coming
             slots.append(slot)
         return np.array(slots)
@@ -110,8 +110,10 @@ class LateTicks:
         moved = []
         for place, (row, column) in enumerate(zip(after, self.slots, strict=True)):
             moved.append(rim[..., place, :, :, :][..., row[:, None], column])
-        found = np.stack(moved, axis=-4)
-        return found.reshape(*found.shape[:-3], self.cells, -1, *found.shape[-2:])
+        in_slots_of_places = np.stack(moved, axis=-4)
+        return in_slots_of_places.reshape(
+            *in_slots_of_places.shape[:-3], self.cells, -1, *in_slots_of_places.shape[-2:]
+        )
 
 
 def late_ticks(
@@ -160,9 +162,9 @@ def moving(drawing: Drawing) -> list[str]:
 def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     """The curves of E and of B of each block that moves, for ticks from low to high."""
     drawing = loops.drawing
-    own = tuple(block for block in drawing.blocks if block.plant)
+    plants = tuple(block for block in drawing.blocks if block.plant)
     rate = ONE / Tree.name(LENGTH)
-    alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
+    alone = replace(drawing, tick_hz=rate, blocks=plants, wires=(), hand=None, outputs=(), named=())
     # Both may be rounded: times and rates are given in decimals.
     low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)
     # Order of the Taylor models of a cell.
@@ -180,17 +182,17 @@ def _curve(matrix: Polynomials) -> Curve:
     """
     if matrix.numbers == 0:
         return np.repeat(matrix.terms[:1], DEGREE + 1, axis=0), matrix.rest
-    kept = matrix.terms[: DEGREE + 1]
-    powers = np.zeros_like(kept)
+    terms = matrix.terms[: DEGREE + 1]
+    powers = np.zeros_like(terms)
     for k in range(DEGREE + 1):
         for j in range(k + 1):
-            powers[j] += comb(k, j) * 2.0**j * (-1.0) ** (k - j) * kept[k]
-    control = np.zeros_like(kept)
+            powers[j] += comb(k, j) * 2.0**j * (-1.0) ** (k - j) * terms[k]
+    control = np.zeros_like(terms)
     for i in range(DEGREE + 1):
         for j in range(i + 1):
             control[i] += comb(i, j) / comb(DEGREE, j) * powers[j]
     left_out = np.abs(matrix.terms[DEGREE + 1 :]).sum(0)
-    rounding = ROUNDINGS * UNIT_ROUNDING * (np.abs(kept).sum(0) + left_out)
+    rounding = ROUNDINGS * UNIT_ROUNDING * (np.abs(terms).sum(0) + left_out)
     return control, matrix.rest + left_out + rounding
 
 
@@ -212,11 +214,11 @@ def _point(curves, j):
 
 def _family(loops, along, points):
     """The matrices with each of these entries of what moves, and the number of ticks in a frame."""
-    own = dict(loops.values)
-    varied = own | ({along: TWO_VALUES} if along else {})
+    values = dict(loops.values)
+    varied = values | ({along: TWO_VALUES} if along else {})
     whole = Loops(loops.drawing, varied).drawn()
     if along:
-        cut_open = Loops(loops.drawing, own | {along: 0.0}).drawn(name_of(along))
+        cut_open = Loops(loops.drawing, values | {along: 0.0}).drawn(name_of(along))
     else:
         cut_open = whole
     drift = Loops(loops.drawing, varied).drift()
@@ -233,8 +235,8 @@ def _family(loops, along, points):
                 ticks = Ticks.of(moved, alone=True, terms=True)
             kinds = ticks.kind
             maps += ticks.maps
-        found, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
-        return found.maps, kinds
+        maps_without_drift, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
+        return maps_without_drift.maps, kinds
 
     exact, kinds = ticks_of(0.0)
     uncertain, _ = ticks_of(1.0)
@@ -279,9 +281,9 @@ def _with_sizes(exact: Block, uncertain: Block) -> Block:
     row: here they stay, and are uncertain by that much.
     """
     sizes = []
-    for name, size, own in zip("EBCD", uncertain.terms, exact.terms, strict=True):
+    for name, size, size_of_exact in zip("EBCD", uncertain.terms, exact.terms, strict=True):
         entries = getattr(exact, name)
         gone = (getattr(uncertain, name) == 0) & (entries != 0)
         largest = np.abs(entries).max(-1, keepdims=True, initial=0.0)
-        sizes.append(np.where(gone, own + GONE_TERM * largest / ENTRY_ROUNDING, size))
+        sizes.append(np.where(gone, size_of_exact + GONE_TERM * largest / ENTRY_ROUNDING, size))
     return replace(exact, terms=tuple(sizes))

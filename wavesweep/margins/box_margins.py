@@ -119,7 +119,7 @@ def refused(spec: Spec) -> str:
 def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:
     """The gain, phase, delay and disk margins of the spec's loop, broken at a signal, for all
     numbers of its [for_all], and what is claimed of which loops."""
-    own = own_scope(spec)
+    scope_of_design = own_scope(spec)
     spec, cut = with_block(spec, cut)
     axes = spec.for_all.unknown
     boxes = spec.for_all.boxes
@@ -133,7 +133,7 @@ def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:
     for case in cases:
         ends = dict(zip(case.ranged, case.box.T.tolist(), strict=True))
         covered.append((ends, case.fixed))
-    scope = replace(own, numbers=ranges_of([axis.path for axis in axes], covered))
+    scope = replace(scope_of_design, numbers=ranges_of([axis.path for axis in axes], covered))
     unstable = next(chain.from_iterable(case.unstable() for case in cases), None)
     if unstable is not None:
         text = boxes.numbers_in_words(unstable)
@@ -146,8 +146,8 @@ def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:
     for name in cases[0].names:
         margin = _for_all_cases([(case, *case.margin(name)) for case in cases], name)
         rows += _with_gain_and_phase(margin) if margin.name == "disk" else [margin]
-    known = any(not np.isnan(margin.value) for margin in rows)
-    status = Status.PROVED if known else Status.UNKNOWN
+    is_known = any(not np.isnan(margin.value) for margin in rows)
+    status = Status.PROVED if is_known else Status.UNKNOWN
     return rows, Claim(Property("margins", "figures"), scope, status)
 
 
@@ -170,10 +170,10 @@ def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
         yield _Case(spec, cut, Loops(drawing, {**values, **whole_ticks}), axes, fixed)
 
 
-def _for_all_cases(found, name) -> BoxMargin:
+def _for_all_cases(proofs, name) -> BoxMargin:
     """The margin of all cases, from what is proved of each, and its worst loop."""
-    proved = min(size for _, size, _, _ in found)
-    case, _, point, worst = min(found, key=lambda each: size_of(each[-1]))
+    proved = min(size for _, size, _, _ in proofs)
+    case, _, point, worst = min(proofs, key=lambda proof: size_of(proof[-1]))
     least = size_of(worst)
     within_range = bool(np.isfinite(least) and least < ENDS[name])
     settled = bool(proved >= (1 - SETTLED_WITHIN) * min(least, ENDS[name]))
@@ -184,7 +184,7 @@ def _for_all_cases(found, name) -> BoxMargin:
         refuted = worst.value
         omega = worst.omega
         counterexample = case.boxes.numbers_in_words(case.named(point))
-    doubt = max(margin.doubt for *_, margin in found)
+    doubt = max(margin.doubt for *_, margin in proofs)
     value = np.nan
     if proved > 0:
         value = _value(name, proved)
@@ -372,15 +372,15 @@ class _Case:
         if name == "delay_frames" and np.isfinite(size):
             return self._late(size)
         # any delay is of the factors p e^(i psi), p <= 1
-        found = self._stable(name, min(size, ENDS["disk"]) if name == "delay_frames" else size)
-        proved = abs(found.end)
-        if name == "disk" and self._delayed and not found.whole:
+        stable = self._stable(name, min(size, ENDS["disk"]) if name == "delay_frames" else size)
+        proved = abs(stable.end)
+        if name == "disk" and self._delayed and not stable.whole:
             proved = 0.0
         if name == "delay_frames":
-            proved = size if found.whole else 0.0
+            proved = size if stable.whole else 0.0
         if proved < ENDS[name]:
             proved *= 1 - INWARD
-        return proved, [] if found.met is None else [found.met[-len(self.ranged) :]]
+        return proved, [] if stable.met is None else [stable.met[-len(self.ranged) :]]
 
     @cached_property
     def _delayed(self):
@@ -409,7 +409,7 @@ class _Case:
         for frames in range(min(int(np.ceil(size)), MOST_FRAMES)):
             loops = Loops(*self.loop).later_at_gain(frames)
             none = np.zeros((2, 0))
-            found = self.boxes.proved_stable(loops, [], none, self.ranged, self.box, up=True)
-            if not found.whole:
-                return float(frames), [found.met]
+            stable = self.boxes.proved_stable(loops, [], none, self.ranged, self.box, up=True)
+            if not stable.whole:
+                return float(frames), [stable.met]
         return min(size, float(MOST_FRAMES)), []

@@ -141,9 +141,9 @@ def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
         if keys["type"] != "impulse":  # which is 0 between its runs
             clocks[name] = (keys.get("every", 1), keys.get("phase", 0))
     for blocks in (readers, sources):
-        own = {clocks.get(name, in_each_tick) for name in blocks}
-        if len(own) == 1 and own != {in_each_tick}:
-            gain["every"], gain["phase"] = own.pop()
+        clocks_of_blocks = {clocks.get(name, in_each_tick) for name in blocks}
+        if len(clocks_of_blocks) == 1 and clocks_of_blocks != {in_each_tick}:
+            gain["every"], gain["phase"] = clocks_of_blocks.pop()
     return load(tables), output
 
 
@@ -154,20 +154,20 @@ def _block_of(port: str) -> str:
 
 def asked_cuts(spec: Spec) -> list[str]:
     """The signals at which the spec asks for margins, in [sweep] require and then in wishes."""
-    asked = []
+    cuts = []
     if required := spec.asked.get("require"):
-        asked += [margins["cut"] for margins in required.cuts]
+        cuts += [margins["cut"] for margins in required.cuts]
     if design := spec.asked.get("design"):
-        asked += [wish.options["cut"] for wish in design.wishes if "cut" in wish.options]
-    return [*dict.fromkeys(asked)]
+        cuts += [wish.options["cut"] for wish in design.wishes if "cut" in wish.options]
+    return [*dict.fromkeys(cuts)]
 
 
 def default_cut(spec: Spec) -> str:
     """The first of `asked_cuts`, or else of `cuts_of` that comes back to itself. Empty without
     one."""
-    asked = asked_cuts(spec)
-    if asked:
-        return asked[0]
+    cuts = asked_cuts(spec)
+    if cuts:
+        return cuts[0]
     return next((cut for cut in cuts_of(spec) if returns(spec, cut)), "")
 
 

@@ -28,13 +28,13 @@ STATES_TIMES_TICKS = 2e5
 TICKS_BETWEEN_TRIALS = 4  # ticks from one dead time that is tried beforehand to the next
 
 
-def in_seconds(spec: Spec, signal: str, found: Sequence[Margin]) -> list[Margin]:
+def in_seconds(spec: Spec, signal: str, margins: Sequence[Margin]) -> list[Margin]:
     """Return the margins of the spec's own loop with a delay in seconds in place of one in whole
     frames, if it is known: `delay` in place of `delay_frames`."""
-    in_frames = [margin.name == "delay_frames" for margin in found]
+    in_frames = [margin.name == "delay_frames" for margin in margins]
     delay = delay_margin(spec, signal) if any(in_frames) else None
     return [
-        delay if late and delay else margin for margin, late in zip(found, in_frames, strict=True)
+        delay if late and delay else margin for margin, late in zip(margins, in_frames, strict=True)
     ]
 
 
@@ -48,8 +48,8 @@ def delay_margin(spec: Spec, signal: str) -> Margin | None:
     if loops is None or not _fails_within_reach(loops):
         return None
     span = (0.0, MOST_DEAD_TICKS / float(loops.rate))
-    one = ((np.zeros(1, int), loops.unbuilt),)
-    search = Search(path_of(SECONDS), span, one, lines=False, checked=True)
+    groups = ((np.zeros(1, int), loops.unbuilt),)
+    search = Search(path_of(SECONDS), span, groups, lines=False, checked=True)
     records, (_, looked_at) = search.about(0.0, STATES_TIMES_TICKS)
     for row in records:
         ends_within = 0 < row["high"] < looked_at

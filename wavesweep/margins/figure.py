@@ -154,7 +154,11 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
             for handle, words in draw_step(panels["step"], own_step):
                 handles.append(handle)
                 labels.append(words)
-            drawn = [each for each in zip(other_steps, looks, strict=True) if each[0]]
+            drawn = [
+                step_and_look
+                for step_and_look in zip(other_steps, looks, strict=True)
+                if step_and_look[0]
+            ]
             draw_others(panels["step"], drawn)
         across = fitting(labels, wide(TWO_COLUMNS), 7)
         canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
@@ -253,7 +257,7 @@ def bode_of(loop: Any, hertz: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np
     if loop.times == 1:
         return hertz, L
     angles = loop.times * dense_angles(
-        lambda each: loop.at_line(loop.times * each), CURVE_STEP, FIRST_ANGLES
+        lambda angle: loop.at_line(loop.times * angle), CURVE_STEP, FIRST_ANGLES
     )
     return angles / loop.period / (2 * np.pi), loop.at_line(angles)
 
@@ -323,7 +327,7 @@ def dense_angles(
 Others = Sequence[tuple[OpenLoop, Look, str]]
 
 
-def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others) -> str:
+def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, other_loops: Others) -> str:
     """Draw L of a loop that is broken at `cut`, with what limits it, and L of others, in the
     neighbourhood of -1.
 
@@ -335,10 +339,10 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others) -> str:
         _CIRCLE.real, _CIRCLE.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1"
     )
     said = f"eigenvalues of L at {cut}" if loop.several else f"L at {cut}"
-    if others:
+    if other_loops:
         said += ", nominal"
     axes.plot(L.real, L.imag, color=_CURVE, label=said, **loop.style)
-    for member, look, name in others:
+    for member, look, name in other_loops:
         axes.plot(member.L.real, member.L.imag, label=name, **member.drawn(look, member.several))
     if loop.several:
         of_negative = loop.style
@@ -356,11 +360,11 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others) -> str:
             linewidth=0.8,
             label=said,
         )
-    for name, at in loop.marks.items():
+    for name, mark in loop.marks.items():
         said = in_words(name, *loop.table[name])
         axes.plot(
-            [at.real],
-            [at.imag],
+            [mark.real],
+            [mark.imag],
             _MARKS[name],
             color=MARK,
             markersize=4,
@@ -368,12 +372,12 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others) -> str:
             label=said,
         )
     point_sets = {
-        "L": np.concatenate([L, *(member.L for member, *_ in others)]),
+        "L": np.concatenate([L, *(member.L for member, *_ in other_loops)]),
         "the disk": disk if disk is not None else _CIRCLE,
     }
-    for name, at in loop.marks.items():
-        point_sets[f"the mark of {name.replace('_', ' ')}"] = np.array([at])
-    marks = np.array([-1, *(at for at in loop.marks.values() if abs(at) <= FARTHEST_SHOWN)])
+    for name, mark in loop.marks.items():
+        point_sets[f"the mark of {name.replace('_', ' ')}"] = np.array([mark])
+    marks = np.array([-1, *(mark for mark in loop.marks.values() if abs(mark) <= FARTHEST_SHOWN)])
     near_disk = point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST_SHOWN]
     limiting = np.concatenate([_CIRCLE, marks, near_disk])
     near_curve = point_sets["L"][np.abs(point_sets["L"]) <= 1.15 * np.abs(limiting).max()]
@@ -399,9 +403,11 @@ def _show_square(axes: Any, points: np.ndarray) -> None:
 
 def _reach_outside(axes: Any, points: np.ndarray) -> bool:
     """Whether some of the points, or of their conjugates, are not shown."""
-    left, right = axes.get_xlim()
+    leftmost, right = axes.get_xlim()
     low, high = axes.get_ylim()
-    beyond = (points.real < left) | (points.real > right) | (np.abs(points.imag) > max(high, -low))
+    beyond = (
+        (points.real < leftmost) | (points.real > right) | (np.abs(points.imag) > max(high, -low))
+    )
     return bool(beyond[np.isfinite(points)].any())
 
 
@@ -439,7 +445,7 @@ def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.n
         return 20 * np.log10(np.abs(L)), degrees
 
 
-def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> None:
+def draw_bode(gain: Any, phase: Any, loop: OpenLoop, other_loops: Others = ()) -> None:
     """Draw gain (dB) and phase of L over the frequencies of the signal, up to half its rate.
 
     Margins of a lifted signal are those of eigenvalues, which L of the signal's rate meets as far
@@ -453,7 +459,7 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
     lowest = LOWEST_SHOWN * top
     family_seen = ([], [])
     shown = (hertz >= lowest) & (hertz <= ALMOST * top) & np.isfinite(both[0])
-    for member, look, _ in others:
+    for member, look, _ in other_loops:
         values_of = decibels_and_degrees(member.bode[1], False)
         inside = (
             (member.bode[0] >= LOWEST_SHOWN * member.rate / 2)
@@ -467,18 +473,18 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
         axes.plot(hertz, values, color=_CURVE, linewidth=1.2)
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
         marked = []
-        for name, at in loop.marks.items():
+        for name, mark in loop.marks.items():
             place = max(loop.place(name), lowest)  # 0 Hz is at the left edge
             beside = L[np.argmin(np.abs(hertz - place))]
             # The line is that of the eigenvalue or of its conjugate.
-            if abs(at - beside) <= abs(at.conjugate() - beside):
-                of_line = at
+            if abs(mark - beside) <= abs(mark.conjugate() - beside):
+                of_line = mark
             else:
-                of_line = at.conjugate()
+                of_line = mark.conjugate()
             turned = np.degrees(np.angle(of_line))
             turned += 360 * np.round((np.interp(place, hertz, both[1]) - turned) / 360)
             end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)
-            level = 20 * np.log10(abs(at)) if axes is gain else turned
+            level = 20 * np.log10(abs(mark)) if axes is gain else turned
             if (axes is gain) == name.startswith("gain"):  # from the curve to the limit: the margin
                 axes.plot([place, place], [level, end], color=MARK, linewidth=1.0)
             style = {

@@ -96,7 +96,7 @@ class LiftedLoop:
     @property
     def _maps(self):
         """E, B, C and D of each kind of tick."""
-        return [(each.E, each.B, each.C, each.D) for each in self.ticks.ticks.maps]
+        return [(tick.E, tick.B, tick.C, tick.D) for tick in self.ticks.ticks.maps]
 
     @cached_property
     def _returned_matrices(self):
@@ -169,11 +169,11 @@ class LiftedLoop:
         w`, if S does not have it: `C v w B` is 0. Otherwise S has no bound at 0 rad/s.
         """
         E, G, O, T = self._returned_matrices
-        left = np.linalg.inv(np.eye(len(T)) - T)
-        E = E + G @ left @ O
-        B = G @ left
-        C = left @ O
-        in_even_units = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units()
+        feedback = np.linalg.inv(np.eye(len(T)) - T)
+        E = E + G @ feedback @ O
+        B = G @ feedback
+        C = feedback @ O
+        in_even_units = TickMaps.of([(E, B, C, feedback)], np.zeros(1, int), ()).in_even_units()
         (matrices,) = in_even_units.maps
         count = len(self.drift.varying)
         if count:
@@ -277,8 +277,8 @@ class LiftedLoop:
         size = np.abs(peaks).max(-1)
         if not self.drift.varying:
             return size
-        at = np.abs(peaks).argmax(-1)[..., None]
-        largest = np.take_along_axis(peaks, at, -1)[..., 0].ravel()
+        farthest = np.abs(peaks).argmax(-1)[..., None]
+        largest = np.take_along_axis(peaks, farthest, -1)[..., 0].ravel()
         with np.errstate(all="ignore"):
             factor = (2 * largest + 1) / (2 * largest - 1)
             modes = np.linalg.eigvals(np.nan_to_num(self.frames(factor).E))
@@ -366,10 +366,10 @@ def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[lis
     since the spectral radius of a frame that is analytic in k has no peak there. Source: P. Seiler,
     A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
     """
-    found = []
+    margins = []
     if GAINS.intersection(wanted):
-        found, doubt = _gains(loop, nearer="gain" in wanted)
-        if not found:
+        margins, doubt = _gains(loop, nearer="gain" in wanted)
+        if not margins:
             return [], doubt
     else:
         outside, clear = count_outside(*loop.errors(np.ones(1)))
@@ -380,8 +380,8 @@ def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[lis
         turns = list(_at_unit_gain(loop)) if loop.cut else []
         if not turns or turns[0].doubt:
             turns[:1] = [_phase(loop)]
-        found += turns
-    return [*found, *_peaks(loop, wanted)], doubt
+        margins += turns
+    return [*margins, *_peaks(loop, wanted)], doubt
 
 
 def seen_margins(loops: LiftedLoop, size: int, name: str) -> np.ndarray:
@@ -403,13 +403,13 @@ def seen_margins(loops: LiftedLoop, size: int, name: str) -> np.ndarray:
         first = beyond.reshape(size, -1).argmax(-1)
         met = np.flatnonzero(stable & (first > 0))
         between = SEEN_AT[first[met] - 1], SEEN_AT[first[met]]
-        found = find_root(
+        crossing = find_root(
             lambda share, at, limit=limit: loops.growth(limit**share, at.astype(int)),
             between,
             args=(met,),
             tolerances={"xatol": SEEN_TO, "xrtol": 0.0},
         )
-        least[met] = np.minimum(least[met], found.x)
+        least[met] = np.minimum(least[met], crossing.x)
     return 180 * least if name == "phase" else LARGEST_GAIN_FACTOR**least
 
 
@@ -419,9 +419,9 @@ def _gains(loop, *, nearer) -> tuple[list[Margin], int]:
     around_1, doubt = stable_around_1(loop.loop, 0.0 if loop.cut else None, nearer=nearer)
     if doubt and loop.cut:
         around_1, doubt = stable_around_1(loop.loop, nearer=nearer)
-    found: list[Margin] = []
+    margins: list[Margin] = []
     if around_1 is None:
-        return found, doubt
+        return margins, doubt
     rate = 2 * np.pi / loop.period
     ends = [("gain_up", "high"), ("gain_down", "low")]
     if nearer:
@@ -433,8 +433,8 @@ def _gains(loop, *, nearer) -> tuple[list[Margin], int]:
         factor = float(around_1[end])
         if name == "gain":
             factor = max(factor, 1 / factor)
-        found.append(limited_or_not(name, factor, omega, END_ERROR, doubt))
-    return found, doubt
+        margins.append(limited_or_not(name, factor, omega, END_ERROR, doubt))
+    return margins, doubt
 
 
 def _at_unit_gain(loop) -> Iterator[Margin]:
@@ -455,15 +455,15 @@ def _at_unit_gain(loop) -> Iterator[Margin]:
     limits = (("phase", np.abs(lag), np.pi / 180), ("delay_frames", lag % (2 * np.pi), theta))
     for name, turns, unit in limits[: 1 + slow if theta.size else 0]:
         values = turns / unit
-        at = int(np.argmin(values))
-        L = response[at]
-        slope, error = loop.slope_and_error(float(theta[at]))
+        worst = int(np.argmin(values))
+        L = response[worst]
+        slope, error = loop.slope_and_error(float(theta[worst]))
         error += abs(abs(L) - 1)
         # as the angle moves with the size of L
         with np.errstate(all="ignore"):
             error *= 1 + abs(slope * L) / abs((slope * L.conj()).real)
-        omega = float(theta[at]) / loop.period
-        yield margin_within(name, float(values[at]), omega, error / turns[at], doubt)
+        omega = float(theta[worst]) / loop.period
+        yield margin_within(name, float(values[worst]), omega, error / turns[worst], doubt)
     if not (theta.size and slow):
         yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt if slow else Doubt.FAST)
 
@@ -471,12 +471,12 @@ def _at_unit_gain(loop) -> Iterator[Margin]:
 def _phase(loop):
     intervals = loop.along_turn(lambda angle: np.exp(1j * angle))
     doubt = int(intervals.doubt[0])
-    known = intervals.take(intervals.index >= 0)  # not the places where nothing is known
-    if not known.low.size or known.low[0] != 0 or np.isnan(known.high_omega[0]):
+    decided = intervals.take(intervals.index >= 0)  # not the places where nothing is known
+    if not decided.low.size or decided.low[0] != 0 or np.isnan(decided.high_omega[0]):
         return Margin.unlimited("phase", 180.0, doubt)
-    high = float(known.high[0])
+    high = float(decided.high[0])
     bound = END_ERROR * (1 + 1e-3 / high)
-    return Margin("phase", float(np.degrees(high)), float(known.high_omega[0]), bound, doubt)
+    return Margin("phase", float(np.degrees(high)), float(decided.high_omega[0]), bound, doubt)
 
 
 def _peaks(loop, wanted) -> Iterator[Margin]:

@@ -52,17 +52,17 @@ def stable_around_1(
     loop: with a gain at the signal. lowest: of the factors, 1 over the largest one by default.
     nearer: whether one end is enough if the other is farther from 1.
     """
-    for most in SPANS:
-        least = 1 / most if lowest is None else lowest
-        records = records_of_loop(loop, path_of(GAIN), (least, most))
+    for largest in SPANS:
+        least = 1 / largest if lowest is None else lowest
+        records = records_of_loop(loop, path_of(GAIN), (least, largest))
         doubt = int(records["doubt"][0])
         around_1 = records[(records["low"] < 1) & (records["high"] > 1)]
         if not around_1.size:
             return None, doubt
         ends_below = around_1["low"][0] > least or lowest is not None
-        if ends_below and around_1["high"][0] < most:
+        if ends_below and around_1["high"][0] < largest:
             break
-        if nearer and max(around_1["low"][0], 1 / around_1["high"][0]) > 1 / most:
+        if nearer and max(around_1["low"][0], 1 / around_1["high"][0]) > 1 / largest:
             break
     return around_1[0], doubt
 

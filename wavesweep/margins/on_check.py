@@ -9,10 +9,10 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 
-def is_next(spec: Spec, found: Mapping[str, Any]) -> bool:
+def is_next(spec: Spec, facts: Mapping[str, Any]) -> bool:
     """Whether `margins` goes on from a verdict: for a stable drawn loop without a hand that can
     be broken."""
-    if not (found["stable"] and spec.drawing) or spec.drawing.hand:
+    if not (facts["stable"] and spec.drawing) or spec.drawing.hand:
         return False
     from wavesweep.margins.broken_loops import default_cut, returns
 

@@ -117,7 +117,7 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     lines = lines_at(loop, margins)
     rows = []
     for margin, word, line in zip(margins, doubts, lines, strict=True):
-        at = marks.get(margin.name)
+        mark = marks.get(margin.name)
         rows.append(
             {
                 "name": margin.name,
@@ -127,7 +127,7 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
                 "line_hz": line,
                 "doubt": word,
                 "limited": margin.limited,
-                "at": None if at is None else [at.real, at.imag],
+                "at": None if mark is None else [mark.real, mark.imag],
             }
         )
     return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}

@@ -84,8 +84,8 @@ def margins(spec: Spec, cut: str = "") -> Table:
     hz = lines_at(loop, margins_found)
     columns = _columns(cut, margins_found, bound, hz)
     methods = {"margins": METHOD}
-    own = Status.CERTIFIED if columns["certified"].any() else Status.UNKNOWN
-    claims = {"spec": Claim(Property("margins", "figures"), own_scope(spec), own)}
+    status = Status.CERTIFIED if columns["certified"].any() else Status.UNKNOWN
+    claims = {"spec": Claim(Property("margins", "figures"), own_scope(spec), status)}
     notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
     if spec.for_all:
         from wavesweep.margins.box_margins import METHOD_FOR_ALL, margins_for_all, refused
@@ -127,12 +127,12 @@ def _columns(cut: str, found: Sequence[Any], bound: np.ndarray, hz: np.ndarray) 
     }
 
 
-def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns:
+def _with_those_for_all(columns_of_design: Columns, cut: str, found: Sequence[Any]) -> Columns:
     """The rows of the spec's own numbers and, behind them, those of [for_all], with the columns
     of these."""
     of_all = _columns(cut, found, np.zeros(len(found)), np.full(len(found), np.nan))
-    both = joined([own, of_all])
-    rows = len(own["cut"])
+    both = joined([columns_of_design, of_all])
+    rows = len(columns_of_design["cut"])
     none = np.full(rows, np.nan)
     refuted = np.array([margin.refuted for margin in found])
     down = np.array([margin.name == "gain_down" for margin in found])
@@ -141,7 +141,9 @@ def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns
         "guarantee": np.array(["spec"] * rows + ["for_all"] * len(found), object),
         "fails_below": np.concatenate([none, np.where(down, refuted, np.nan)]),
         "fails_from": np.concatenate([none, np.where(down, np.nan, refuted)]),
-        "settled": np.concatenate([own["certified"], [margin.settled for margin in found]]),
+        "settled": np.concatenate(
+            [columns_of_design["certified"], [margin.settled for margin in found]]
+        ),
         "counterexample": np.array(
             [""] * rows + [margin.counterexample for margin in found], object
         ),
@@ -170,29 +172,29 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     return tally
 
 
-def _lines(found: Numbers) -> Iterator[Line]:
-    of_all = found.get("for_all", {})
+def _lines(facts: Numbers) -> Iterator[Line]:
+    of_all = facts.get("for_all", {})
     said = ""
     if of_all:
-        claim = Claim.read(found["claim"])
+        claim = Claim.read(facts["claim"])
         said = f"{in_words(claim)} (for_all)"
         if claim.status is Status.REFUTED:  # what is refuted comes first
             yield said, True
             of_all = {}
-    times = found["times"]
-    period = f"{1e3 * found['period_s']:.6g} ms"
+    times = facts["times"]
+    period = f"{1e3 * facts['period_s']:.6g} ms"
     if times == 1:
-        yield f"broken at {found['cut']}, once in {period}", False
+        yield f"broken at {facts['cut']}, once in {period}", False
     else:
-        runs = f"broken at {found['cut']}, which runs {times} times per {period}"
+        runs = f"broken at {facts['cut']}, which runs {times} times per {period}"
         all_of = {2: "both", 3: "all three", 4: "all four"}.get(times, f"all {times}")
         yield f"{runs}; a margin is for one factor on {all_of} values", False
     of_any_form = f"peaks of inputs of any form, over all {times} values: largest singular values"
-    for name, margin in found["margins"].items():
+    for name, margin in facts["margins"].items():
         if times > 1 and name == BY_SINGULAR_VALUES[0]:
             yield of_any_form, False
         yield _line(name, margin, _at_frequency(margin["omega"], margin["hz"]))
-    yield from in_doubt(found["doubts"], found["rows"], "not certified")
+    yield from in_doubt(facts["doubts"], facts["rows"], "not certified")
     if of_all:
         yield f"{said}:", False
         for name, margin in of_all.items():

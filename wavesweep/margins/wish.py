@@ -33,8 +33,8 @@ def _measured(name: str, loops: Loops, size: int, cut: str):
     value = np.full(size, np.nan)
     certified = np.zeros(size, bool)
     for number in range(size):
-        one = loops.one(number)
-        margins, doubt = margins_of(_broken_at(one.drawing, one.items, cut), {name})
+        loop = loops.one(number)
+        margins, doubt = margins_of(_broken_at(loop.drawing, loop.items, cut), {name})
         certified[number] = not doubt
         for margin in margins:
             if margin.name == name:

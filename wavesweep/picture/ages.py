@@ -133,15 +133,17 @@ class DataFlow:
             measured = tuple((each, 0) for each in signals if each in outputs)
             forces[port] = tuple(each for each in signals if each not in outputs)
             if measured:  # which is held over a tick, as what a block gives in every tick
-                held = f"{port} held"
-                carriers[held] = Carrier(port, 1.0, tuple(range(compiled.ticks)), measured)
-                forces[port] += (held,)
+                held_port = f"{port} held"
+                carriers[held_port] = Carrier(port, 1.0, tuple(range(compiled.ticks)), measured)
+                forces[port] += (held_port,)
         return DataFlow(compiled.ticks, 1 / drawing.rate(values), carriers, outputs, forces)
 
     def up_to(self, every: float) -> "DataFlow":
         """The flow without the blocks that run less often than once in so many ticks."""
-        kept = {name: each for name, each in self.carriers.items() if each.every <= every}
-        return replace(self, carriers=kept)
+        carriers = {
+            name: carrier for name, carrier in self.carriers.items() if carrier.every <= every
+        }
+        return replace(self, carriers=carriers)
 
 
 def _registers_of_impulses(drawing: Drawing) -> dict[str, str]:
@@ -170,7 +172,7 @@ def _read(gains: dict[str, float], before: Mapping[str, str]) -> tuple[str, ...]
             row.insert(0, before[row[0]])
         rows.append(row)
     for row in rows:
-        if any(other[: len(row)] == row for other in rows if len(other) > len(row)):
+        if any(longer[: len(row)] == row for longer in rows if len(longer) > len(row)):
             continue
         total = 0.0
         for signal in row:
@@ -194,24 +196,24 @@ def _ports_of_plants(drawing: Drawing) -> tuple[list[str], frozenset[str]]:
 
 def _through(block: Block, wires: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, tuple]]:
     """Yield each output signal of a block, and the signals that it is made of with their lags."""
-    lags = [_lags(block, at) for at in range(len(block.inputs))]
-    for at, port in enumerate(block.outputs):
+    lags = [_lags(block, index) for index in range(len(block.inputs))]
+    for index, port in enumerate(block.outputs):
         reads = []
         for source, of_source in zip(block.inputs, lags, strict=True):
-            if at in of_source:
+            if index in of_source:
                 signals = wires.get(f"{block.name}.{source}", ())
-                reads += [(signal, of_source[at]) for signal in signals]
+                reads += [(signal, of_source[index]) for signal in signals]
         yield f"{block.name}.{port}", tuple(reads)
 
 
-def _lags(block: Block, at: int) -> dict[int, int]:
+def _lags(block: Block, input_number: int) -> dict[int, int]:
     """The outputs of a block in which an input is felt, and after how many runs.
 
     In C A^(n-1) B, A = I + E, n - 1 steps go from state to state by entries that are not zero.
     """
     A = block.E + np.eye(len(block.states))
-    lags = dict.fromkeys(np.flatnonzero(block.D[:, at]).tolist(), 0)
-    front = block.B[:, at] != 0
+    lags = dict.fromkeys(np.flatnonzero(block.D[:, input_number]).tolist(), 0)
+    front = block.B[:, input_number] != 0
     reached = front
     lag = 1
     while front.any():
@@ -249,7 +251,7 @@ class Ages:
 
     def __init__(self, flow: DataFlow):
         self.flow = flow
-        self.column = {name: at for at, name in enumerate(flow.carriers, start=1)}
+        self.column = {name: column for column, name in enumerate(flow.carriers, start=1)}
         shape = (flow.ticks, 1 + len(flow.carriers))
         measurement = np.full(shape, np.inf)
         measurement[:, 0] = 0.0
@@ -260,9 +262,9 @@ class Ages:
         while not settled:
             settled = True
             for name, carrier in flow.carriers.items():
-                held = self._run(name, carrier)
-                settled &= np.array_equal(held, self.held[name])
-                self.held[name] = held
+                ages = self._run(name, carrier)
+                settled &= np.array_equal(ages, self.held[name])
+                self.held[name] = ages
 
     def _run(self, name: str, carrier: Carrier) -> np.ndarray:
         """Compute a carrier's ages from those of what it reads."""
@@ -284,8 +286,12 @@ class Ages:
             ages = np.minimum(ages, since[:, None] + of_read)
         ages[:, self.column[name]] = 0.0
         self.computed[name] = ages
-        at = np.arange(ticks) - carrier.late
-        last = np.searchsorted(runs, at % ticks, side="right") - 1 + runs.size * (at // ticks)
+        last_run = np.arange(ticks) - carrier.late
+        last = (
+            np.searchsorted(runs, last_run % ticks, side="right")
+            - 1
+            + runs.size * (last_run // ticks)
+        )
         last -= carrier.lost
         since = np.arange(ticks) - _tick_of_run(runs, last, ticks)
         return since[:, None] + ages[last % runs.size]
@@ -304,10 +310,10 @@ class Ages:
             age = self.held[signal][:, self.column[name]]
             if carrier.dead is not None and not self._senses(carrier):
                 start, age = self._arriving(carrier, name)
-            known = np.isfinite(age)
-            frame = np.floor(start[known] / ticks)
-            starts.append(start[known] - ticks * frame)
-            newest.append((start - age)[known] - ticks * frame)
+            finite = np.isfinite(age)
+            frame = np.floor(start[finite] / ticks)
+            starts.append(start[finite] - ticks * frame)
+            newest.append((start - age)[finite] - ticks * frame)
         if not starts or not np.concatenate(starts).size:
             return []
         start = np.concatenate(starts)
@@ -320,11 +326,16 @@ class Ages:
         starts_of_lives = [*start[first].tolist(), float(start[first[0]]) + ticks]
         runs = self.flow.carriers[name].runs
         lives = []
-        for at, number in enumerate(run[first + 1].astype(int).tolist()):
+        for index, number in enumerate(run[first + 1].astype(int).tolist()):
             age = self.computed[name][runs.index(number % ticks), 0]
             if np.isfinite(age):
                 lives.append(
-                    Life(number - float(age), number, starts_of_lives[at], starts_of_lives[at + 1])
+                    Life(
+                        number - float(age),
+                        number,
+                        starts_of_lives[index],
+                        starts_of_lives[index + 1],
+                    )
                 )
         return lives
 

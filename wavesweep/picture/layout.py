@@ -192,10 +192,10 @@ def _rows(boxes, columns):
     return {i: row - least for i, row in top.items()}
 
 
-def _wires_between(boxes, left, right):
+def _wires_between(boxes, column, right):
     """The wires from a column to the next: box and row of both ends."""
     made = {}
-    for i in left:
+    for i in column:
         for row, net in boxes[i].outputs:
             made[net] = (i, row)
     wires = []
@@ -348,11 +348,11 @@ def _routes(boxes, bands, top, tracks):
     return Routes(places, lines, ends, width + 2 * LINES_APART, y)
 
 
-def _across(columns, band, boxes, top, left):
+def _across(columns, band, boxes, top, left_edge):
     """The left edges of the boxes of a band by their numbers, and where it ends; its tracks get
     their places between the columns."""
     lefts = {}
-    x = left
+    x = left_edge
     for column, between in zip([*columns, []], band, strict=True):
         x += TRACK
         for track in between:

@@ -148,9 +148,9 @@ def _in_frames(spec: Spec, late: bool = False, lost: int = 0) -> Moments:
     age = oldest(main)
     if late and spec.drawing:
         lossy = [
-            each
-            for each in _lanes(DataFlow.of(drawing, spec.values, late, lost=True))
-            if each.lives
+            frames
+            for frames in _lanes(DataFlow.of(drawing, spec.values, late, lost=True))
+            if frames.lives
         ]
         worst = max(lossy, key=oldest)
         age = oldest(worst)

@@ -15,10 +15,10 @@ def facts(
     same of the freshest one, see `moments`.
     """
     frames = moments(spec)
-    found = _facts_of(frames[-1])
-    if found and len(frames) > 1:
-        found["freshest"] = _facts_of(frames[0])
-    return {"age": found}
+    oldest = _facts_of(frames[-1])
+    if oldest and len(frames) > 1:
+        oldest["freshest"] = _facts_of(frames[0])
+    return {"age": oldest}
 
 
 def _facts_of(frames: Moments) -> dict[str, Any] | None:

@@ -50,27 +50,34 @@ def timing(spec: Spec) -> Any:
         raise UsageError(
             "the picture of time: expected a block that runs in ticks, found plants that act on each other alone"
         )
-    width = max(_span(each) for each in frames)
-    oldest = max((each.age * each.tick_ms for each in frames if each.age is not None), default=0.0)
+    width = max(_span(frames_shown) for frames_shown in frames)
+    oldest = max(
+        (
+            frames_shown.age * frames_shown.tick_ms
+            for frames_shown in frames
+            if frames_shown.age is not None
+        ),
+        default=0.0,
+    )
     heights = []
-    for each in frames:
-        heights.append(LANE * min(len(each.lanes), MOST_LANES))
-        if each.shown:
+    for frames_shown in frames:
+        heights.append(LANE * min(len(frames_shown.lanes), MOST_LANES))
+        if frames_shown.shown:
             heights.append(AGE)
     with figure(TWO_COLUMNS, sum(heights) + HEAD * len(frames) + ENDS) as canvas:
         grid = canvas.subplots(len(heights), 1, squeeze=False, height_ratios=heights)
         left = grid.ravel().tolist()
-        for each in frames:
-            panel = Panel.of(each, width)
+        for frames_shown in frames:
+            panel = Panel.of(frames_shown, width)
             lanes = below = left.pop(0)
             _draw_lanes(lanes, panel)
-            if each.shown:
+            if frames_shown.shown:
                 below = left.pop(0)
                 _draw_ages(below, panel, oldest)
                 _mark(lanes, below, panel)
             for axes in (lanes, below):
                 axes.set_xlim(*panel.edges)
-        below.set_xlabel("time since the measurement (ms)" if each.shown else "time (ms)")
+        below.set_xlabel("time since the measurement (ms)" if frames_shown.shown else "time (ms)")
         canvas.suptitle(
             as_it_stands(f"{spec.name}, {spec.kind}: when it samples, computes and acts"),
             fontsize=8,
@@ -100,7 +107,7 @@ class Panel:
         if len(frames.lanes) > MOST_DISTINCT:
             looks = family_looks(len(frames.lanes))
         else:
-            looks = [distinct_look(at) for at in range(len(frames.lanes))]
+            looks = [distinct_look(index) for index in range(len(frames.lanes))]
         coloured = list(zip(frames.lanes, (look.colour for look in looks), strict=True))
         if len(coloured) > MOST_LANES:
             coloured = [coloured[0], *coloured[1 - MOST_LANES :]]
@@ -146,17 +153,17 @@ def _draw_lanes(axes: Any, panel: Panel) -> None:
     """Draw the lanes of a panel."""
     axes.set_ylim(len(panel.lanes), 0)
     names = []
-    for at, (lane, colour) in enumerate(panel.lanes):
+    for level, (lane, colour) in enumerate(panel.lanes):
         names.append(as_it_stands(f"{lane.rate(panel.moments.tick_ms)}\n{_short(lane.block)}"))
-        if at:
-            axes.axhline(at, color="0.8", linewidth=0.5, zorder=0)
-        held = min((life.end - life.start for life in lane.lives), default=0.0)
+        if level:
+            axes.axhline(level, color="0.8", linewidth=0.5, zorder=0)
+        shortest = min((life.end - life.start for life in lane.lives), default=0.0)
         # Share of a panel's width, below which a bar is a stroke.
-        if held * panel.moments.tick_ms < 0.015 * panel.width:
-            _draw_strokes(axes, panel, lane, at, colour)
+        if shortest * panel.moments.tick_ms < 0.015 * panel.width:
+            _draw_strokes(axes, panel, lane, level, colour)
         else:
-            _draw_bars(axes, panel, lane, at, colour)
-    axes.set_yticks([at + 0.5 for at in range(len(names))], names)
+            _draw_bars(axes, panel, lane, level, colour)
+    axes.set_yticks([level + 0.5 for level in range(len(names))], names)
     axes.tick_params(axis="y", length=0)
     axes.set_title(as_it_stands(title_of(panel.moments)), loc="left", fontsize=8)
 
@@ -189,7 +196,7 @@ def _bar(start: float, stop: float, top: float, bottom: float, colour: Any, **mo
     return Rectangle((start, top), stop - start, bottom - top, facecolor=colour, **more)
 
 
-def _draw_bars(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> None:
+def _draw_bars(axes: Any, panel: Panel, lane: Lane, lane_level: int, colour: Any) -> None:
     """Draw the numbers of a lane: from the measurement until they are in place, and while they
     are held."""
     edges = panel.edges
@@ -204,24 +211,24 @@ def _draw_bars(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> Non
         pale = blended(axes, colour, PALE)
         zorder = 3 if stands_out else 2
         if start > measured:
-            top, bottom = (at + level for level in COMPUTED)
+            top, bottom = (lane_level + level for level in COMPUTED)
             edge = {"edgecolor": strong, "linewidth": 0.9, "zorder": zorder}
             axes.add_patch(_bar(measured, start, top, bottom, pale, **edge))
             spans = max(measured, edges[0]), min(start, edges[1])
             texts = [f"on its way {in_ms(start - measured)} ms", f"{in_ms(start - measured)} ms"]
             _write(axes, spans, (top + bottom) / 2, texts if stands_out else [], inches, None)
         if lost:
-            middle = at + sum(COMPUTED) / 2
+            middle = lane_level + sum(COMPUTED) / 2
             axes.plot([start], [middle], "x", color=colour, markersize=5, zorder=5)
             continue
-        top, bottom = (at + level for level in (HELD if waits else HELD_ALONE))
+        top, bottom = (lane_level + level for level in (HELD if waits else HELD_ALONE))
         edge = {"edgecolor": axes.get_facecolor(), "linewidth": 0.9, "zorder": zorder}
         axes.add_patch(_bar(start, end, top, bottom, strong, **edge))
         spans = max(start, edges[0]), min(end, edges[1])
         texts = [f"held {in_ms(end - start)} ms", f"{in_ms(end - start)} ms"]
         _write(axes, spans, (top + bottom) / 2, texts if stands_out else [], inches, "white")
         if stands_out:
-            level = at + (COMPUTED if waits else HELD_ALONE)[0]
+            level = lane_level + (COMPUTED if waits else HELD_ALONE)[0]
             axes.plot([measured], [level], "v", color=colour, markersize=5, zorder=5)
 
 
@@ -266,8 +273,8 @@ def blended(axes: Any, colour: Any, share: float) -> tuple[float, ...]:
     return tuple(share * over + (1 - share) * under for over, under in pairs)
 
 
-def _draw_ages(axes: Any, panel: Panel, most: float) -> None:
-    """Draw the age of the numbers of each lane that act, up to `most` ms: it rises until the
+def _draw_ages(axes: Any, panel: Panel, highest: float) -> None:
+    """Draw the age of the numbers of each lane that act, up to `highest` ms: it rises until the
     next one takes their place."""
     frames = panel.moments
     for lane, colour in panel.lanes:
@@ -284,12 +291,12 @@ def _draw_ages(axes: Any, panel: Panel, most: float) -> None:
         axes.plot(times, ages, color=colour, linewidth=1.2, zorder=2)
     youngest = (frames.shown.start - frames.shown.measured) * frames.tick_ms
     oldest = frames.age * frames.tick_ms
-    axes.set_ylim(0, 1.12 * most)
-    if min(youngest, oldest - youngest) < 0.2 * most:
+    axes.set_ylim(0, 1.12 * highest)
+    if min(youngest, oldest - youngest) < 0.2 * highest:
         ages = [0.0, oldest]
     else:
         ages = [0.0, youngest, oldest]
-    axes.set_yticks(ages, [in_ms(each) for each in ages])
+    axes.set_yticks(ages, [in_ms(age) for age in ages])
     axes.set_ylabel("age (ms)")
     axes.grid(**GRID, axis="y")
     axes.set_axisbelow(True)
