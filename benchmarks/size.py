@@ -14,26 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 RELEASED = Path(__file__).with_suffix(".json")
 NOTES = ROOT / "docs/design-notes.md"
 GROWTH = 1.01  # of a number, beyond which a line of the notes has to begin with its name
-VAGUE = frozenset(
-    [
-        "at",
-        "found",
-        "each",
-        "left",
-        "own",
-        "known",
-        "along",
-        "most",
-        "other",
-        "others",
-        "given",
-        "asked",
-        "held",
-        "kept",
-        "one",
-        "what",
-    ]
-)
+VAGUE = {"at", "found", "each", "left", "own", "known", "along", "most", "other", "others", "given", "asked"}
+VAGUE |= {"held", "kept", "one", "what"}  # names that say where a word stands in a sentence
 PLAIN = (ast.Constant, ast.UnaryOp, ast.BinOp, ast.unaryop, ast.operator, ast.Tuple, ast.Load)
 
 
