@@ -2,10 +2,11 @@
 is refused with one message."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -161,34 +162,15 @@ def read_log(
     turning = {**PUSHES, **MOTIONS}
     column_names = dict.fromkeys(["time", *turning, *turning.values()])
     _refuse_unknown(columns, scales, column_names)
-    # the column of the file that has each name, or one of its other names, and the text of its unit
-    places = {}
-    for name in column_names:
-        if name not in columns:
-            place = column_named(file.names, dict.fromkeys((name, *NAMES[name])), UNITS[name][0])
-            places |= {name: place} if place else {}
-        elif columns[name] in file.names:
-            places[name] = (columns[name], unit_in(columns[name], *UNITS[name]))
-    # whether the log is one of a device that turns
-    straight = {"force", *MOTIONS}
-    turned = {"torque", *MOTIONS.values()}
-    turns = bool(turned & columns.keys())
-    if not turns and not straight & columns.keys() and not {"force", "position"} & {*places}:
-        turns = bool(turned & {*places})
+    places = _places_of(file.names, column_names, columns)
+    turns = _is_turning(columns, places)
     push = _taken_name(PUSHES, turns, columns, places)
     motion = _taken_name(MOTIONS, turns, columns, places)
     used = ("time", push, motion)
     for name in used:
         if name not in places:
             _refuse_missing(path, name, columns.get(name, name), file)
-    # refuse a current without the motor's constant, and the constant without a current
-    if (push == "current") != (constant is not None):
-        unit = "N*m/A" if turns else "N/A"
-        raise UsageError(
-            f"{path}: a current needs the motor's constant: --motor-constant LOW..HIGH in {unit}"
-            if push == "current"
-            else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
-        )
+    _refuse_constant_of_motor(path, push, turns, constant)
     taken_columns = [places[name][0] for name in used]
     beside = [name for name in OF_AXES if name in file.names and name not in taken_columns]
     rows = file.numbers(taken_columns + beside, 50)  # rows, at least
@@ -210,13 +192,54 @@ def read_log(
         measured,
         period,
         first,
-        bool(turns),
+        turns,
         jitter,
         file.sha256,
         tuple(scales),
         tuple(filter(None, taken)),
         tuple(rows[:, len(used) :].T),
         period_half,
+    )
+
+
+def _places_of(
+    in_file: Sequence[str], names: Iterable[str], columns: Mapping[str, str]
+) -> dict[str, tuple[str, Any]]:
+    """The column of the file that has each name, or one of its other names, with the text of its
+    unit; those that it has not are left out."""
+    places = {}
+    for name in names:
+        if name not in columns:
+            place = column_named(in_file, dict.fromkeys((name, *NAMES[name])), UNITS[name][0])
+            places |= {name: place} if place else {}
+        elif columns[name] in in_file:
+            places[name] = (columns[name], unit_in(columns[name], *UNITS[name]))
+    return places
+
+
+def _is_turning(columns: Mapping[str, str], places: Mapping[str, object]) -> bool:
+    """Whether a log is one of a device that turns: by the columns that are named, or else by those
+    that there are."""
+    straight = {"force", *MOTIONS}
+    turned = {"torque", *MOTIONS.values()}
+    if turned & columns.keys():
+        return True
+    if straight & columns.keys() or {"force", "position"} & {*places}:
+        return False
+    return bool(turned & {*places})
+
+
+def _refuse_constant_of_motor(
+    path: str | Path, push: str, turns: bool, constant: float | None
+) -> None:
+    """Refuse a current without the motor's constant, and the constant without a current."""
+    if (push == "current") == (constant is not None):
+        return
+    unit = "N*m/A" if turns else "N/A"
+    raise UsageError(
+        f"{path}: a current needs the motor's constant: --motor-constant LOW..HIGH in {unit}"
+        if push == "current"
+        else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
     )
 
 

@@ -253,8 +253,6 @@ def _facts(path, sha, options, period, facts: Mapping[str, Any], started) -> dic
 
 
 def _of_log(path: str, given: FitOptions, model: Any) -> Table:
-    from wavesweep.identification.axes import identified_axes
-    from wavesweep.identification.explained import identified
     from wavesweep.identification.log import columns_of, read_log, step_of
     from wavesweep.identification.refusals import help_for
 
@@ -274,26 +272,7 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         _refuse_log(path, each, step, model)
     with one_thread():
         try:
-            if axes:
-                numbers, fits = identified_axes(model, axes, logs, steps)
-                parameters = {}
-                for name, (value, half) in numbers.items():
-                    ends = value - half, value + half
-                    parameters[name] = _parameter(name, value, ends, UNITS, log.turns, constants)
-                told = [{"mass": parameters[f"mass_{axis}{axis}"]} for axis in axes]
-            else:
-                origin = _origin(log)
-                constants_given = log.force, log.reading - origin, log.period, steps[0]
-                fits = [identified(model, *constants_given, log.others)]
-                fit = fits[0][0]
-                names = fit.model.names
-                parameters = _parameters(fit, names, fit.half + fit.extra, log.turns, constants)
-                told = [_parameters(fit, names, fit.half, log.turns, constants)]
-            if any(verdict.withheld for _, verdict in fits):
-                _take_intervals_away(parameters)
-            else:
-                for each in told:
-                    _refuse_unknown(each)
+            fits, parameters = _fitted(model, axes, logs, steps, constants)
         except UsageError as refused:
             hint = "" if axes else help_for(model, log, steps[0])
             raise UsageError(f"{path}: {refused}{hint}") from None
@@ -316,17 +295,7 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         notices += [f"{axis}: {line}" if axis else line for line in said]
         judged[axis] = _explained(parameters, verdict, _residual(fit, verdict))
         judged[axis]["resolution"] = steps[index]
-        rows.append(
-            {
-                "time_s": each.times,
-                "force": fit.rows.force,
-                log.measured: each.reading,
-                "fitted": fit.readings + _origin(each),
-                "residual": fit.residual,
-                "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
-                "axis": np.full(len(each.force), 1.0 + index),
-            }
-        )
+        rows.append(_rows_of_fit(each, fit) | {"axis": np.full(len(each.force), 1.0 + index)})
     worst = min(judged.values(), key=itemgetter("explained"))
     facts = _facts(path, log.sha256, options, log.period, worst, started)
     facts |= {
@@ -344,6 +313,50 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     table_columns = {name: np.concatenate([each[name] for each in rows]) for name in rows[0]}
     fields = fields_of_log(table_columns, log.turns)
     return Table.of("identify", table_columns, facts, fields=fields)
+
+
+def _fitted(model: Any, axes: Sequence[str], logs, steps, constants):
+    """The fit of each log with its verdict, and the parameters that they tell together.
+
+    constants: of a motor, at least and at most. Errors: UsageError for logs that leave the mass
+    open.
+    """
+    from wavesweep.identification.axes import identified_axes
+    from wavesweep.identification.explained import identified
+
+    log = logs[0]
+    if axes:
+        numbers, fits = identified_axes(model, axes, logs, steps)
+        parameters = {}
+        for name, (value, half) in numbers.items():
+            ends = value - half, value + half
+            parameters[name] = _parameter(name, value, ends, UNITS, log.turns, constants)
+        told = [{"mass": parameters[f"mass_{axis}{axis}"]} for axis in axes]
+    else:
+        reading = log.reading - _origin(log)
+        fits = [identified(model, log.force, reading, log.period, steps[0], log.others)]
+        fit = fits[0][0]
+        names = fit.model.names
+        parameters = _parameters(fit, names, fit.half + fit.extra, log.turns, constants)
+        told = [_parameters(fit, names, fit.half, log.turns, constants)]
+    if any(verdict.withheld for _, verdict in fits):
+        _take_intervals_away(parameters)
+    else:
+        for estimates in told:
+            _refuse_unknown(estimates)
+    return fits, parameters
+
+
+def _rows_of_fit(log, fit) -> dict[str, np.ndarray]:
+    """The columns of a table of a log and its fit, a row for each reading."""
+    return {
+        "time_s": log.times,
+        "force": fit.rows.force,
+        log.measured: log.reading,
+        "fitted": fit.readings + _origin(log),
+        "residual": fit.residual,
+        "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
+    }
 
 
 def _origin(log) -> float:

@@ -309,15 +309,7 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     if not rows:
         return numbers
     if "wall" in options:
-        # how often contact is made, for what share of the time it is felt, and whether the wall may
-        # pull
-        touching = columns.get("touching", np.zeros(1, bool))
-        made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
-        numbers["contact"] = {
-            "times": made,
-            "share": float(touching.mean()),
-            "pulls": options.get("pulls", True),
-        }
+        numbers["contact"] = _contact(columns) | {"pulls": options.get("pulls", True)}
     if options.get("friction"):
         numbers["rest_s"] = _rest(columns)
     if "max_force" in options:
@@ -333,23 +325,33 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     if "energy_hand" in columns:
         numbers["energy"] = _energy(columns)
     for name, final in facts.get("settles_at", {}).items():
-        # what an output does after a step that is asked for at `start` (s): where it settles, its
-        # peak, and when it has settled, after the tick at which the step sets in
-        start = options["at_s"]
-        values = columns[run_column("outputs", name)]
-        time_s = columns["time_s"]
-        after = np.round(time_s - time_s[set_in(columns, start)], 12)
-        peak = int(np.argmax(np.abs(values)))
-        outside = np.flatnonzero(np.abs(values - final) > BAND * abs(final))
-        settled = int(outside[-1]) + 1 if outside.size else 0
-        numbers["outputs"][name] = {
-            "settles_at": final,
-            "ends_at": float(values[-1]),
-            "peak": float(values[peak]),
-            "peak_s": float(after[peak]),
-            "settled_s": float(after[settled]) if final and settled < len(after) else None,
-        }
+        numbers["outputs"][name] = _after_step(columns, name, final, options["at_s"])
     return numbers
+
+
+def _contact(columns: Columns) -> dict[str, float]:
+    """How often contact is made, and the share of the time in which it is felt."""
+    touching = columns.get("touching", np.zeros(1, bool))
+    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
+    return {"times": made, "share": float(touching.mean())}
+
+
+def _after_step(columns: Columns, name: str, final: float, start: float) -> dict[str, float | None]:
+    """What an output that settles at `final` does after a step asked for at `start` (s): its peak,
+    and when it has settled, after the tick at which the step sets in."""
+    values = columns[run_column("outputs", name)]
+    time_s = columns["time_s"]
+    after = np.round(time_s - time_s[set_in(columns, start)], 12)
+    peak = int(np.argmax(np.abs(values)))
+    outside = np.flatnonzero(np.abs(values - final) > BAND * abs(final))
+    settled = int(outside[-1]) + 1 if outside.size else 0
+    return {
+        "settles_at": final,
+        "ends_at": float(values[-1]),
+        "peak": float(values[peak]),
+        "peak_s": float(after[peak]),
+        "settled_s": float(after[settled]) if final and settled < len(after) else None,
+    }
 
 
 def set_in(columns: Columns, at_s: float) -> int:
