@@ -172,14 +172,10 @@ def lacking(
         count = end - first
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
         if seen and not fit.model.load:
-            acting = {"lag": _lagging(rows.force)}
-            if other_forces:
-                acting["axes"] = other_forces
-            of_part = {
-                name: [force_of_axes[first:end] for force_of_axes in forces]
-                for name, forces in acting.items()
-            }
-            effects += _with_curves(fit.model, bare, count, of_part)
+            lagging = [late[first:end] for late in _lagging(rows.force)]
+            of_axes = [coupled[first:end] for coupled in other_forces]
+            acting = {"lag": lagging} | ({"axes": of_axes} if of_axes else {})
+            effects += _with_curves(fit.model, bare, count, acting)
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
     # A lag that leaves a tenth of the force goes before curves, which are likelier by a part of it.
     lag = [effect for effect in effects if effect.name == "lag" and effect.left < 0.1 * force]
@@ -312,50 +308,25 @@ def judged(fit: Fit) -> Verdict:
     edges = np.unique(np.round(np.geomspace(1, len(whitened) // 2 + 1, 25)).astype(int))
     powers = np.add.reduceat(np.abs(np.fft.rfft(whitened))[: edges[-1]] ** 2, edges[:-1])
     odds = gammaincc(np.diff(edges), powers / np.sum(whitened**2))
-    is_resonance = False
-    tone = float("nan")
-    tone_share = 0.0
-    shown = []
-    for frequency, changes in _effects(fit):
-        directions = (root * rows.used)[:, None] * changes
-        residual_beside = _orthogonal(basis, directions)
-        projections = whitened @ residual_beside
-        # Standard deviations at which an effect that the model lacks is seen.
-        is_resonance |= bool(
-            (
-                np.abs(projections)
-                > 5.0 * np.linalg.norm(whitened[:, None] * residual_beside, axis=0)
-            ).any()
-        )
-        share = float(np.sum(projections**2) / np.sum(whitened**2))
-        if frequency:
-            # The expected significance at which an effect is seen in spite of errors
-            # of three sigmas
-            shown.append(
-                (
-                    frequency,
-                    bool((np.abs(directions[:, 0] @ residual_beside) > 8.0).any()),
-                )
-            )
-            if share > tone_share:
-                tone = frequency
-                tone_share = share
+    seen = _seen(fit, root, basis, whitened)
     residual = fit.residual[rows.skip :]
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
     # The residual, relative to the motion, that double precision alone explains.
     exact = estimate.rounded or rms < 1e-10 * np.ptp(rows.reading)
     alike = _like_friction(fit)
     # The probability of the power of a band below which white noise does not explain it.
-    remains = not exact and (is_resonance or float(odds.min()) < 1e-8)
+    remains = not exact and (seen.effect or float(odds.min()) < 1e-8)
     stretch = [
-        *takewhile(itemgetter(1), dropwhile(lambda effect: not effect[1], shown))
+        *takewhile(itemgetter(1), dropwhile(lambda effect: not effect[1], seen.frequencies))
     ]  # in which a resonance would be seen
     band = (stretch[0][0], stretch[-1][0]) if stretch else None
     unseen = band is None and not fit.model.load
     missing = next((word for word, holds in (("one-way", alike), ("unseen", unseen)) if holds), "")
     named = (missing, float("nan"), 0.0)
     if remains:
-        named = max([("resonance", tone, tone_share), *_tried(fit)], key=lambda effect: effect[2])
+        named = max(
+            [("resonance", seen.tone_hz, seen.share), *_tried(fit)], key=lambda effect: effect[2]
+        )
         if named[2] < NAMED_SHARE:
             worst = int(np.argmin(odds))
             named = (
@@ -367,6 +338,43 @@ def judged(fit: Fit) -> Verdict:
     return Verdict(
         not any((remains, missing)), *named, rms, expected, _neighbours(residual), usual, band
     )
+
+
+class _Seen(NamedTuple):
+    """What the residual shows of effects that a model lacks. effect: whether one is seen.
+
+    tone_hz, share: of the resonance that explains most, and its share of the residual.
+    frequencies: those tried, and whether a resonance there would be seen.
+    """
+
+    effect: bool
+    tone_hz: float
+    share: float
+    frequencies: list[tuple[float, bool]]
+
+
+def _seen(fit: Fit, root: np.ndarray, basis: np.ndarray, whitened: np.ndarray) -> _Seen:
+    """The effects in a whitened score `(rows,)`. root: of its weights; basis: of what the numbers
+    of the model change."""
+    is_seen = False
+    tone = float("nan")
+    tone_share = 0.0
+    frequencies = []
+    for frequency, changes in _effects(fit):
+        directions = (root * fit.rows.used)[:, None] * changes
+        residual_beside = _orthogonal(basis, directions)
+        projections = whitened @ residual_beside
+        spread = np.linalg.norm(whitened[:, None] * residual_beside, axis=0)
+        is_seen |= bool((np.abs(projections) > 5.0 * spread).any())  # standard deviations
+        share = float(np.sum(projections**2) / np.sum(whitened**2))
+        if frequency:
+            # The expected significance at which an effect is seen in spite of errors of three sigmas.
+            significance = np.abs(directions[:, 0] @ residual_beside)
+            frequencies.append((frequency, bool((significance > 8.0).any())))
+            if share > tone_share:
+                tone = frequency
+                tone_share = share
+    return _Seen(is_seen, tone, tone_share, frequencies)
 
 
 def _of_encoder(fit):

@@ -445,6 +445,31 @@ def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.n
         return 20 * np.log10(np.abs(L)), degrees
 
 
+def _draw_marks(
+    axes: Any, loop: OpenLoop, degrees: np.ndarray, lowest: float, *, of_gain: bool
+) -> list[float]:
+    """Draw the margins of a loop into the panel of its gain or phase; gives their levels. degrees:
+    the phase at the frequencies of `loop.bode`. lowest: frequency that is shown."""
+    hertz, L = loop.bode
+    levels = []
+    for name, mark in loop.marks.items():
+        place = max(loop.place(name), lowest)  # 0 Hz is at the left edge
+        beside = L[np.argmin(np.abs(hertz - place))]
+        # The line is that of the eigenvalue or of its conjugate.
+        nearer = abs(mark - beside) <= abs(mark.conjugate() - beside)
+        turned = np.degrees(np.angle(mark if nearer else mark.conjugate()))
+        turned += 360 * np.round((np.interp(place, hertz, degrees) - turned) / 360)
+        end = 0.0 if of_gain else -180 + 360 * np.round((turned + 180) / 360)
+        level = 20 * np.log10(abs(mark)) if of_gain else turned
+        if of_gain == name.startswith("gain"):  # from the curve to the limit: the margin
+            axes.plot([place, place], [level, end], color=MARK, linewidth=1.0)
+        face = _face(name)
+        style = {"color": MARK, "markersize": 4, "markerfacecolor": face, "clip_on": False}
+        axes.plot([place], [level], _MARKS[name], **style)
+        levels.append(level)
+    return levels
+
+
 def draw_bode(gain: Any, phase: Any, loop: OpenLoop, other_loops: Others = ()) -> None:
     """Draw gain (dB) and phase of L over the frequencies of the signal, up to half its rate.
 
@@ -472,29 +497,7 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, other_loops: Others = ()) -
     for row, axes, values, limit in ((0, gain, both[0], 0.0), (1, phase, both[1], -180.0)):
         axes.plot(hertz, values, color=_CURVE, linewidth=1.2)
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
-        marked = []
-        for name, mark in loop.marks.items():
-            place = max(loop.place(name), lowest)  # 0 Hz is at the left edge
-            beside = L[np.argmin(np.abs(hertz - place))]
-            # The line is that of the eigenvalue or of its conjugate.
-            if abs(mark - beside) <= abs(mark.conjugate() - beside):
-                of_line = mark
-            else:
-                of_line = mark.conjugate()
-            turned = np.degrees(np.angle(of_line))
-            turned += 360 * np.round((np.interp(place, hertz, both[1]) - turned) / 360)
-            end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)
-            level = 20 * np.log10(abs(mark)) if axes is gain else turned
-            if (axes is gain) == name.startswith("gain"):  # from the curve to the limit: the margin
-                axes.plot([place, place], [level, end], color=MARK, linewidth=1.0)
-            style = {
-                "color": MARK,
-                "markersize": 4,
-                "markerfacecolor": _face(name),
-                "clip_on": False,
-            }
-            axes.plot([place], [level], _MARKS[name], **style)
-            marked.append(level)
+        marked = _draw_marks(axes, loop, both[1], lowest, of_gain=axes is gain)
         axes.set_xscale("log")
         axes.set_xlim(lowest, top)
         seen_values = np.concatenate([values[shown], *family_seen[row], np.array(marked)])
