@@ -72,8 +72,8 @@ def test_a_whole_exponent_that_is_a_number_is_one_in_a_box_and_its_proof(tmp_pat
 
 def test_members_of_for_all_are_held(tmp_path, monkeypatch):
     places = []
-    hold_loop = of_table._Proofs.hold_loop
-    monkeypatch.setattr(of_table._Proofs, "hold_loop", lambda self, *loop: places.append(loop[1]) or hold_loop(self, *loop))
+    hold_loop = of_table.Proofs.hold_loop
+    monkeypatch.setattr(of_table.Proofs, "hold_loop", lambda self, *loop: places.append(loop[1]) or hold_loop(self, *loop))
     text = SERVO.partition("[sweep]")[0] + "[for_all]\nk = { start = 10, stop = 30 }\n"
     written(tmp_path, text, "check")
     assert places == [{}, {"k": [10]}, {"k": [30]}]

@@ -103,7 +103,7 @@ def test_the_own_design_has_a_proof(tmp_path, gain, outside):
         (("zwidth", "SPEC", "--proof", "--set", "controller.kind=dc-slow"), "expected a number beside --proof"),
         (("zwidth", "SPEC", "--proof", "--out", "-"), "--proof: expected a folder"),
         (("stability-region", "SPEC", "--proof", "--map", "K_VE,b", "--out", "-"), "--proof: expected a folder"),
-        (("margins", "SPEC", "--proof"), "no proof file for margins; those that write one are zwidth, stability-region, check"),
+        (("why", "SPEC", "--proof"), "no proof file for why; those that write one are zwidth, stability-region, "),
     ],
 )
 def test_what_has_no_proof_file_is_refused(tmp_path, capsys, words, said):

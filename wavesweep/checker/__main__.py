@@ -48,6 +48,7 @@ def in_words(claim: Claim) -> str:
     circle = "the unit circle"
     if claim.radius != 1:
         circle = f"the circle of radius {plain(claim.radius)} in each period of its rates"
+    where += [f"at {claim.cut}"] * bool(claim.cut)
     words = f"{SCOPES[claim.claim]}, {', '.join(where) or 'its own numbers'}: "
     if claim.times and claim.claim == "for all":
         low, high = min(claim.times.values())[0], max(claim.times.values())[1]

@@ -6,7 +6,8 @@ The first line of a file says "of", what ran: a "sweep", a "map" or a "design", 
 
 claim     the kind of claims that answer ("refuted" also answers "for all", and "goes on" "contact"), or words for what none does
 numbers   as those of claims; of "contact" also the wall's that is no side. radius: as that of claims
-sides     the number along which it is asked, two or three of a map, none of a design. gain: as that of claims
+sides     the number along which it is asked, two or three of a map, none of a design; behind it a factor at a cut
+gain, cut as those of claims
 open      stretches of it that the table leaves open
 """
 
@@ -17,6 +18,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from .balls import exact
+from .factor import FACTOR, PHASE
 from .gain import Gain
 from .reader import for_all, path_of
 
@@ -46,6 +48,7 @@ class Ask:
     radius: Fraction = Fraction(1)
     open: list[Ends] = field(default_factory=list)
     gain: Gain | None = None
+    cut: str = ""
 
 
 class Piece(NamedTuple):
@@ -58,10 +61,12 @@ class Piece(NamedTuple):
 
 def pieces_of(tables: dict, ask: Ask, claims: Iterable) -> Iterator[Piece]:
     """What the claims prove of a part of the question that is no map."""
-    numbers = _by_path(tables, {name: (value, value) for name, value in ask.numbers.items()})
+    along, *further = ask.sides or [""]
+    numbers = {name: (value, value) for name, value in ask.numbers.items()}
+    numbers = _by_path(tables, numbers | {name: ask.sides[name] for name in further})
     for claim in claims:
-        answers = ANSWERS.get(claim.claim, claim.claim), claim.radius, claim.gain
-        if answers != (ask.claim, ask.radius, ask.gain):
+        answers = ANSWERS.get(claim.claim, claim.claim), claim.radius, claim.gain, claim.cut
+        if answers != (ask.claim, ask.radius, ask.gain, ask.cut):
             continue
         ranges = (
             for_all.read(tables, exact).ranges if claim.claim in SCOPES.keys() - {"modes"} else {}
@@ -70,8 +75,8 @@ def pieces_of(tables: dict, ask: Ask, claims: Iterable) -> Iterator[Piece]:
         values |= {name: (value, value) for name, value in claim.numbers.items()}
         values = _by_path(tables, values)
         span = (Fraction(0), Fraction(0))
-        for name in ask.sides:
-            span = values.pop(path_of(tables, name), None)
+        if along:
+            span = values.pop(_path(tables, along), None)
         members = claim.claim == "refuted" and numbers.items() <= values.items()
         if span and not claim.shares and (values == numbers or members):
             state = "below" if ask.gain else STATES[ask.radius != 1][bool(claim.outside)]
@@ -79,7 +84,11 @@ def pieces_of(tables: dict, ask: Ask, claims: Iterable) -> Iterator[Piece]:
 
 
 def _by_path(tables, values: dict) -> dict:
-    return {path_of(tables, name): value for name, value in values.items()}
+    return {_path(tables, name): value for name, value in values.items()}
+
+
+def _path(tables, name: str) -> tuple[str, ...]:
+    return (name,) if name in (FACTOR, PHASE) else path_of(tables, name)
 
 
 def with_holes(ask: Ask, pieces: Iterable[Piece]) -> tuple[list[Piece], bool]:
@@ -115,6 +124,8 @@ def in_words(tables: dict, ran: str, question: Sequence[Ask], claims: Sequence) 
         scope = (" and ".join(sides) or "own numbers") + SCOPES.get(ask.claim, f" for {ask.claim}")
         if ask.gain:
             scope = f"{' and '.join(sides) or 'own numbers'} for {gain_in_words(ask.gain, '')}"
+        if ask.cut:
+            scope += f" at {ask.cut}"
         if ask.radius != 1:
             scope += f" within a circle of radius {plain(ask.radius)} in each period of its rates"
         covered = _of_map(ask, claims) if ran == "map" else _of_row(tables, ask, claims)

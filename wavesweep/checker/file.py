@@ -15,7 +15,8 @@ whose question `coverage.py` has, and then each claim, a line, followed by the l
               the stiffness and the damping of the wall
     outside   of modes and refuted: how many modes are outside the unit circle, all over the sides
     radius    of modes: the circle in place of the unit circle, if it is another one
-    open      true in place of it: a map, whose cells have any counts or none
+    cut       of modes: a signal that is multiplied, or turned, by a side `factor.py` names
+open      true in place of it: a map, whose cells have any counts or none
     drifts    [[name, ...]]: what takes part in a drift, which every equation keeps; first a memory that no other drift has
     states    names of the memory that is left, sorted: rows and columns of all forms
     rest      of contact: what drifts besides while the wall is not touched, as a drift; none if nothing does
@@ -62,6 +63,7 @@ from . import balls, contact, form
 from .balls import Cell, Refused, decimal
 from .coverage import Ask
 from .drifts import Form, drifts_of, reduced
+from .factor import FACTOR, PHASE, with_factor
 from .frame import Frames, states_of, steps_of
 from .gain import Gain, opened, stays_below
 from .reader import for_all, loop_of, unknown_key, wall_of
@@ -89,6 +91,7 @@ FIELDS = {
     "forces",
     "ticks",
     "gain",
+    "cut",
 }
 COORDINATES = {"drifts", "states", "rest"}
 
@@ -109,6 +112,7 @@ class Claim:
     forces: list[Fraction] = field(default_factory=list)
     ticks: list[Fraction] = field(default_factory=list)
     gain: Gain | None = None
+    cut: str = ""
     times: dict[str, tuple[Fraction, Fraction]] = field(default_factory=dict)  # of a tick
     shares: dict[Any, Fraction] = field(default_factory=dict)  # of a map, from its cells
     in_touch: bool = False  # whether [for_all] asks for walls that let go, which is not claimed
@@ -214,14 +218,16 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
         **member,
         **{name: balls.side(name, ends) for name, ends in claim.sides.items()},
     }
+    cut = claim.gain.cut if claim.gain else claim.cut
+    factors = {name: values.pop(name) for name in (FACTOR, PHASE) if claim.cut and name in values}
 
     def loop_with(more: dict):
-        return loop_of(
-            with_numbers(tables, values | more), balls, claim.gain.cut if claim.gain else ""
-        )
+        return loop_of(with_numbers(tables, values | more), balls, cut)
 
     loop = loop_with({})
     schedules = {"": loop.schedule()}
+    for name, value in factors.items():
+        schedules = {"": with_factor(schedules[""], name, value)}
     if claim.gain:
         schedules = {"": opened(tables, schedules[""], claim.gain)}
     unknown = unknown_key(tables, loop)
@@ -417,15 +423,15 @@ def _fraction(text) -> Fraction:
 def ask_of(line) -> Ask:
     """A part of the question."""
     _expect(line, dict, "a part of the question")
-    if line.keys() - {"claim", "numbers", "sides", "radius", "open", "gain"}:
+    if line.keys() - {"claim", "numbers", "sides", "radius", "open", "gain", "cut"}:
         raise Unreadable(
-            "a part of the question has claim, numbers, sides, radius, gain and open alone"
+            "a part of the question has claim, numbers, sides, radius, gain, cut and open alone"
         )
     openings = [_ends("an opening", ends) for ends in _expect(line.get("open", []), list, "open")]
     kind = _expect(line.get("claim"), str, "a claim")
     radius = _fraction(line.get("radius", "1"))
     gain = _gain(_expect(line["gain"], dict, "a gain")) if "gain" in line else None
-    return Ask(kind, *_numbers_and_sides(line), radius, openings, gain)
+    return Ask(kind, *_numbers_and_sides(line), radius, openings, gain, _cut(line))
 
 
 def _ends(name: str, pair) -> tuple[Fraction, Fraction]:
@@ -443,6 +449,14 @@ def _numbers_and_sides(line) -> tuple[dict[str, Fraction], dict[str, tuple[Fract
     if len(sides) > SIDES or sides.keys() & numbers.keys():
         raise Unreadable(f"more than {SIDES} sides, or a side that is a number too")
     return numbers, sides
+
+
+def _cut(line) -> str:
+    cut = _expect(line.get("cut", ""), str, "a cut")
+    factors = line.get("sides", {}).keys() & {FACTOR, PHASE}
+    if cut and (len(factors) != 1 or line["claim"] != "modes" or "radius" in line):
+        raise Unreadable(f"a cut is one of modes, and one side is {FACTOR} or {PHASE}")
+    return cut
 
 
 def claim_of(line) -> Claim:
@@ -483,7 +497,7 @@ def claim_of(line) -> Claim:
         raise Unreadable("a claim of a gain, and no other, has a gain")
     gain = _gain(_expect(line["gain"], dict, "a gain")) if "gain" in line else None
     claim = Claim(kind, numbers, sides, line.get("outside"), word=word, radius=radius, gain=gain)
-    claim = replace(claim, forces=forces, ticks=ticks)
+    claim = replace(claim, forces=forces, ticks=ticks, cut=_cut(line))
     return claim if "states" not in line else _with_coordinates(claim, line)
 
 
@@ -492,7 +506,7 @@ def _gain(table: dict) -> Gain:
         raise Unreadable("a gain has from, to and at_most, or cut, less and at_most")
     names = [_expect(table.get(key, ""), str, key) for key in ("from", "to", "cut")]
     less, at_most = (_fraction(table.get(key, "0")) for key in ("less", "at_most"))
-    if at_most <= 0 or not 0 <= less < 1:
+    if at_most <= 0 or not 0 <= less <= 1:
         raise Unreadable(
             "the level of a gain is above 0, and the share that is taken off from 0 to 1"
         )
@@ -507,7 +521,9 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
     with told():
         allowed = for_all.read(tables, balls.exact)
         wall = wall_of(tables)
-        names = {quantity(tables, name): name for name in (*claim.sides, *claim.numbers)}
+        factors = {FACTOR, PHASE} if claim.cut else {}
+        numbers = [name for name in (*claim.sides, *claim.numbers) if name not in factors]
+        names = {quantity(tables, name): name for name in numbers}
     claim.in_touch = allowed.contact
     if claim.claim in OF_WALLS and (not wall or [*claim.sides] != wall):
         raise Refused("the sides are not the stiffness and the damping of the wall")

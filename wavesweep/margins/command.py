@@ -2,8 +2,9 @@
 
 import click
 
+from wavesweep.capabilities import offered
 from wavesweep.program.cli.options import Options, run_options
-from wavesweep.program.cli.study_commands import one_spec
+from wavesweep.program.cli.study_commands import one_spec, with_proof
 
 
 @click.command("margins")
@@ -15,8 +16,9 @@ from wavesweep.program.cli.study_commands import one_spec
     help="The signal at which the loop is broken: an output of a block that a wire reads, BLOCK.PORT, or a name in [signals] "
     "[default: the cut of the spec's require.margins, or of a wish, else the one that acts on the plant, the actuator's].",
 )
+@with_proof
 @run_options()
-def margins(spec: str, options: Options, cut: str) -> None:
+def margins(spec: str, options: Options, cut: str, proof: bool) -> None:
     """Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal.
 
     SPEC is a TOML file. Its own loop is broken at an output of a block, so that the rest of the
@@ -35,6 +37,16 @@ def margins(spec: str, options: Options, cut: str) -> None:
       wavesweep margins mine.toml --cut avatar.out --set b=20
     """
     from wavesweep.margins import table
-    from wavesweep.program.cli.output import produce
+    from wavesweep.program.cli.output import produce, refuse_proof, unless_quiet
 
-    produce(["margins"], [spec], options, lambda specs, **_: [table.margins(*specs, cut)])
+    refuse_proof(proof, options)
+
+    def compute(specs, **_):
+        (loaded,) = specs
+        computed = table.margins(loaded, cut)
+        if proof:
+            proofs = offered("of_margins")
+            computed = proofs.of_margins(computed, loaded, spec, options.overrides, unless_quiet)
+        return [computed]
+
+    produce(["margins"], [spec], options, compute)

@@ -42,14 +42,16 @@ def claims_along(
     span: tuple[float, float],
     ends: Sequence[float],
     radius: float = 1.0,
+    cut: str = "",
 ) -> Iterator[tuple[Found, Lines]]:
     """Yield the stretches of a number and their lines.
 
     numbers: the others that are set. ends: those of stable intervals, as far as they are known.
-    radius: of the circle outside of which modes are counted. Errors: Refused, Unreadable.
+    radius: of the circle outside of which modes are counted. cut: the signal of which the number is a
+    factor or a phase. Errors: Refused, Unreadable.
     """
     sides = {name: (exactly(span[0]), exactly(span[1]))}
-    family, claim = _family(tables, numbers, sides, radius)
+    family, claim = _family(tables, numbers, sides, radius, cut)
     low, high = span
     for place in PLACES:
         if stays_on_circle(family, {name: (low + place * (high - low),) * 2}):
@@ -207,12 +209,14 @@ def radius_at(tables: dict, numbers: Mapping[str, str]) -> float:
     return float(np.abs(np.linalg.eigvals(A)).max(initial=0)) if len(A) else 0.0
 
 
-def _family(tables, numbers, sides, radius=1.0):
-    claim = file.Claim("modes", _exact(numbers), sides, 0, radius=exactly(radius))
+def _family(tables, numbers, sides, radius=1.0, cut=""):
+    claim = file.Claim("modes", _exact(numbers), sides, 0, radius=exactly(radius), cut=cut)
     claim.drifts = drifts_of(tables, claim)
     family = file.family_of(tables, claim)
     claim.states = family.states
     head = {"claim": "modes", "numbers": dict(numbers)} | _coordinates(claim)
+    if cut:
+        head["cut"] = cut
     return family, head if radius == 1 else head | {"radius": repr(radius)}
 
 

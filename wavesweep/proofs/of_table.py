@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.capabilities import offered
 from wavesweep.checker import balls, coverage
 from wavesweep.checker.__main__ import in_words, limited
 from wavesweep.checker.balls import Refused
@@ -112,7 +113,7 @@ def with_proof(
         return table
     along, _ = sweep_axes(spec, str(table.columns["along"][0]))
     span = float(along.start), float(along.stop)
-    proofs = _Proofs(spec, text, "sweep", along.name, checked_name(along.path), span)
+    proofs = Proofs(spec, text, "sweep", along.name, checked_name(along.path), span)
     for kind, own, rows in _slices(spec, table.columns):
         proofs.of_rows(kind, numbers | own, rows)
     for line in proofs.in_words(f"{table.kind}.proof"):
@@ -202,7 +203,7 @@ def of_map(
         return table
     forms = sum("L" in line for line in lines)
     say(f"{table.kind}.proof: {forms} forms prove {100 * share:.4g} % of the area")
-    proofs = _Proofs(spec, text, "map", claims=[lines])
+    proofs = Proofs(spec, text, "map", claims=[lines])
     proofs.ask("modes", lines[0]["numbers"], lines[0]["sides"])
     return proofs.beside(table)
 
@@ -215,7 +216,7 @@ class ContradictedError(WavesweepError):
 
 
 @dataclass(slots=True, eq=False)
-class _Proofs:
+class Proofs:
     """A proof file: what is asked, the claims, and what has none.
 
     text: of the spec, as its file has it. ran: the kind of question. axis, number: along which rows are, and its name for the
@@ -243,6 +244,7 @@ class _Proofs:
         sides: Mapping,
         radius: float = 1.0,
         gain: Gain | None = None,
+        cut: str = "",
     ) -> None:
         """Add a part of the question."""
         part: dict[str, Any] = {"claim": kind, "numbers": dict(numbers), "sides": dict(sides)}
@@ -250,6 +252,8 @@ class _Proofs:
             part["radius"] = repr(radius)
         if gain:
             part["gain"] = in_file(gain)
+        if cut:
+            part["cut"] = cut
         self.question.append(part)
 
     def of_rows(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
@@ -372,14 +376,14 @@ class _Proofs:
         say what the rows leave open. Errors: ContradictedError."""
         part = self.question[-1]
         ask = ask_of(part)
-        line = _covered(self.tables, ask, claims)
+        line = covered(self.tables, ask, claims)
         low, high = ask.sides[self.number]
         begins_at_drift = not line[0].state and len(line) > 1 and float(rows["low"][0]) == low
         if begins_at_drift and kind in ("modes", *CLAIMED.values()):
             point = numbers | {self.number: repr(self.span[0])}
             with suppress(Refused, Unreadable):
                 self.claims.append(claim_at(self.tables, kind, point, float(ask.radius)))
-                line = _covered(self.tables, ask, [*claims, self.claims[-1]])
+                line = covered(self.tables, ask, [*claims, self.claims[-1]])
         if words := contradicted(line, rows):
             where = ", ".join(f"{name} = {value}" for name, value in numbers.items())
             raise ContradictedError(f"{where or self.spec.name}: {self.axis} {words}")
@@ -396,12 +400,7 @@ class _Proofs:
             intervals = [
                 (start, stop, exactly(LEFT_OPEN) * (stop - start)) for start, stop in pairs
             ]
-        holes = []
-        for begin, end, state in line:
-            inside = [min(end, stop) - max(begin, start) <= near for start, stop, near in intervals]
-            if not state and all(inside):
-                holes.append((begin, end))
-        part["open"] = [[decimals(begin), decimals(end)] for begin, end in holes]
+        part["open"] = openings(line, intervals)
 
     @contextmanager
     def telling(self, what: str) -> Iterator[None]:
@@ -471,10 +470,23 @@ def _same(radius: float, of_checker: float) -> bool:
     return abs(radius - of_checker) <= SAME_RADIUS * max(1.0, radius)
 
 
-def _covered(tables: dict, ask: coverage.Ask, claims: Sequence[Lines]) -> list[coverage.Piece]:
+def covered(tables: dict, ask: coverage.Ask, claims: Sequence[Lines]) -> list[coverage.Piece]:
     """What claims prove of a part of the question, from low to high with the holes."""
     heads = [claim_of(lines[0]) for lines in claims]
     return coverage.with_holes(ask, coverage.pieces_of(tables, ask, heads))[0]
+
+
+def openings(
+    line: Sequence[coverage.Piece], intervals: Sequence[tuple[Fraction, Fraction, Fraction]]
+) -> list[list[str]]:
+    """Return the holes of a line that the question may leave open: of no more than so much in each
+    interval, `(low, high, near)`."""
+    holes = []
+    for begin, end, state in line:
+        inside = [min(end, high) - max(begin, low) <= near for low, high, near in intervals]
+        if not state and all(inside):
+            holes.append([decimals(begin), decimals(end)])
+    return holes
 
 
 def _within(rows: Columns) -> list[float]:
@@ -530,7 +542,7 @@ def of_design(
 ) -> Iterator[str]:
     """Write the proof of a spec's own design, and of what is known of all of [for_all], and yield
     lines that say what it proves. found: the facts of `check`. Errors: ContradictedError."""
-    proofs = _Proofs(spec, text_of(source), "design")
+    proofs = Proofs(spec, text_of(source), "design")
     numbers = numbers_set(spec, overrides)
     tables = proofs.tables
     radii = [1.0]
@@ -601,6 +613,9 @@ def checked(proof: Path, facts: Mapping[str, Any], columns: Columns) -> Iterator
                 f"{proof}: {words}"
                 for words in _contradictions(of_spec, proved, load(facts["spec"]), columns)
             ]
+        elif columns and "cut" in facts:
+            rows = offered("of_margins").missing(of_spec.question, columns, facts)
+            contradictions += [f"{proof}: {words}" for words in rows]
     except (Unreadable, OSError) as error:
         yield f"{proof}: cannot be checked: {error}", True
         return

@@ -42,10 +42,11 @@ MESSAGES = {
 def loop_of(tables: dict, arithmetic, cut: str = "") -> Controller | Drawing:
     """The loop of a spec; `schedule()` of it has its instants, `key.asked` the keys that were read.
 
-    cut: in a drawing an output of a block, to which an input "!cut" is added where it is read, whenever the block runs.
+    cut: an output of a block, to which an input "!cut" is added where it is read, whenever the block runs; of a controller
+    the force of the encoder's end, or of the wall.
     """
     if "controller" in tables:
-        return Controller(tables, arithmetic)
+        return Controller(tables, arithmetic, cut)
     return Drawing(tables, arithmetic, cut)
 
 

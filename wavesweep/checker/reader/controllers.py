@@ -56,6 +56,10 @@ DEFAULTS = {
 FILTERS = {"lp1": (1, "10", "low"), "hp": (1, "10", "high"), "lp2": (2, "20", "low")}
 ROUNDING = Fraction(10) ** -12
 FILTERS_OF = {"pmw": ("lp1",), "pmw-lm": tuple(FILTERS)}
+CUTS = {  # signals at which a loop can be cut, by its family
+    ("pmw", "encoder.force"): "f_m",
+    ("dc", "wall.y"): "slow F",
+}
 SHOWN = {"x": "x", "v": "v", "v_hat": "v_hat", "f_m": "f_m now", "F_s": "held F"}
 WAVES = {"u_m": "u_m", "v_m": "v_m"}
 FILTERED = {"lp1": ("u_m", "u_s"), "hp": ("u_m", "u_l"), "lp2": ("v_l", "lp2 out")}
@@ -127,7 +131,7 @@ FAST = {
 class Controller:
     """One spec's numbers, and the equations that its kind makes of them."""
 
-    def __init__(self, tables: dict, arithmetic):
+    def __init__(self, tables: dict, arithmetic, cut: str = ""):
         self.arithmetic = arithmetic
         self.key = key = Keys(tables)
         for path, rule in RULES.items():
@@ -137,6 +141,7 @@ class Controller:
         self.kind = key("controller.kind")
         if self.kind is None:
             raise Unreadable("controller.kind is missing")
+        self.cut = CUTS.get((self.kind.partition("-")[0], cut), "")
         exact = self.arithmetic.exact
         fast = exact(key("rates.fast_hz", 1000))
         self.T = 1 / fast
@@ -269,14 +274,31 @@ class Controller:
         if event is not None:
             self.slow(equations, writes, event, "x", "v_hat", "u_s")
         self.motors(equations, writes)
-        return Instant(equations, writes)
+        return self.with_cut(equations, writes)
 
     def slow_between(self, event) -> Instant:
         """A slow event between ticks: it reads what the last tick had."""
         equations: dict[str, dict] = {}
         writes: dict[str, dict] = {}
         self.slow(equations, writes, event, "memory.read.x", "memory.read.v", "memory.read.u_s")
-        return Instant(equations, writes)
+        return self.with_cut(equations, writes)
+
+    def with_cut(self, equations, writes) -> Instant:
+        """What happens at once, with an input added to the signal at the cut where it is read."""
+        if self.cut not in equations:
+            return Instant(equations, writes)
+
+        def behind(rows):
+            return {
+                name: {
+                    ("cut" if name_of_term == self.cut else name_of_term): c
+                    for name_of_term, c in row.items()
+                }
+                for name, row in rows.items()
+            }
+
+        equations = behind(equations) | {"cut": {self.cut: 1, "!cut": 1}}
+        return Instant(equations, behind(writes))
 
     def motors(self, equations, writes):
         """The force of tick k acts from k T on, plus delay and dead time; `f_m now` is what acts as a tick begins."""
