@@ -52,6 +52,16 @@ def test_the_bars_are_the_life_of_the_oldest_number_and_its_age_is_below():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("integration", "late"), [("implicit", ""), ("explicit", "answers one frame late.")])
+def test_a_frame_that_is_not_over_is_not_counted_as_late(integration, late):
+    """An explicit device answers a frame late; 19 of 20 ticks of delay are less than another one."""
+    canvas = plots.timing(load({"controller": {"kind": "dc-vc"}, "environment": {"delay": 19, "integration": integration}}))
+    said = " ".join(canvas._supxlabel.get_text().split())
+    assert late in said
+    assert ("late" in said) == bool(late)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "width"),
     [

@@ -335,7 +335,7 @@ def _notes(spec: Spec, frames: Sequence[Moments]) -> Iterator[str]:
         )
         return
     last = frames[-1]
-    frames_late = (last.shown.start - last.shown.measured + 1) // last.main.every
+    frames_late = (last.shown.start - last.shown.measured) // last.main.every
     late = ""
     if frames_late:
         number = "one frame" if frames_late == 1 else f"{frames_late:.0f} frames"
