@@ -1,7 +1,7 @@
 """The proof file, and what is checked of it.
 
-`NAME.proof` is a gzip of JSON lines. Numbers are decimal strings ("798.52"), counts whole numbers. A field
-that is not named here is refused, and nothing is taken from the file that follows from the spec. First a line
+`NAME.proof` is a gzip of JSON lines. Numbers are decimal strings ("798.52"), counts whole numbers. A file with a field
+that is not named here is not checked (exit code 2), and nothing is taken from the file that follows from the spec. First a line
 
     {"format": "wavesweep proof 2", "sha256": of the bytes of the spec, "of": "sweep", "question": [...], "claims": 3}
 
@@ -9,7 +9,7 @@ whose question `coverage.py` has, and then each claim, a line, followed by the l
 
     claim     "modes": of the spec's own loop; "for all": of all that [for_all] and channels say; "refuted": a member of this is
               unstable; "mean square": of [for_all] with chances; "contact": of any wall that pushes and never pulls;
-              "goes on": at such a wall a motion goes on for ever, which has no cells
+              "goes on": at such a wall a motion goes on for ever, which has no cells; "gain": see `gain.py`
     numbers   {name: value} that the claim sets, by their names in [sweep]; all others are those of the spec
     sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges; of contact
               the stiffness and the damping of the wall
@@ -18,7 +18,8 @@ whose question `coverage.py` has, and then each claim, a line, followed by the l
     cut       of modes: a signal that is multiplied, or turned, by a side `factor.py` names
 open      true in place of it: a map, whose cells have any counts or none
     drifts    [[name, ...]]: what takes part in a drift, which every equation keeps; first a memory that no other drift has
-    states    names of the memory that is left, sorted: rows and columns of all forms
+    states    names of the memory that is left, sorted: rows and columns of all forms. It is what some kind of frame reads
+    gain      of gain: {"from", "to", "at_most"} or {"cut", "less", "at_most"}, and forms without signs
     rest      of contact: what drifts besides while the wall is not touched, as a drift; none if nothing does
     forces    of what goes on: those of the wall, frame by frame, which are repeated for ever
     word      of refuted: frames that are repeated for ever, by their letters; of [for_all] tick the times of ticks (s) from the first
@@ -38,11 +39,16 @@ Where [for_all] lists values of numbers, cells follow for each combination, the 
 
     {"member": {"filters.lp1.order": "1"}, "drifts": [...], "states": [...]}
 
-p = centre + half s in each side, -1 <= s <= 1, and P(s) = L' (diag(signs) + sum of Q_m s^m) L. In a graph P_i - A' P_j A > 0 for
-each edge from i to j: no matter in which order frames come, a norm of what is left decreases with each. Of [for_all] tick the
-frames are single ticks, A depends on their time as on one more side, and P does not: it decreases for all times if it does so
-at control points of A. Of chances there is a
-node for each state of the spec's chain, no edges, and P_q - sum of chance A' P_r A > 0 over the states r that follow q.
+Letters of frames name what varies, "rates.ratio=16" or "rates.ratio=16;environment.delay=2;lost"; those of messages the tick and
+what the receiver then has, "0: command gets 0" of one that is new to it, "0: command has 2" of one it had, counted back from the newest, 0.
+From "start" on a graph has at each node that is reached an edge for every letter that the spec allows there.
+
+p = centre + half s in each side, -1 <= s <= 1, and P(s) = L' (diag(signs) + sum of Q_m s^m) L, m in the order of the sides. A
+claim of modes is proved if P - A' P A > 0 in all cells, and "for all" without frames that vary likewise, with all signs +. In a
+graph P_i - A' P_j A > 0 for each edge from i to j: no matter in which order frames come, a norm of what is left decreases with
+each. Of [for_all] tick the frames are single ticks, A depends on their time as on one more side, and P does not: it decreases for
+all times if it does so at control points of A. Of chances there is a node for each state of the spec's chain, no edges, and
+P_q - sum of chance A' P_r A > 0 over the states r that follow q.
 """
 
 import gzip
