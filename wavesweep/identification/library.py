@@ -20,7 +20,7 @@ def identify(log: str | Path, **options: Unpack[table.FitOptions]) -> DataFrame:
     log : str or Path
         A CSV file with time (s), force (N), or a current (A), and position (m), or a velocity or an
         acceleration; or torque (N*m) and angle (rad), speed or angular_acceleration.
-    **asked
+    **options
         What the log has and what is fitted, see Other Parameters.
 
     Returns
