@@ -2,8 +2,6 @@
 
 import os
 import sys
-from dataclasses import asdict
-from functools import partial
 from pathlib import Path, PurePath
 
 import click
@@ -78,18 +76,13 @@ def explore(
     if save is not None:
         _save(loaded, Path(save), overwrite)
         return
-    from wavesweep.explore.explorer_page import Page, answers_of
-    from wavesweep.explore.limited_time import LimitedAnswers
+    from wavesweep.explore.explorer_page import Page
     from wavesweep.explore.server import Server
     from wavesweep.program.cli.messages import progress
 
     page = Page(loaded)
-    limited = LimitedAnswers(partial(answers_of, loaded), page.answer_s)
-    if page.by_cells:  # a page opens with the proved plane, if this takes no longer than an answer
-        proved = limited.of("certified")({"values": {}, "plane": asdict(page.plane)})
-        page.first["plane"] = page.first["plane"] if "error" in proved else proved
     try:
-        server = Server(page.text, {name: limited.of(name) for name in page.answers}, port)
+        server = Server(page.text, page.answers, port)
     except OSError as error:
         raise UsageError(
             f"--port {port}: {error.strerror}; expected a free port, or none for any"

@@ -30,6 +30,7 @@ from wavesweep.explore.answers import (
     span_of,
     stable_ranges,
 )
+from wavesweep.explore.limited_time import within
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.haptics.controllers import WALL
@@ -62,6 +63,11 @@ class Page:
         with suppress(WavesweepError):  # somewhere in the plane there is no loop
             self.first |= self._preview(spec, self.plane, search) if self.plane else {}
         self.by_cells = self.first.get("plane", {}).get("how") == "cells"
+        if (
+            self.by_cells
+        ):  # a page opens with the proved plane, if this takes no longer than an answer
+            with suppress(WavesweepError, TimeoutError):
+                self.first["plane"] = within(answer_s, lambda: certified_plane(spec, self.plane))
 
     def text(self) -> str:
         """The page with the numbers of the spec's own design, before any question."""
@@ -108,11 +114,16 @@ class Page:
 
     def _said(self, answer):
         """The function with errors about a design as part of its answer, and the keys or fields
-        that they are about."""
+        that they are about.
+
+        What takes too long is cut.
+        """
 
         def answered(question):
             try:
-                return answer(question)
+                return within(self.answer_s, lambda: answer(question))
+            except TimeoutError:
+                return {"error": f"takes longer than {self.answer_s:g} s", "cut": True}
             except SpecError as error:
                 mistakes = "; ".join(
                     str(mistake._replace(location="")) for mistake in error.mistakes
@@ -208,11 +219,6 @@ class Page:
         if not all(isinstance(value, (int, float)) for value in values.values()):
             raise TypeError("values")
         return changed(self.spec, values)
-
-
-def answers_of(spec: Spec) -> Mapping[str, Answer]:
-    """The answers of the page of a spec, for a process of their own."""
-    return Page(spec).answers
 
 
 def _unit(unit):
