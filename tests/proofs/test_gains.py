@@ -83,3 +83,15 @@ def test_more_than_margins_is_refused(margins, tmp_path, number, change, code, w
     found = checked_file(spec, forged)
     assert found[0] == code
     assert why in found[1]
+
+
+def test_margins_for_all_numbers_are_asked_and_have_no_file(tmp_path):
+    spec = SPEC.replace("[sweep]", "[for_all]\nK = { start = 0.4, stop = 0.6 }\n[sweep]").replace(
+        'along = "K"\nK =', 'along = "a"\na ='
+    )
+    spec = spec.replace("numbers = { K = 0.5 }", "numbers = { K = 0.5, a = 1.0 }").replace('"100*K"', '"100*K*a"')
+    spec = spec[: spec.index("require.margins")]
+    code, words = checked_file(*written(tmp_path, spec, "margins", "--cut", "gain.y", "--no-plot"))
+    assert code == 3
+    assert "for margins for all of [for_all] at gain.y: NOT COVERED" in words
+    assert words.count("proved: ") == 5

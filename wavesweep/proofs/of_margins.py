@@ -57,6 +57,7 @@ def of_margins(
     proofs = Proofs(spec, text_of(source), "design")
     numbers = numbers_set(spec, overrides)
     cut = str(table.facts["cut"])
+    proofs.hold_loop(numbers, {})
     for part in _parts(table.columns, table.facts):
         if part.sides:
             _prove_factors(proofs, numbers, cut, part)
@@ -82,12 +83,18 @@ def missing(question: Sequence[Ask], columns: Columns, facts: Mapping[str, Any])
 
 
 def _parts(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Part]:
-    """Yield what the certified margins of the spec's own numbers say."""
+    """Yield what the margins of the spec's own numbers say, and what has no inequality here: those that
+    are not certified, and all of [for_all]."""
     whose = columns.get("guarantee", np.full(len(columns["cut"]), "spec", object))
+    if (whose != "spec").any():
+        yield Part("margins for all of [for_all]", {})
     rows = {}
-    for row in np.flatnonzero((whose == "spec") & columns["certified"]).tolist():
-        value, limited = float(columns["value"][row]), bool(columns["limited"][row])
-        rows[str(columns["margin"][row])] = value, limited
+    for row in np.flatnonzero(whose == "spec").tolist():
+        name = str(columns["margin"][row])
+        if columns["certified"][row]:
+            rows[name] = float(columns["value"][row]), bool(columns["limited"][row])
+        elif name not in IN_DISK:
+            yield Part(f"{name}, not certified,", {})
     low, has_low = rows.pop("gain_down", (1.0, False))
     high, has_high = rows.pop("gain_up", (1.0, False))
     if low < high:
