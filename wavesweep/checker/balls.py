@@ -437,9 +437,9 @@ class Side(str):
 
 
 def side(name: str, ends: tuple[Fraction, Fraction]) -> Number:
-    named = Side(name)
-    named.ends = ends
-    return Number({((named, 1),): Fraction(1)})
+    variable = Side(name)
+    variable.ends = ends
+    return Number({((variable, 1),): Fraction(1)})
 
 
 def number(value) -> Number:
@@ -485,16 +485,16 @@ def least(value) -> Fraction:
 def ends(value) -> tuple[Fraction, Fraction]:
     """The least and the largest value of a sum of sides; of what is computed otherwise what it surely reaches at corners, those
     left out at which it has none. Refused if it has none anywhere."""
-    value_of_ends = number(value)
-    if value_of_ends.exact is not None and all(
-        sum(power for _, power in monomial) in (0, 1) for monomial in value_of_ends.exact
+    total = number(value)
+    if total.exact is not None and all(
+        sum(power for _, power in monomial) in (0, 1) for monomial in total.exact
     ):
-        return least(value_of_ends), -least(-value_of_ends)
+        return least(total), -least(-total)
     values = []
     why = None
-    for corner in all_of(*_sides(value_of_ends)):
+    for corner in all_of(*_sides(total)):
         try:
-            values.append(value_of_ends.value(Cell({name: (end, end) for name, end in corner})))
+            values.append(total.value(Cell({name: (end, end) for name, end in corner})))
         except Refused as refused:
             why = refused
     if why and not values:

@@ -52,13 +52,13 @@ def opened(schedule: Schedule, stiffness: str) -> tuple[Schedule, Schedule]:
 
     The wall's numbers are the sides: one equation has them, once in a frame, and each coefficient is linear in them.
     """
-    walls = []
+    places_of_wall = []
     for kind, instant in (*schedule.kinds.items(), ("", schedule.motion)):
         for rows in (instant.equations, instant.writes):
             for name, terms in rows.items():
                 if any(number(c).moves for c in terms.values()):
-                    walls.append((kind, rows is instant.equations, name))
-    kind, *place = walls[0] if len(walls) == 1 else ("", False, "")
+                    places_of_wall.append((kind, rows is instant.equations, name))
+    kind, *place = places_of_wall[0] if len(places_of_wall) == 1 else ("", False, "")
     if not place[0] or sum(kind_of_instant == kind for _, kind_of_instant in schedule.times) != 1:
         raise Refused("the wall's numbers are not those of one force that acts once in a frame")
     name = place[1]

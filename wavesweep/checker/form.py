@@ -43,15 +43,15 @@ def _sum(matrices: Iterable[Rows]) -> Rows:
     return total
 
 
-def _dot(A: Rows, right: Rows) -> Rows:
+def _dot(A: Rows, B: Rows) -> Rows:
     """The product in units of 2^-BITS, rounded down."""
-    columns = transposed(right)
+    columns = transposed(B)
     return [[sum(map(mul, row, column)) >> BITS for column in columns] for row in A]
 
 
-def _mirrored(A: Rows, right: Rows) -> Rows:
+def _mirrored(A: Rows, B: Rows) -> Rows:
     """The same above the diagonal, and mirrored below: of terms whose sum is symmetric."""
-    columns = transposed(right)
+    columns = transposed(B)
     upper = [
         [sum(map(mul, row, column)) >> BITS for column in columns[index:]]
         for index, row in enumerate(A)
@@ -60,20 +60,20 @@ def _mirrored(A: Rows, right: Rows) -> Rows:
     return [[upper[min(index, other)][abs(index - other)] for other in size] for index in size]
 
 
-def multiplied(A_and_error: Matrix, right: Matrix, dot=_dot) -> Matrix:
+def multiplied(first: Matrix, second: Matrix, dot=_dot) -> Matrix:
     """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b), and 1 for each product that is rounded down."""
     found: dict[tuple, Rows] = {}
-    for m, A in A_and_error.parts.items():
-        for k, B in right.parts.items():
+    for m, A in first.parts.items():
+        for k, B in second.parts.items():
             both = tuple(i + j for i, j in zip(m, k, strict=True))
             term = dot(A, B)
             found[both] = _sum((found[both], term)) if both in found else term
-    rounded = len(A_and_error.parts) * len(right.parts) + 2
-    bounds = [[[rounded] * len(right.error[0]) for _ in A_and_error.error]]
-    if any(map(any, right.error)):
-        bounds.append(_dot(A_and_error.size, right.error))
-    if any(map(any, A_and_error.error)):
-        bounds.append(_dot(A_and_error.error, _sum((right.size, right.error))))
+    rounded = len(first.parts) * len(second.parts) + 2
+    bounds = [[[rounded] * len(second.error[0]) for _ in first.error]]
+    if any(map(any, second.error)):
+        bounds.append(_dot(first.size, second.error))
+    if any(map(any, first.error)):
+        bounds.append(_dot(first.error, _sum((second.size, second.error))))
     return Matrix(found, _sum(bounds))
 
 
@@ -83,12 +83,12 @@ def turned(matrix: Matrix) -> Matrix:
     )
 
 
-def minus(left: Matrix, right: Matrix) -> Matrix:
+def minus(left: Matrix, subtrahend: Matrix) -> Matrix:
     difference = dict(left.parts)
-    for m, part in right.parts.items():
+    for m, part in subtrahend.parts.items():
         negative = [[-x for x in row] for row in part]
         difference[m] = _sum((difference[m], negative)) if m in difference else negative
-    return Matrix(difference, _sum((left.error, right.error)))
+    return Matrix(difference, _sum((left.error, subtrahend.error)))
 
 
 def _cut(matrix: Matrix, order: int) -> Matrix:

@@ -58,10 +58,10 @@ def solved(instant: Instant) -> dict[str, dict[str, Number]]:
         loop_gain = rows[name].pop(name, None)
         if loop_gain is not None:
             rows[name] = {k: c / (1 - loop_gain) for k, c in rows[name].items()}
-        for addend, row in rows.items():
-            if addend != name and name in row:
+        for reader, row in rows.items():
+            if reader != name and name in row:
                 share = row.pop(name)
-                rows[addend] = _clean(_sum(row, share, rows[name]))
+                rows[reader] = _clean(_sum(row, share, rows[name]))
     found = {}
     for name, terms in instant.writes.items():
         total: dict[str, Number] = {}

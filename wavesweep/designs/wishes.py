@@ -79,13 +79,13 @@ def evaluate(
     felt = any(wish.word == "felt" for wish in wishes)
     verdicts: dict[tuple[Any, ...], str] = {}  # of all that was proved for a wish before
 
-    def verdict(nominal):
-        key = tuple(nominal.items())
+    def verdict(values):
+        key = tuple(values.items())
         if key not in verdicts:
-            verdicts[key] = proof.verdict(spec.with_values(nominal))
+            verdicts[key] = proof.verdict(spec.with_values(values))
         return verdicts[key]
 
-    nominal = scenarios_of(spec)
+    own_scenarios = scenarios_of(spec)
     for wish in wishes:
         if wish.word in ("z_width", "felt"):
             damping = wish.options.get("B_VE", (spec.values[spec.wall[1]],))
@@ -103,7 +103,7 @@ def evaluate(
         value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
         if wish.kind.seen and not ranked:
             decide = np.zeros(points.shape, bool)
-            decide[:, [scenario in nominal for scenario in scenarios]] = True
+            decide[:, [scenario in own_scenarios for scenario in scenarios]] = True
             _, worst = points.worst(value, wish.kind.more)
             decide[np.arange(worst.size), worst] = True
             index = np.flatnonzero(decide)

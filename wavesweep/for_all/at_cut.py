@@ -59,8 +59,8 @@ def of_required(
     if modes := require.bound.of_modes:
         rate = loops.changed({path: np.array(ends) for path, ends in varied.items()}).rate
         if modes.times and np.ptp(rate):
-            cut_margins = " and ".join(name for name, _ in modes.times)
-            expected = f"numbers beside {cut_margins} that leave the rate as it is"
+            times = " and ".join(name for name, _ in modes.times)
+            expected = f"numbers beside {times} that leave the rate as it is"
             raise UsageError(f"{PATH}: expected {expected}, found one that changes it")
         yield loops, [*ranges], modes.over(frames_per_clock(rules.drawing, loops))
     for cut_margins in require.cuts:

@@ -373,9 +373,9 @@ def _steps(
         for late in product(*choices):
             row = []
             under_way = [flight for _, flight in before]
-            for tick_before in range(tick, end):
-                arrivals, under_way = _ticked(channels, tick_before, under_way, late)
-                row.append((alike[tick_before % frame], arrivals))
+            for between in range(tick, end):
+                arrivals, under_way = _ticked(channels, between, under_way, late)
+                row.append((alike[between % frame], arrivals))
             sent = []
             in_a_row = []
             for channel, lateness, (lost, _) in zip(channels, late, before, strict=True):

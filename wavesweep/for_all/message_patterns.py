@@ -200,7 +200,7 @@ class _Ring:
     def changed(self, word: Word, gains: Sequence[np.ndarray], cost: float) -> Word:
         """The pattern with what gains most at each place; cost: of a change, as a share of the
         largest gain."""
-        largest = max(index_in_place.max() - index_in_place.min() for index_in_place in gains)
+        largest = max(gains_of_step.max() - gains_of_step.min() for gains_of_step in gains)
         changed_word = []
         for step, (symbol, gain) in enumerate(zip(word, gains, strict=True)):
             index_in_place = symbol - self.first[step % self.places]

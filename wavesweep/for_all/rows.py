@@ -371,13 +371,13 @@ class _Loop:
                     self._bracketed(case, interval)
                     for interval in parts_that_decay(family, *family.probable(*self.span))
                 )
-                family_of_case = list(filter(None, over_ranges))
+                rows_of_case = list(filter(None, over_ranges))
             else:
-                family_of_case = [
-                    self._row(case, told(bracket, lambda _, family_of_case=family: family_of_case))
+                rows_of_case = [
+                    self._row(case, told(bracket, lambda _, of_case=family: of_case))
                     for bracket in brackets_on_average(family, self.span)
                 ]
-            both = [all_of(pair) for pair in product(rows, family_of_case)]
+            both = [all_of(pair) for pair in product(rows, rows_of_case)]
             rows = [row for row in both if row.low < row.high]
         return rows
 

@@ -431,8 +431,8 @@ def _alike(parts, second_parts):
     if len(parts) != len(second_parts):
         return False
     for part, second_part in zip(parts, second_parts, strict=True):
-        for first, two in ((part.low, second_part.low), (part.high, second_part.high)):
-            if abs(first - two) > SAME_END * max(abs(first), abs(two)):
+        for first, second in ((part.low, second_part.low), (part.high, second_part.high)):
+            if abs(first - second) > SAME_END * max(abs(first), abs(second)):
                 return False
     return True
 

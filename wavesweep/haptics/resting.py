@@ -59,8 +59,8 @@ class DcGain:
                 if len(still.value) > 3:
                     still, change = (_less(rows, second) for rows in (still, change))
                 # Position and reaction times `p - F_1`, which their ratio does not have.
-                determinant = Bounded.exact(p) - change.part(2)
-                limits = limits * determinant + change.part(slice(2)) * still.part(2)
+                difference = Bounded.exact(p) - change.part(2)
+                limits = limits * difference + change.part(slice(2)) * still.part(2)
                 rigid = np.abs(still.value[1] / still.value[0])
             limits, error = limits
             position, reaction = limits

@@ -208,9 +208,9 @@ def lacking(
             fit = _beside(fit, prediction, curved)
             withheld = False
     withheld = withheld or bool(much and name == "force")
-    remaining = fit.residual[rows.skip :][rows.used]
+    residual = fit.residual[rows.skip :][rows.used]
     expected, usual = _of_encoder(fit)
-    rms = float(np.sqrt(np.mean(remaining**2)))
+    rms = float(np.sqrt(np.mean(residual**2)))
     judged_so = Verdict(
         False,
         name,

@@ -167,7 +167,7 @@ class Search:
         # Units of the states alone, powers of 2.
         units = np.exp2(np.round(np.log2(np.abs(self.back).max(-1))))
         into = units[:, None, None, None] / np.roll(units, -1, axis=0)[:, None, None, :, None]
-        A, dA = (self.ticks.in_slots(tick) * into for tick in (A, dA))
+        A, dA = (self.ticks.in_slots(matrix) * into for matrix in (A, dA))
         to = self.to * units[:, None]
         for _ in range(self.squares):
             A, dA = enclosed_square(A, dA)

@@ -403,10 +403,12 @@ def _show_square(axes: Any, points: np.ndarray) -> None:
 
 def _reach_outside(axes: Any, points: np.ndarray) -> bool:
     """Whether some of the points, or of their conjugates, are not shown."""
-    leftmost, right = axes.get_xlim()
+    leftmost, rightmost = axes.get_xlim()
     low, high = axes.get_ylim()
     beyond = (
-        (points.real < leftmost) | (points.real > right) | (np.abs(points.imag) > max(high, -low))
+        (points.real < leftmost)
+        | (points.real > rightmost)
+        | (np.abs(points.imag) > max(high, -low))
     )
     return bool(beyond[np.isfinite(points)].any())
 

@@ -286,11 +286,11 @@ class Ages:
             ages = np.minimum(ages, since[:, None] + of_read)
         ages[:, self.column[name]] = 0.0
         self.computed[name] = ages
-        last_run = np.arange(ticks) - carrier.late
+        instant = np.arange(ticks) - carrier.late
         last = (
-            np.searchsorted(runs, last_run % ticks, side="right")
+            np.searchsorted(runs, instant % ticks, side="right")
             - 1
-            + runs.size * (last_run // ticks)
+            + runs.size * (instant // ticks)
         )
         last -= carrier.lost
         since = np.arange(ticks) - _tick_of_run(runs, last, ticks)

@@ -424,7 +424,7 @@ def _with_slow_mode(
     w = mode.w[..., None, None]
     filtered = (O @ (E + Bounded.exact(-w * np.eye(n)))).over(Bounded.exact(-w))
     X, dX = back @ start
-    of_O, of_filtered = (bound.part(slice(None), 0).with_rounding(n) for bound in (O, filtered))
+    of_O, of_filtered = (pair.part(slice(None), 0).with_rounding(n) for pair in (O, filtered))
     # what w may be off in the middle, to first order
     of_w = (
         np.abs(left_vectors[:, :1])
@@ -434,21 +434,21 @@ def _with_slow_mode(
     of_w = of_w / np.abs((left_vectors * right)[:, 0].sum(-1))[:, None, None]
     of_filtered = of_filtered + np.abs((O @ E).value[:, 0]) * of_w / np.abs(w[:, 0]) ** 2
     rough = E.part(slice(None), 0).with_rounding(n + 2) + sum_rounding(n + 2) * np.eye(n)
-    E, O, filtered = (bound.value for bound in (E, O, filtered))
+    E, O, filtered = (pair.value for pair in (E, O, filtered))
 
     # Frames until the others are gone, of the slowest of these.
     frames = int(mode.frames.max())
     power = np.zeros_like(E)  # A^k - 1
     largest = np.zeros((len(E), n))
-    most_blocks = np.zeros((len(E), n, n))  # of |A^k|
-    summed = most_blocks
+    largest_powers = np.zeros((len(E), n, n))  # of |A^k|
+    summed = largest_powers
     shown = np.zeros(O[:, 0].shape)
     for _ in range(frames):
         seen.look(O @ X)
         largest = np.maximum(largest, np.abs(X[:, 0]).max(-1))
         grown = power + np.eye(n)
         size = _largest_on(grown)
-        most_blocks = np.maximum(most_blocks, size)
+        largest_powers = np.maximum(largest_powers, size)
         summed = summed + size
         shown = np.maximum(shown, _largest_on(filtered @ grown))
         X = X + E @ X
@@ -462,7 +462,7 @@ def _with_slow_mode(
         u = np.maximum(u, of_all @ u * (1 + 1e-3))
     holds = (of_all @ u <= u).all((1, 2))
     later = shown @ u + _largest_on(filtered) @ (summed @ (rough @ u)) + of_filtered @ u
-    off = (of_O @ largest[..., None] + np.abs(O[:, 0]) @ (most_blocks @ begun + pushed))[..., 0]
+    off = (of_O @ largest[..., None] + np.abs(O[:, 0]) @ (largest_powers @ begun + pushed))[..., 0]
     return seen.value(_Rest(np.where(holds[:, None], later[..., 0], np.nan), off, off))
 
 
@@ -526,7 +526,7 @@ def step(
                 unsure=unsure,
             )
             seen.known &= regular[panels]
-            return method(*(bound.part(panels) for bound in (E, O, starts)), seen, *more)
+            return method(*(pair.part(panels) for pair in (E, O, starts)), seen, *more)
 
         open_ = np.ones(len(E.value), bool)
         value = Enclosed.unknown(open_.size)

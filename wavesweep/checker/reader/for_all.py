@@ -180,7 +180,7 @@ def _of_number(table: ForAll, name: str, entry: Any, exact, whole: bool):
             if not varying and not whole:
                 table.ranges[name] = low, high
                 return
-            values = [Fraction(weight) for weight in range(_whole(low), _whole(high) + 1)]
+            values = [Fraction(count) for count in range(_whole(low), _whole(high) + 1)]
         if chances and not (varying and "values" in entry):
             raise Unreadable(f"for_all.{name} has chances, and does not vary, or has no values")
         if len(chances) > 1 or (name == DELAY and "next" in chances):
@@ -193,9 +193,9 @@ def _of_number(table: ForAll, name: str, entry: Any, exact, whole: bool):
     if len(values) > MOST_VARYING:
         raise Unreadable(f"for_all.{name} has {len(values)} values; at most {MOST_VARYING} vary")
     table.varying[name] = values
-    for part, limits in (("shares", table.shares), ("next", table.following)):
+    for part, stored in (("shares", table.shares), ("next", table.following)):
         if part in chances:
-            limits[name] = entry[part]
+            stored[name] = entry[part]
 
 
 def _whole(value: Fraction, highest: int = 100_000) -> int:

@@ -156,21 +156,21 @@ def shifted(memory: str, count: int, newest: dict) -> dict[str, dict]:
 # Small matrices as lists of rows, of coefficients of any kind.
 
 
-def product(A, right):
-    columns = transposed(right)
+def product(A, B):
+    columns = transposed(B)
     return [[dot(row, column) for column in columns] for row in A]
 
 
-def dot(row, right):
-    return sum((a * b for a, b in zip(row[1:], right[1:], strict=True)), start=row[0] * right[0])
+def dot(row, column):
+    return sum((a * b for a, b in zip(row[1:], column[1:], strict=True)), start=row[0] * column[0])
 
 
 def transposed(matrix):
     return [list(column) for column in zip(*matrix, strict=True)]
 
 
-def plus(A, right):
-    pairs = zip(A, right, strict=True)
+def plus(A, B):
+    pairs = zip(A, B, strict=True)
     return [[a + b for a, b in zip(row, addend, strict=True)] for row, addend in pairs]
 
 
@@ -178,8 +178,8 @@ def times(factor, matrix):
     return [[factor * entry for entry in row] for row in matrix]
 
 
-def outer(column, right):
-    return [[a * b for b in right] for a in column]
+def outer(column, row):
+    return [[a * b for b in row] for a in column]
 
 
 def diagonal(entries):

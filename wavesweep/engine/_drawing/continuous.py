@@ -163,8 +163,8 @@ def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
         for summand in _summands(last, products):
             yield summand if operation == "+" else Tree("negative", (summand,), tree.offset)
     elif products and operation in ("*", "/"):
-        left_operand, right = tree.operands
-        seconds = list(_summands(right, products)) if operation == "*" else [right]
+        left_operand, right_operand = tree.operands
+        seconds = list(_summands(right_operand, products)) if operation == "*" else [right_operand]
         for factor in _summands(left_operand, products):
             for second in seconds:
                 yield Tree(operation, (factor, second), tree.offset)

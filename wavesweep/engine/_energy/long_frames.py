@@ -82,9 +82,9 @@ def largest_gains(lifted: LiftedMap, theta: np.ndarray) -> np.ndarray:
     O = lifted.O[0]
     G = lifted.G[0]
     # Numbers of the points that are computed together.
-    portion = max(1, 2_000_000 // (2 * len(T) + len(O[0]) * G.shape[-1]))
-    if theta.size > portion:
-        parts = np.array_split(theta, -(-theta.size // portion))
+    most_points = max(1, 2_000_000 // (2 * len(T) + len(O[0]) * G.shape[-1]))
+    if theta.size > most_points:
+        parts = np.array_split(theta, -(-theta.size // most_points))
         return np.concatenate([largest_gains(lifted, part) for part in parts])
     w = on_circle(theta)[:, None, None] * np.eye(lifted.E.shape[-1]) - lifted.E[0]
     inner = solve(w, np.broadcast_to(G, (theta.size, *G.shape)) + 0j)  # (points, n, inputs)

@@ -409,8 +409,10 @@ def held(
             E = np.where(unfinished, 2 * E + E @ E, E)
             lost = EPS * of_E > LOST_PHASE * np.maximum(1, np.abs(E + eye))
             certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
-    finite = certain[..., None, None]
-    return HeldMatrices(np.where(finite, E, np.nan), np.where(finite, G, np.nan), of_E, of_G)
+    is_certain = certain[..., None, None]
+    return HeldMatrices(
+        np.where(is_certain, E, np.nan), np.where(is_certain, G, np.nan), of_E, of_G
+    )
 
 
 class Rates(NamedTuple):

@@ -228,34 +228,32 @@ def _take_out(
     drawing: Drawing,
     placed: tuple[ScheduledBlock, ...],
     sums: dict[str, dict[str, np.ndarray | float]],
-    of_numbers: dict[str, Any],
+    by_name: dict[str, Any],
     out: str,
 ) -> tuple[ScheduledBlock, ...]:
     """Make the product of a number the input PRODUCT: `sums` is changed, and the blocks are
     returned, of which one has another input if the number is the factor of a gain.
 
-    of_numbers: numbers by name.
+    by_name: numbers by name.
     """
     table, _, place = drawing.scalar_place(out).partition(".")
     if table == "wire":
         wire = dict(drawing.wires)[place]
         sums[place] = {PRODUCT: 1.0}
-        sums[place] |= {signal: _parts(gain, of_numbers, out)[0] for signal, gain in wire}
-        sums[FACTOR] = _factor(wire, of_numbers, out)
+        sums[place] |= {signal: _parts(gain, by_name, out)[0] for signal, gain in wire}
+        sums[FACTOR] = _factor(wire, by_name, out)
         return placed
     block = place.rpartition(".")[0]
     keys = dict(next(core.keys for core in drawing.cores if core.name == block))
     sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
     if "k" in keys:
-        constant, slope = _parts(keys["k"], of_numbers, out)
+        constant, slope = _parts(keys["k"], by_name, out)
         sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
         D = [[constant, 1.0]]
         opened = blocks.ss(block, 1.0, [], [], [], D, ("u", PRODUCT), ("y",), discrete=True)
     else:
-        constants, slopes = zip(
-            *(_parts(tree, of_numbers, out) for tree in keys["num"]), strict=True
-        )
-        den = [tree.values(of_numbers) for tree in keys["den"]]
+        constants, slopes = zip(*(_parts(tree, by_name, out) for tree in keys["num"]), strict=True)
+        den = [tree.values(by_name) for tree in keys["den"]]
         by_itself = blocks.tf(block, 1.0, list(constants), den, keys["discrete"])
         multiplied = blocks.tf(block, 1.0, list(slopes), den, keys["discrete"])
         sums[FACTOR] = {f"{block}.factor": 1.0}

@@ -106,10 +106,10 @@ def _closure(block: Block, loops: np.ndarray | int, p: np.ndarray) -> _Closure:
     if not block.inputs:
         return _Closure(p, pivot, condition)
     through = p * _of_loops(block.D, loops)[..., 0, 0]
-    returned = 1 - through
-    pivot = pivot * returned
-    condition = condition * (1 + np.abs(through)) / np.abs(returned)
-    gain = np.where(condition <= WORST_CONDITION, p / returned, np.nan)
+    return_difference = 1 - through
+    pivot = pivot * return_difference
+    condition = condition * (1 + np.abs(through)) / np.abs(return_difference)
+    gain = np.where(condition <= WORST_CONDITION, p / return_difference, np.nan)
     return _Closure(gain, pivot, condition)
 
 
@@ -144,8 +144,8 @@ def _sizes_closed(
         return _with_gain(E, B, C, loops, gain)
     direct = np.where(block.D == 0, 0.0, direct)  # what cancels to nothing is nothing
     through = np.abs(p) * _of_loops(direct, loops)[..., 0, 0]
-    returned = np.abs(1 - p * _of_loops(block.D, loops)[..., 0, 0])
-    unsure = np.abs(gain) * ((1 + through) / returned)
+    return_difference = np.abs(1 - p * _of_loops(block.D, loops)[..., 0, 0])
+    unsure = np.abs(gain) * ((1 + through) / return_difference)
     return _with_gain(E, B, C, loops, unsure)
 
 

@@ -206,8 +206,8 @@ def known_frames(E: np.ndarray, growth: np.ndarray) -> np.ndarray:
     """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
     if not np.any(growth > LOST_GROWTH):
         return E
-    kept_digits = growth <= LOST_GROWTH
-    return np.where(kept_digits[..., None, None], E, np.nan)
+    is_known = growth <= LOST_GROWTH
+    return np.where(is_known[..., None, None], E, np.nan)
 
 
 def _with_identity(E: np.ndarray) -> np.ndarray:

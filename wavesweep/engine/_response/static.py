@@ -236,8 +236,8 @@ def _limits(loop: Lifted) -> list[_Limit]:
     error_1 = error_1 + ordered_product(dG, M * size_X + size_X_1) + M * dh + rough * size_1
     values = (np.moveaxis(array, -1, 0) / M for array in (value, error, size))
     slopes = (np.moveaxis(array, -1, 0) / M for array in (slope, error_1, size_1))
-    at_rest = [_Known(*bounded) for bounded in zip(*values, strict=True)]
-    turning = [_Known(*bounded) for bounded in zip(*slopes, strict=True)]
+    at_rest = [_Known(*entry) for entry in zip(*values, strict=True)]
+    turning = [_Known(*entry) for entry in zip(*slopes, strict=True)]
     return [_Limit(*both) for both in zip(at_rest, turning, strict=True)]
 
 

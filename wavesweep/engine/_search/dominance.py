@@ -35,7 +35,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     from wavesweep.engine._stability.along_any import FROM_ZERO, stable_along_any
 
     loops = slices.loops
-    number = question.along
+    path = question.along
     span = question.span
     bound = question.bound
     frames = FramesAlong.of(question, loops, slices.size)
@@ -45,14 +45,14 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     variable = _variable(question, frames, stops_a_drift)
     balls = None
     if question.prover and not bound:
-        balls = question.prover(loops, number, frames.period)
+        balls = question.prover(loops, path, frames.period)
     from_one = stops_a_drift and span[0] == 0 and variable != FROM_ZERO
     intervals = stable_along_any(
         frames.family, span, variable=variable, balls=balls, from_one=from_one
     )
     if stops_a_drift:
         intervals = _meeting_one_at_zero(span, intervals)
-    return in_own_time(intervals, loops, number)
+    return in_own_time(intervals, loops, path)
 
 
 def _variable(question: Question, frames: FramesAlong, stops_a_drift: bool) -> str:

@@ -297,20 +297,23 @@ class TaylorModel:
         """Return the product by its polynomial; bounds: what else is known of it."""
         shape = np.broadcast_shapes(np.shape(self.rest), np.shape(other.rest))
         first = np.abs(self.terms)
-        two = np.abs(other.terms)
-        present = [terms_of.reshape(len(terms_of), -1).any(1) for terms_of in (first, two)]
+        second = np.abs(other.terms)
+        present = [terms_of.reshape(len(terms_of), -1).any(1) for terms_of in (first, second)]
         at_once = max(1, PIECE // max(1, int(np.prod(shape))))
         terms = np.zeros((len(self.terms), *shape))
         plan = _pairs(
             self.numbers, self.order, *(terms_of.tobytes() for terms_of in present), at_once
         )
         _multiply_into(terms, self.terms, other.terms, plan, np.multiply)
-        first, two = (_by_degree(terms_of, self.numbers, self.order) for terms_of in (first, two))
+        first, second = (
+            _by_degree(terms_of, self.numbers, self.order) for terms_of in (first, second)
+        )
         all_one = first.sum(0)
-        all_two = two.sum(0)
+        all_two = second.sum(0)
         # of degrees above the index
         above = (
-            np.maximum(all_two - np.cumsum(two, 0), 0.0) + 4 * len(two) * UNIT_ROUNDING * all_two
+            np.maximum(all_two - np.cumsum(second, 0), 0.0)
+            + 4 * len(second) * UNIT_ROUNDING * all_two
         )
         beyond = (first[1:] * above[::-1][1:]).sum(0)
         rest = self.rest * (all_two + other.rest) + all_one * other.rest + beyond
@@ -740,26 +743,28 @@ class Polynomials:
     def _product(
         self, other: Polynomials, multiply: Callable[..., Any], summed: int
     ) -> Polynomials:
-        sizes = self.sizes
-        two = other.sizes
+        first = self.sizes
+        second = other.sizes
         # No more terms make one of the product; `above` is a difference of sums over the degrees.
         roundings = (
-            2 * (summed + min(sizes.present.sum(), two.present.sum()) + self.order) * UNIT_ROUNDING
+            2
+            * (summed + min(first.present.sum(), second.present.sum()) + self.order)
+            * UNIT_ROUNDING
         )
-        rest = multiply(self.rest, two.whole + other.rest) + multiply(
-            sizes.whole, other.rest + roundings * two.whole
+        rest = multiply(self.rest, second.whole + other.rest) + multiply(
+            first.whole, other.rest + roundings * second.whole
         )
-        if sizes.present[1:].any() and two.present[1:].any():
-            rest = rest + multiply(sizes.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
+        if first.present[1:].any() and second.present[1:].any():
+            rest = rest + multiply(first.by_degree[1:], second.above[self.order - 1 :: -1]).sum(0)
         at_once = _at_once(max(self.rest.size, other.rest.size, rest.size))
         terms = np.zeros((len(self.terms), *rest.shape))
-        if not sizes.present[1:].any():  # the same for all numbers
-            terms[two.present] = multiply(self.terms[0], other.terms[two.present])
-        elif not two.present[1:].any():
-            terms[sizes.present] = multiply(self.terms[sizes.present], other.terms[0])
+        if not first.present[1:].any():  # the same for all numbers
+            terms[second.present] = multiply(self.terms[0], other.terms[second.present])
+        elif not second.present[1:].any():
+            terms[first.present] = multiply(self.terms[first.present], other.terms[0])
         else:
             plan = _pairs(
-                self.numbers, self.order, sizes.present.tobytes(), two.present.tobytes(), at_once
+                self.numbers, self.order, first.present.tobytes(), second.present.tobytes(), at_once
             )
             _multiply_into(terms, self.terms, other.terms, plan, multiply)
         return self._like(terms, rest)

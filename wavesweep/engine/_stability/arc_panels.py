@@ -135,8 +135,8 @@ def panel_roots(
     while column.size:
         reach = OVERLAP * (high - low)
         start = low - reach
-        right = high + reach
-        panels = _Panels(column, (start + right) / 2, (right - start) / 2)
+        end = high + reach
+        panels = _Panels(column, (start + end) / 2, (end - start) / 2)
         samples = _Samples(*sample(panels.column, panels.at(NODE)))
         tiles = _Tiles(column, low, high, samples.largest, np.zeros(column.size))
         leaves = Leaves.of(columns, _Tiles.join([*closed, tiles]), degree)
@@ -368,7 +368,7 @@ class Leaves(NamedTuple):
             (2 * np.pi - middle - high, 2 * np.pi - middle - low),
         ):
             near |= (begin - a < half) & (end > -a)
-            first, last = (np.clip(ends - a, half, np.pi) for ends in (begin, end))
+            first, last = (np.clip(angle - a, half, np.pi) for angle in (begin, end))
             weight += 1 / np.tan(first / 2) - 1 / np.tan(last / 2)
         beside = np.where(near, largest, -np.inf).max(-1)
         beyond = np.where(near, 0.0, np.maximum(largest - beside[..., None], 0.0))

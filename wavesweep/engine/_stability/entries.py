@@ -187,22 +187,22 @@ def panels_of(
         lowest = bounds[0][column]
         highest = bounds[1][column]
         low_ends = np.maximum(low - over, lowest)
-        right = np.minimum(high + over, highest)
-        middle = (low_ends + right) / 2
-        half = (right - low_ends) / 2
+        high_ends = np.minimum(high + over, highest)
+        middle = (low_ends + high_ends) / 2
+        half = (high_ends - low_ends) / 2
         inside = (middle - EXTENT * half >= lowest) & (middle + EXTENT * half <= highest)
         good = np.zeros(column.size, bool)
         overflown = np.zeros(column.size, bool)
         hopeless = np.zeros(column.size, bool)
         chosen = np.flatnonzero(inside)
         if resolved is not None and chosen.size:
-            chosen = chosen[resolved(column[chosen], low_ends[chosen], right[chosen])]
+            chosen = chosen[resolved(column[chosen], low_ends[chosen], high_ends[chosen])]
         for first in range(0, chosen.size, few):
             portion = chosen[first : first + few]
             places = (fact[portion] for fact in (column, low, high, middle, half))
             with np.errstate(all="ignore"):
-                followed, node_angles, finite = _followed(_Spans(frames, errors, *places))
-            good[portion[node_angles]] = True
+                followed, in_portion, finite = _followed(_Spans(frames, errors, *places))
+            good[portion[in_portion]] = True
             overflown[portion] = ~finite.all(1)
             hopeless[portion] = ~finite.any(1)
             done += followed

@@ -54,9 +54,9 @@ def _left_eigenvectors(right: np.ndarray) -> np.ndarray:
     """Return the inverse of the right eigenvectors, or what is nearest to it: of a double
     eigenvalue there is none."""
     if len(right) >= BOUNDED_STATES:
-        rows = inverse(right)  # in a tenth of the time
-        if np.abs(rows @ right - np.eye(len(right))).max() < INVERTED_MODES:
-            return rows
+        left_vectors = inverse(right)  # in a tenth of the time
+        if np.abs(left_vectors @ right - np.eye(len(right))).max() < INVERTED_MODES:
+            return left_vectors
     return np.linalg.pinv(right)
 
 

@@ -99,12 +99,12 @@ def positive(
     box: Box,
     limits: tuple[float, float],
     resolved: Callable[[float, float], bool],
-    most_boxes: int,
+    most_points: int,
 ) -> Cover:
     """Prove that functions are positive on a box; a number whose two ends are equal does not vary.
 
     limits: of the first number, beyond which they are not analytic. resolved: whether they have no narrow
-    features between two values of it. most_boxes: points to compute at most.
+    features between two values of it. most_points: points to compute at most.
     """
     box = np.asarray(box, float)
     wide = np.flatnonzero(box[0] < box[1])
@@ -112,7 +112,7 @@ def positive(
     units = functions.units(box.mean(0))
     queue = [box]
     used = 0
-    while queue and used < most_boxes:
+    while queue and used < most_points:
         together = max(1, AT_ONCE // per_box)
         boxes = np.array(queue[:together])
         queue = queue[together:]

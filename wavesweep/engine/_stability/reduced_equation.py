@@ -488,11 +488,11 @@ def _without(
     meets = (panels.column[boxes.panel] == column) & (a < high) & (b > low)
     remaining = [boxes.take(~meets)]
     for start, stop in ((a, np.full(b.size, low)), (np.full(a.size, high), b)):
-        cut_boxes = np.flatnonzero(meets & (stop > start))
-        cut = boxes.take(cut_boxes)
+        crossed = np.flatnonzero(meets & (stop > start))
+        cut = boxes.take(crossed)
         margin = pad[cut.panel]
-        begin = (start[cut_boxes] - middle[cut_boxes]) / half[cut_boxes] - margin
-        end = (stop[cut_boxes] - middle[cut_boxes]) / half[cut_boxes] + margin
+        begin = (start[crossed] - middle[crossed]) / half[crossed] - margin
+        end = (stop[crossed] - middle[crossed]) / half[crossed] + margin
         remaining.append(replace(cut, x=(begin + end) / 2, wide=(end - begin) / 2))
     return _Boxes.join(remaining)
 

@@ -456,11 +456,11 @@ def _count_outside(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         far = np.take_along_axis(distance[near] >= NEIGHBOURHOOD, order, axis=-1)
         # Of the nearest ones four are examined, and all others in the neighbourhood.
         far[:, :4] = False
-        near_modes = (~far).sum(-1).max()
-        far = far[:, :near_modes]
+        near_count = (~far).sum(-1).max()
+        far = far[:, :near_count]
         balanced, units = balance(E[near])
         rounding = BACKWARD * EPS * np.abs(balanced).max((-1, -2))
-        points = on_circle(np.abs(np.angle(1 + closest[:, :near_modes])))
+        points = on_circle(np.abs(np.angle(1 + closest[:, :near_count])))
         if E.shape[-1] < BOUNDED_STATES:
             smallest = _smallest(balanced, points)
             clear[near] = np.where(far, np.inf, smallest).min(-1) > rounding

@@ -255,13 +255,13 @@ def _gaps(
     low, high = (np.full(columns, float(end)) for end in span)
     column = np.concatenate([every, tiles.column, every])
     begins = np.concatenate([low, tiles.low, high])
-    right = np.concatenate([low, tiles.high, high])
-    order = np.lexsort((right, begins, column))
+    ends = np.concatenate([low, tiles.high, high])
+    order = np.lexsort((ends, begins, column))
     column = column[order]
     begins = begins[order]
-    right = right[order]
-    gap = np.flatnonzero((np.diff(column) == 0) & (begins[1:] > right[:-1]))
-    gaps = Tiles.of(column[gap], right[gap], begins[gap + 1], UNKNOWN)
+    ends = ends[order]
+    gap = np.flatnonzero((np.diff(column) == 0) & (begins[1:] > ends[:-1]))
+    gaps = Tiles.of(column[gap], ends[gap], begins[gap + 1], UNKNOWN)
     everything = (gaps.low == span[0]) & (gaps.high == span[1])
     inside = (gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1])
     return gaps.take(everything | inside)

@@ -81,18 +81,18 @@ def decide(family: Family, x: float = 0.0, work: float = OPERATIONS_OF_SEARCH) -
     for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and words
     themselves are searched in plain doubles.
     """
-    live = Remembered.of(family, [x])
-    A = live.at(x)
-    centre, _ = first_centre(A, live.follows)
-    for word in growing(A, live.follows, centre.basis):
-        if is_refuted(live, word, x):
+    remembered = Remembered.of(family, [x])
+    A = remembered.at(x)
+    centre, _ = first_centre(A, remembered.follows)
+    for word in growing(A, remembered.follows, centre.basis):
+        if is_refuted(remembered, word, x):
             return Decision(Verdict.REFUTED, word=word)
-    centre, factor = find_norms(A, live.follows, work=work)
-    norms = live.proved((x, centre)) if factor == 1 else None
+    centre, factor = find_norms(A, remembered.follows, work=work)
+    norms = remembered.proved((x, centre)) if factor == 1 else None
     if norms:
         return Decision(Verdict.PROVED, norms[0])
-    for word in growing(A, live.follows, centre.basis, (), MORE, norms=centre.norms):
-        if is_refuted(live, word, x):
+    for word in growing(A, remembered.follows, centre.basis, (), MORE, norms=centre.norms):
+        if is_refuted(remembered, word, x):
             return Decision(Verdict.REFUTED, word=word)
     return Decision(Verdict.UNKNOWN)
 
@@ -118,21 +118,21 @@ def bracket(
     """
     # Of the way to the limits, where it is seen what frames forget.
     nearby = [start + 0.1 * (limit - start) for limit in limits]
-    live = Remembered.of(family, (start, *nearby))
-    A = live.at(start)
-    if growing_of(A, short_words(live.follows)):
+    remembered = Remembered.of(family, (start, *nearby))
+    A = remembered.at(start)
+    if growing_of(A, short_words(remembered.follows)):
         return Bracket(np.nan, np.nan)
-    first, factor = find_norms(A, live.follows, work=work)
+    first, factor = find_norms(A, remembered.follows, work=work)
     if factor < 1:
         return Bracket(np.nan, np.nan)
-    up = _Way(live, start, limits[1], tolerance, work, first, partial(report, start))
+    up = _Way(remembered, start, limits[1], tolerance, work, first, partial(report, start))
     high, above = up.side()
     near = tolerance**2 * abs(high - start)
 
     def told(reached: float, share: float) -> None:
         report(reached, high, share)
 
-    down = _Way(live, start, limits[0], tolerance, work, first, told, near)
+    down = _Way(remembered, start, limits[0], tolerance, work, first, told, near)
     low, below = down.side()
     stretches = sorted((*down.stretches, *up.stretches), key=lambda stretch: stretch.low)
     return Bracket(float(low), float(high), below, above, tuple(stretches))
@@ -346,7 +346,7 @@ def nearest_refuted(
 
     # Of a refuted number, how far back words are searched that may decay again next to it.
     back = (0.3, 0.1, 0.03, tolerance / 4)
-    nearest_word = nearest_of(family, start, limit, STEPS, grown, back)
-    if not nearest_word.word:
-        return nearest_word
-    return Refuted(nearest(family, nearest_word.word, start, nearest_word.x), nearest_word.word)
+    refuted = nearest_of(family, start, limit, STEPS, grown, back)
+    if not refuted.word:
+        return refuted
+    return Refuted(nearest(family, refuted.word, start, refuted.x), refuted.word)

@@ -125,8 +125,8 @@ class Growth:
         wide = np.flatnonzero(box[0] < box[1])
         if not wide.size:
             return _ranked(starts, self.of(starts))
-        members = operations / self.operations
-        scattered = _scattered(box, int(np.clip(members / 4, LEAST_SCATTERED, SCATTERED)), rng)
+        member_count = operations / self.operations
+        scattered = _scattered(box, int(np.clip(member_count / 4, LEAST_SCATTERED, SCATTERED)), rng)
         points = np.unique(np.concatenate([np.clip(starts, *box), scattered]), axis=0)
         ranked = _ranked(points, self.of(points))
         spread = np.linspace(BEST, min(len(points), 64) - 1, OTHERS).astype(int)
@@ -134,7 +134,7 @@ class Growth:
         points = ranked.points[chosen]
         values = ranked.growth[chosen]
         step = np.full((len(points), 1), 0.4)  # in halves of a range
-        left = members - len(ranked.points)
+        left = member_count - len(ranked.points)
         last = np.zeros((len(points), wide.size))
         for _ in range(80):  # steps of the climb
             if left < 0:

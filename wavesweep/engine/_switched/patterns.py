@@ -273,7 +273,7 @@ def _neighbours(A: np.ndarray, word: Word) -> tuple[list[Word], np.ndarray]:
 
 def _allowed(follows: np.ndarray, word: Word) -> bool:
     after = (*word[1:], word[0])
-    return all(follows[before, behind] for before, behind in zip(word, after, strict=True))
+    return all(follows[symbol, successor] for symbol, successor in zip(word, after, strict=True))
 
 
 def _least(word: Word) -> Word:
@@ -343,7 +343,8 @@ def joined(follows: np.ndarray) -> tuple[Word, ...]:
         for may in np.unique(after, axis=0):
             leads_on = (after == may).all(1)
             longer = [
-                words[before] + words[two] for before, two in np.argwhere(leads_on[:, None] & may)
+                words[first] + words[second]
+                for first, second in np.argwhere(leads_on[:, None] & may)
             ]
             joined_words = [
                 word for word, gone in zip(words, leads_on, strict=True) if not gone

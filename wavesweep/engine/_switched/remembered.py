@@ -80,10 +80,10 @@ class Remembered:
             return None
         norms: list[Norms] = []
         for (_, centre), place in zip(ends, (0, -1), strict=False):
-            at_number = self.norms(centre, points[0][[place]])
-            if at_number is None:
+            norms_at_number = self.norms(centre, points[0][[place]])
+            if norms_at_number is None:
                 return None
-            norms.append(at_number)
+            norms.append(norms_at_number)
         if not shrink_along(norms, *points, self.follows):
             return None
         return tuple(norms)

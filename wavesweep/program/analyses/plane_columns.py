@@ -314,10 +314,10 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
     pixel = width_of_all / view.wide
     in_table = [x for x in places if x in curve.in_table]
     doubtful = {x for x in places if _doubtful(curve.columns[x])}
-    for before, right in pairwise(in_table):
-        if before in doubtful or right in doubtful:
+    for before, after in pairwise(in_table):
+        if before in doubtful or after in doubtful:
             continue
-        inside = [x for x in places if before <= x <= right]
+        inside = [x for x in places if before <= x <= after]
         certain = [x for x in inside if x not in doubtful]
         for x in {*inside} - {*certain}:
             del curve.columns[x]
@@ -356,8 +356,8 @@ def _is_straight(
         ends.append([(interval.low, interval.high) for interval in intervals])
     if len(numbers) > 1:
         return False
-    first, centre, right = view.height(np.array(ends))
-    return bool((np.abs(centre - (first + right) / 2) <= tolerance).all())
+    first, centre, last = view.height(np.array(ends))
+    return bool((np.abs(centre - (first + last) / 2) <= tolerance).all())
 
 
 def spec_of(facts: Mapping[str, Any]) -> Any:

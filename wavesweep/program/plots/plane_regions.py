@@ -75,16 +75,16 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
     # what is not known: columns that are known in part, half way to their neighbours, and gaps. A
     # gap counts only where others are known.
     places = sorted(curve.columns)
-    middles = [view.between(begin, right, 2)[0] for begin, right in pairwise(places)]
+    middles = [view.between(begin, end, 2)[0] for begin, end in pairwise(places)]
     begins = [places[0], *middles]
     ends = [*middles, places[-1]]
     unknown: list[tuple[float, float, float, float]] = []
-    for x, begin, right in zip(places, begins, ends, strict=True):
+    for x, begin, end in zip(places, begins, ends, strict=True):
         _, open_spans = curve.columns[x]
-        unknown += [(begin, right, low, high) for low, high in open_spans]
+        unknown += [(begin, end, low, high) for low, high in open_spans]
     if curve.gaps:
         gaps = [gap for gap in pairwise(places) if gap not in curve.gaps]
-        unknown += [(begin, right, -np.inf, np.inf) for begin, right in gaps]
+        unknown += [(begin, end, -np.inf, np.inf) for begin, end in gaps]
     return Region(
         areas=areas,
         unproved=unproved,
@@ -106,14 +106,14 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
     across: list[tuple[Line, bool]] = []
     bars: Chain = []
     joined_before = True  # the bars at `x_before` are not drawn yet
-    for x_before, right in pairwise(places):
-        state = curve.gaps.get((x_before, right), UNDECIDED)
+    for x_before, x_after in pairwise(places):
+        state = curve.gaps.get((x_before, x_after), UNDECIDED)
         before, open_before = curve.columns[x_before]
-        after, open_after = curve.columns[right]
+        after, open_after = curve.columns[x_after]
         if state == KNOWN:
-            _go_on(growing, right, after)
+            _go_on(growing, x_after, after)
         elif state == NARROW:
-            (middle,) = view.between(x_before, right, 2)
+            (middle,) = view.between(x_before, x_after, 2)
             is_open = bool(open_before or open_after)
             at_fold = None if is_open else _at_fold(before, after)
             ending, beginning = at_fold or (before, after)
@@ -121,12 +121,12 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
                 across += _jumps(middle, before, after)
             _go_on(growing, middle, ending)
             pairs = zip(beginning, after, strict=True)
-            growing = [[(middle, first), (right, second)] for first, second in pairs]
+            growing = [[(middle, first), (x_after, second)] for first, second in pairs]
             chains += growing
         else:
             if joined_before:
                 bars += _points(x_before, before)
-            starts = _points(right, after)
+            starts = _points(x_after, after)
             bars += starts
             growing = [[start] for start in starts]
             chains += growing
@@ -196,20 +196,20 @@ def _moved(intervals: Sequence[Interval], ends: np.ndarray) -> list[Interval]:
 def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
     """The steps along both real ends of an interval, and whether they are certified at both
     sides."""
-    for (x_before, a), (right, b) in pairwise(chain):
+    for (x_before, a), (x_after, b) in pairwise(chain):
         certified = a.certified and b.certified
         if a.low_real and b.low_real:
-            yield [(right, b.low), (x_before, a.low)], certified
+            yield [(x_after, b.low), (x_before, a.low)], certified
         if a.high_real and b.high_real:
-            yield [(x_before, a.high), (right, b.high)], certified
+            yield [(x_before, a.high), (x_after, b.high)], certified
 
 
 def _felt(chain: Chain) -> Iterator[Line]:
     """The steps along the stiffness felt at the upper limit; there is none where the swept range
     ends the interval."""
-    for (x_before, a), (right, b) in pairwise(chain):
+    for (x_before, a), (x_after, b) in pairwise(chain):
         if a.high_real and b.high_real and not np.isnan(a.felt_high + b.felt_high):
-            yield [(x_before, a.felt_high), (right, b.felt_high)]
+            yield [(x_before, a.felt_high), (x_after, b.felt_high)]
 
 
 def _jumps(
@@ -222,11 +222,13 @@ def _jumps(
         stable_before = [
             interval for interval in before if interval.low <= low and interval.high >= high
         ]
-        right = [interval for interval in after if interval.low <= low and interval.high >= high]
-        if stable_before and not right:
+        stable_after = [
+            interval for interval in after if interval.low <= low and interval.high >= high
+        ]
+        if stable_before and not stable_after:
             yield [(x, high), (x, low)], stable_before[0].certified
-        elif right and not stable_before:
-            yield [(x, low), (x, high)], right[0].certified
+        elif stable_after and not stable_before:
+            yield [(x, low), (x, high)], stable_after[0].certified
 
 
 def _joined(lines: Sequence[Line]) -> list[Line]:

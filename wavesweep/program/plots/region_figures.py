@@ -73,11 +73,11 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
 
     columns = []
     places = []
-    for begin, right, low, high in region.unknown:
+    for begin, end, low, high in region.unknown:
         if np.isinf(low):
-            columns.append((begin, right))
+            columns.append((begin, end))
         else:
-            places.append([(begin, low), (right, low), (right, high), (begin, high)])
+            places.append([(begin, low), (end, low), (end, high), (begin, high)])
     for column in columns:
         axes.axvspan(*column, **UNKNOWN)
     if columns:  # no hatching under what is known
