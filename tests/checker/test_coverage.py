@@ -1,8 +1,13 @@
 """What is asked, and how much of it claims cover: the last line, and the exit code."""
 
+from fractions import Fraction
+
 import pytest
 from checker.test_hand_made import ABOVE, BELOW, OUTSIDE, SPEC, STATES, WITHIN
 from support.proofs import checked
+
+from wavesweep.checker import coverage
+from wavesweep.checker.file import Claim, spec_of
 
 ASKED = {"claim": "modes", "sides": {"k": ["0", "2"]}, "open": [["0.86602", "0.86603"]]}
 OPEN = "open between (0.0005 %)"
@@ -78,3 +83,24 @@ def test_a_map_has_shares_that_are_all_only_where_they_are(tmp_path):
 def test_a_question_of_another_kind_is_no_file(tmp_path):
     for header in ({"of": "all"}, {"question": {}}, {"question": [{"claim": 1}]}, {"question": [ASKED | {"more": 1}]}):
         assert checked(tmp_path, SPEC, BOTH, header)[0] == 2
+
+
+def test_twice_as_many_rows_and_claims_take_twice_the_work(monkeypatch):
+    names = []
+    path_of = coverage.path_of
+    monkeypatch.setattr(coverage, "path_of", lambda tables, name: names.append(name) or path_of(tables, name))
+    tables = spec_of(SPEC.encode())
+    work = []
+    for count in (20, 40):
+        numbers = [{"rates.tick_hz": Fraction(place)} for place in range(1, count + 1)]
+        sides = {"k": (Fraction(0), Fraction(1))}
+        words, whole = coverage.in_words(
+            tables,
+            "sweep",
+            [coverage.Ask("modes", own, sides) for own in numbers],
+            [Claim("modes", own, sides, 0) for own in numbers],
+        )
+        assert whole, words
+        work.append(len(names))
+        names.clear()
+    assert work[1] <= 2 * work[0]

@@ -65,11 +65,11 @@ def counted(text: str, proof: Path, rows: list[dict]) -> tuple[Counter, Counter]
     no such row, and all of them; refuted ends that are."""
     tables = spec_of(text.encode())
     header, *lines = lines_of(proof)
-    claims = [claim_of(line) for line in lines if "claim" in line]
+    claims = coverage.Claims(tables, [claim_of(line) for line in lines if "claim" in line])
     proved: Counter = Counter()
     certified: Counter = Counter()
     for ask in map(ask_of, header["question"]):
-        line, _ = coverage.with_holes(ask, coverage.pieces_of(tables, ask, claims))
+        line, _ = coverage.with_holes(ask, claims.pieces_of(ask))
         kind = KINDS.get(ask.claim, "rows")
         nothing = ask.open[:1] == [*ask.sides.values()]  # has no interval
         certified[kind] += ask.claim in coverage.SCOPES and not nothing
@@ -78,7 +78,7 @@ def counted(text: str, proof: Path, rows: list[dict]) -> tuple[Counter, Counter]
         proved[kind] += all(is_covered(ask, line, *ends) for ends in intervals) and bool(
             states & {"stable", "within", "unstable"}
         )
-    refuted = Counter({"refuted ends": sum(claim.claim == "refuted" for claim in claims)})
+    refuted = Counter({"refuted ends": sum(claim.claim == "refuted" for claim in claims.claims)})
     return proved + refuted, certified + refuted
 
 

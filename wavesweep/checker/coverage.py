@@ -11,7 +11,7 @@ gain, cut as those of claims
 open      stretches of it that the table leaves open
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
@@ -23,6 +23,8 @@ from .gain import Gain
 from .reader import for_all, path_of
 
 Ends = tuple[Fraction, Fraction]
+Path = tuple[str, ...]  # of a number in a spec
+Numbers = frozenset[tuple[Path, Ends]]
 ANSWERS = {"refuted": "for all", "goes on": "contact"}
 SCOPES = {
     "modes": "",
@@ -59,35 +61,62 @@ class Piece(NamedTuple):
     state: str = ""
 
 
-def pieces_of(tables: dict, ask: Ask, claims: Iterable) -> Iterator[Piece]:
-    """What the claims prove of a part of the question that is no map."""
-    along, *further = ask.sides or [""]
-    numbers = {name: (value, value) for name, value in ask.numbers.items()}
-    numbers = _by_path(tables, numbers | {name: ask.sides[name] for name in further})
-    for claim in claims:
-        answers = ANSWERS.get(claim.claim, claim.claim), claim.radius, claim.gain, claim.cut
-        if answers != (ask.claim, ask.radius, ask.gain, ask.cut):
-            continue
+class Claims:
+    """What claims prove, by the numbers for which they prove it: a claim is read once for all parts of the question
+    that ask for the same kind by the same names."""
+
+    def __init__(self, tables: dict, claims: Iterable):
+        self.tables = tables
+        self.claims = list(claims)
+        self._by_form: dict[tuple, dict[Numbers, list[Piece]]] = {}
+
+    def pieces_of(self, ask: Ask) -> list[Piece]:
+        """What is proved of a part of the question that is no map."""
+        along, *further = ask.sides or [""]
+        numbers = {name: (value, value) for name, value in ask.numbers.items()}
+        numbers = _by_path(self.tables, numbers | {name: ask.sides[name] for name in further})
+        form = (ask.claim, ask.radius, ask.gain, ask.cut, along, frozenset(numbers))
+        if form not in self._by_form:
+            self._by_form[form] = self._by_numbers(ask, along, numbers.keys())
+        return self._by_form[form].get(frozenset(numbers.items()), [])
+
+    def _by_numbers(
+        self, ask: Ask, along: str, names: Collection[Path]
+    ) -> dict[Numbers, list[Piece]]:
+        """The pieces of all claims that answer what is asked along a number, by the values of other numbers.
+
+        What refutes a member of a set has numbers of the set as well."""
         ranges = (
-            for_all.read(tables, exact).ranges if claim.claim in SCOPES.keys() - {"modes"} else {}
+            for_all.read(self.tables, exact).ranges
+            if ask.claim in SCOPES.keys() - {"modes"}
+            else {}
         )
-        values = {name: ends for name, ends in claim.sides.items() if name not in ranges}
-        values |= {name: (value, value) for name, value in claim.numbers.items()}
-        values = _by_path(tables, values)
-        span = (Fraction(0), Fraction(0))
-        if along:
-            span = values.pop(_path(tables, along), None)
-        members = claim.claim == "refuted" and numbers.items() <= values.items()
-        if span and not claim.shares and (values == numbers or members):
+        pieces: dict[Numbers, list[Piece]] = {}
+        for claim in self.claims:
+            answers = ANSWERS.get(claim.claim, claim.claim), claim.radius, claim.gain, claim.cut
+            if claim.shares or answers != (ask.claim, ask.radius, ask.gain, ask.cut):
+                continue
+            values = {name: ends for name, ends in claim.sides.items() if name not in ranges}
+            values |= {name: (value, value) for name, value in claim.numbers.items()}
+            values = _by_path(self.tables, values)
+            span = (
+                values.pop(_path(self.tables, along), None) if along else (Fraction(0), Fraction(0))
+            )
+            numbers = frozenset((name, values[name]) for name in names if name in values)
+            exceeds = len(values) > len(numbers) and claim.claim != "refuted"
+            if not span or len(numbers) < len(names) or exceeds:
+                continue
             state = "below" if ask.gain else STATES[ask.radius != 1][bool(claim.outside)]
-            yield Piece(*span, "refuted" if claim.claim in ANSWERS else state)
+            piece = Piece(*span, "refuted" if claim.claim in ANSWERS else state)
+            pieces.setdefault(numbers, []).append(piece)
+        return pieces
 
 
-def _by_path(tables, values: dict) -> dict:
+def _by_path(tables, values: dict) -> dict[Path, Ends]:
     return {_path(tables, name): value for name, value in values.items()}
 
 
-def _path(tables, name: str) -> tuple[str, ...]:
+def _path(tables, name: str) -> Path:
     return (name,) if name in (FACTOR, PHASE) else path_of(tables, name)
 
 
@@ -117,6 +146,7 @@ def is_stated(ask: Ask, hole: Piece) -> bool:
 def in_words(tables: dict, ran: str, question: Sequence[Ask], claims: Sequence) -> tuple[str, bool]:
     """The line of what is covered, and whether that is all of the question and of the spec."""
     scopes: dict[str, list[tuple[Ask, str, bool]]] = {}
+    known = Claims(tables, claims)
     for ask in question:
         sides = [
             f"{name} from {plain(low)} to {plain(high)}" for name, (low, high) in ask.sides.items()
@@ -128,7 +158,7 @@ def in_words(tables: dict, ran: str, question: Sequence[Ask], claims: Sequence) 
             scope += f" at {ask.cut}"
         if ask.radius != 1:
             scope += f" within a circle of radius {plain(ask.radius)} in each period of its rates"
-        covered = _of_map(ask, claims) if ran == "map" else _of_row(tables, ask, claims)
+        covered = _of_map(ask, claims) if ran == "map" else _of_row(ask, known)
         scopes.setdefault(scope, []).append((ask, *covered))
     parts = []
     for scope, rows in scopes.items():
@@ -157,8 +187,8 @@ def _written(numbers: dict[str, Fraction]) -> str:
     )
 
 
-def _of_row(tables, ask: Ask, claims) -> tuple[str, bool]:
-    line, again = with_holes(ask, pieces_of(tables, ask, claims))
+def _of_row(ask: Ask, claims: Claims) -> tuple[str, bool]:
+    line, again = with_holes(ask, claims.pieces_of(ask))
     low, high = line[0].low, line[-1].high
     size = high - low
     words = []

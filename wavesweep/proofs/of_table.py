@@ -473,7 +473,7 @@ def _same(radius: float, of_checker: float) -> bool:
 def covered(tables: dict, ask: coverage.Ask, claims: Sequence[Lines]) -> list[coverage.Piece]:
     """What claims prove of a part of the question, from low to high with the holes."""
     heads = [claim_of(lines[0]) for lines in claims]
-    return coverage.with_holes(ask, coverage.pieces_of(tables, ask, heads))[0]
+    return coverage.with_holes(ask, coverage.Claims(tables, heads).pieces_of(ask))[0]
 
 
 def openings(
@@ -629,6 +629,7 @@ def _contradictions(
 ) -> Iterator[str]:
     """Yield what a table has and its proof file does not ask about, or proves otherwise."""
     tables = of_spec.tables
+    claims = coverage.Claims(tables, proved)
     for kind, own, rows in _slices(spec, columns):
         own_claim = "gain" if gains_alone(spec) else "modes"
         claim = own_claim if kind in OWN else CLAIMED.get(kind, kind)
@@ -641,7 +642,7 @@ def _contradictions(
             asked = {path_of(tables, name): value for name, value in ask.numbers.items()}
             if ask.claim == claim and numbers.items() <= asked.items():
                 answered = True
-                line, _ = coverage.with_holes(ask, coverage.pieces_of(tables, ask, proved))
+                line, _ = coverage.with_holes(ask, claims.pieces_of(ask))
                 if words := contradicted(line, rows):
                     yield f"{where}: {words}"
         if not answered:
