@@ -47,5 +47,6 @@ def newest(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none")
 def checker(session: nox.Session) -> None:
-    """dist/wavesweep-checker.pyz, the checker of proofs as one file."""
+    """The checker of proofs in dist/: as one file, and as a wheel."""
     session.run("python3", ".ci/checker.py", "dist/wavesweep-checker.pyz", external=True)
+    session.run("python3", "-m", "pip", "wheel", "--no-deps", "--wheel-dir", "dist", "./wavesweep/checker", external=True)
