@@ -50,7 +50,6 @@ def of_control(a, k, every=2, late=1):
     }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("k", "size", "proved"), [(0.5, np.inf, np.inf), (3.0, np.inf, 0.0), (3.0, 40.0, None)])
 def test_any_delay_is_proved_where_the_gain_is_below_1_alone(k, size, proved):
     """A leaky plant with the gain k at rest. Of a delay that is too long, the proof ends where a pole of a loop is outside."""

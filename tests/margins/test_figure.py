@@ -12,7 +12,6 @@ from wavesweep.margins.table import margins
 from wavesweep.program import plots
 from wavesweep.program.plots.style import as_asked
 
-pytestmark = pytest.mark.slow
 FRAME, MASS, DAMPING, SPRING = 5e-3, 0.1, 0.02, 250.0
 KP, KD = 20.0, 0.4
 PANELS = ("nyquist", "gain", "phase", "step")
@@ -57,19 +56,18 @@ def test_a_zero_on_the_circle_leaves_the_axis_to_the_gains_of_margins():
     spec["block"]["n"] = {"type": "notch", "frequency_hz": 15, "q": 1, "depth": 0, "every": 5}
     spec["wire"]["n.u"] = spec["wire"]["s.u"]
     spec["wire"]["s.u"] = "n.y"
-    table = margins(wavesweep.load(spec), "s.y")
-    figure = plots.margins(table.columns, table.facts)
-    (gain,) = (axes for axes in figure.axes if axes.get_label() == PANELS[1])
+    gain, phase = Figure().subplots(2, 1)
+    draw_bode(gain, phase, open_loop_of(wavesweep.load(spec), "s.y", {}))
     assert gain.lines[0].get_ydata().min() < -150
     assert -115 < gain.get_ylim()[0] < -90
 
 
-@pytest.mark.parametrize("width", [85 / 25.4])
-def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
+@pytest.mark.slow
+def test_a_resonance_is_smooth_and_no_word_leaves_a_narrow_figure():
     table = margins(wavesweep.load(drive()), "s.y")
-    with as_asked(width):
+    with as_asked(85 / 25.4):
         figure = plots.margins(table.columns, table.facts)
-    axes, gain, phase, step = (next(each for each in figure.axes if each.get_label() == name) for name in PANELS)
+    axes, gain, phase, _ = (next(each for each in figure.axes if each.get_label() == name) for name in PANELS)
     curve = max(axes.lines, key=lambda line: len(line.get_xdata())).get_xydata()
     pixel = np.ptp(axes.get_xlim()) / axes.get_window_extent().width
     theta = np.concatenate([np.linspace(1e-4, np.pi, 4000), 0.25 + np.linspace(-1e-3, 1e-3, 4000)])
@@ -77,33 +75,6 @@ def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     shown = (np.abs(L.real) < 2) & (np.abs(L.imag) < 2)
     dense = np.stack([L.real, L.imag], -1)[shown][::7]
     assert far_from(dense, curve).max() < 0.5 * pixel
-    decibels = gain.lines[0].get_xydata()
-    np.testing.assert_allclose(decibels[:, 1], 20 * np.log10(np.abs(open_loop(2 * np.pi * decibels[:, 0] * FRAME))), atol=1e-6)
-    rows = {
-        name: (value, omega)
-        for name, value, omega in zip(*(table.columns[n] for n in ("margin", "value", "omega")), strict=True)
-    }
-    for name, marker in (("gain_up", "^"), ("phase", "o")):
-        (mark,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == marker]
-        at = open_loop(np.array([rows[name][1] * FRAME]))[0]
-        assert mark == pytest.approx([at.real, at.imag], rel=1e-6, abs=1e-9)
-    (lower,) = [
-        line
-        for line in phase.lines
-        if line.get_linestyle() == "-" and len(line.get_xdata()) == 2 and line.get_marker() == "None"
-    ][:1]
-    assert abs(np.diff(lower.get_ydata())[0]) == pytest.approx(rows["phase"][0], abs=1e-6)
-    disk = axes.patches[0].get_path().vertices
-    limits = np.array([axes.get_xlim(), axes.get_ylim()])
-    assert (disk.min(0) > limits[:, 0]).all()
-    assert (disk.max(0) < limits[:, 1]).all()
-    times, values = step.lines[0].get_data()
-    frames = np.floor(times * (1e-3 if "ms" in step.get_xlabel() else 1.0) / FRAME + 1e-6).astype(int)
-    (A, b), state, closed = sampled(), np.zeros(2), []
-    for _ in range(frames[-1] + 1):
-        closed.append(state @ [KP, KD])
-        state = A @ state + b * (1 - closed[-1])
-    np.testing.assert_allclose(values, np.array(closed)[frames], atol=1e-9)
     texts = [*figure.legends[0].get_texts(), axes.xaxis.label, gain.yaxis.label, phase.xaxis.label]
     boxes = [text.get_window_extent() for text in texts]
     assert min(box.x0 for box in boxes) >= 0
@@ -146,6 +117,6 @@ def test_a_step_at_a_signal_of_plants_that_act_on_each_other_is_that_behind_a_ga
 def test_a_loop_without_margins_of_gain_has_a_figure():
     block = {"g": {"type": "gain", "k": -0.5}, "h": {"type": "delay", "steps": 0, "every": 2}}
     spec = wavesweep.load({"rates": {"tick_hz": 10}, "block": block, "wire": {"g.u": "h.y", "h.u": "g.y"}})
-    table = margins(spec, "h.y")
-    (gain,) = (axes for axes in plots.margins(table.columns, table.facts).axes if axes.get_label() == PANELS[1])
+    gain, phase = Figure().subplots(2, 1)
+    draw_bode(gain, phase, open_loop_of(spec, "h.y", {}))
     assert gain.get_ylim()[0] < 20 * np.log10(0.5) < gain.get_ylim()[1]

@@ -349,7 +349,6 @@ def test_a_gain_that_is_the_level_at_rest_is_decided_beside_it(commands):
         assert (beyond_rest(tables, h, angles).max() > 0) == swells
 
 
-@pytest.mark.slow
 def test_a_band_has_its_gain_alone_and_ends_where_it_ends():
     """`|z - 1| <= level |z - 1 + K T|` at the highest frequency, since it grows with it."""
     gain = bounded("dist", "error", 0.5)["gain"] | {"band_hz": [0.0, 2.0]}
@@ -447,10 +446,13 @@ def test_bands_beyond_half_the_rate_and_outputs_that_drift_are_refused():
         wavesweep.compile(free).stable_intervals(require={"margins": {"cut": "far.y", "Ms": 2.0}})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "stop", "high"),
-    [({"kind": "dc-slow"}, 5000, 2999.976), ({"kind": "dc-slow"}, 1e9, 996.646), ({"kind": "pmw", "Kp": 40}, 50, 50)],
+    [
+        pytest.param({"kind": "dc-slow"}, 5000, 2999.976, marks=pytest.mark.slow),
+        pytest.param({"kind": "dc-slow"}, 1e9, 996.646, marks=pytest.mark.slow),
+        ({"kind": "pmw", "Kp": 40}, 50, 50),
+    ],
 )
 def test_a_gain_that_holds_from_a_wall_of_zero_on_begins_there(controller, stop, high):
     """Without a wall the position drifts: next to it a pole is 1, but for less than rounding can tell."""
@@ -484,7 +486,6 @@ def test_a_disk_margin_holds_from_a_drift_on_that_lies_within_the_range(sign):
     assert misjudged(tables, "K", span, require) == []
 
 
-@pytest.mark.slow
 def test_a_gain_that_is_too_large_next_to_a_wall_of_zero_does_not_begin_there():
     """The largest gain is 0.4 at any resonance, 1 over the damping of the device and of the wall."""
     sweep = {"K_VE": {"start": 0, "stop": 5000}, "require": {"gain": {"from": "f_h", "to": "v", "at_most": 0.399}}}

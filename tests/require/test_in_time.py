@@ -62,12 +62,11 @@ def several_rates(every, phase):
     return INTEGRATOR | {"block": blocks}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("measure", "level", "low", "high"),
     [
         ("overshoot", 0.3, 1.0, 1.3 / T),  # (1 - s)^k beyond the end, s = K T
-        ("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T),  # also along a range from 0
+        pytest.param("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T, marks=pytest.mark.slow),  # also from 0 on
         ("rms", 0.5, 1.0, 0.4 / T),  # the root of s/(2 - s)
     ],
 )
@@ -88,11 +87,10 @@ LAG = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("levels", "low", "high"),
     [
-        ({"step_settling": 6 * T}, -(0.02 ** (1 / 6)), 0.02 ** (1 / 6)),
+        pytest.param({"step_settling": 6 * T}, -(0.02 ** (1 / 6)), 0.02 ** (1 / 6), marks=pytest.mark.slow),
         ({"overshoot": 0.2, "rms": 1.3}, -((1 - 1 / 1.69) ** 0.5), 0.2),
     ],
 )
@@ -106,7 +104,6 @@ def test_nothing_is_open_where_modes_are_slow_or_where_another_requirement_refut
     assert (row.low, row.high) == (pytest.approx(0.5 + low, rel=1e-8), pytest.approx(0.5 + high, rel=1e-8))
 
 
-@pytest.mark.slow
 def test_noise_in_a_stiff_mass_is_refuted_up_to_the_end_of_stability():
     """`x'' + 13 x' + (22 + 100 K z^-3) x = w`, with no spring at K = -0.22."""
     require = {"rms": {**ENDS, "at_most": 0.0138}}
@@ -115,8 +112,10 @@ def test_noise_in_a_stiff_mass_is_refuted_up_to_the_end_of_stability():
     assert misjudged(STIFF, "K", (-1.0, 0.0), require) == []
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("measure", "level"), [("overshoot", 0.2), ("step_settling", 0.23), ("rms", 0.7)])
+@pytest.mark.parametrize(
+    ("measure", "level"),
+    [("rms", 0.7), *(pytest.param(*each, marks=pytest.mark.slow) for each in (("overshoot", 0.2), ("step_settling", 0.23)))],
+)
 def test_ends_of_several_rates_are_those_of_marches(measure, level):
     require = {measure: {**ENDS, "at_most": level}}
     assert misjudged(several_rates(3, 1), "K", (1.0, 250.0), require) == []
@@ -167,7 +166,6 @@ def of_ratio(ratio, rate):
     return [Bounded(np.array(each)[None], 1e-16 * np.abs(each)[None]) for each in zip(*matrices, strict=True)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "rate", "doublings"), [(0.02, 10.0, 48), (0.02, 0.3, 48), (1e-7, 10.0, 7)])
 def test_what_is_known_on_a_panel_holds_for_all_of_it(radius, rate, doublings, monkeypatch):
     """Against sums of the response at damping ratios on the panel, by its two modes; the peak at 0.3 rad/s comes late."""
@@ -232,7 +230,6 @@ def test_what_a_search_ranks_by_is_the_response_that_is_proved(measure, monkeypa
 
 
 @pytest.mark.asks("designs")
-@pytest.mark.slow
 @pytest.mark.parametrize(("every", "phase"), [(1, 0), (3, 1)])
 def test_wishes_of_responses_in_time_are_those_of_marches(every, phase):
     tables = several_rates(every, phase)
@@ -297,19 +294,23 @@ def test_what_has_no_value_is_refused(changes, require, said):
         loop.stable_intervals(require={require: {**ENDS, "at_most": 0.1}})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "require",
     [
         {"radius": 0.98},
-        {"damping_ratio": 0.4},
-        {"overshoot": ENDS | {"at_most": 0.13}},
-        {"step_settling": ENDS | {"at_most": 0.12}},
-        {"step_settling": ENDS | {"at_most": 0.5}},
         {"rms": ENDS | {"at_most": 0.3}},
-        {"gain": ENDS | {"at_most": 1.2}},
-        {"peak": ENDS | {"at_most": 1.2}},
-        *({"margins": {"cut": "c.y", name: level}} for name, level in CUT_LEVELS.items()),
+        pytest.param({"damping_ratio": 0.4}, marks=pytest.mark.slow),
+        *(
+            pytest.param({name: ENDS | {"at_most": level}}, marks=pytest.mark.slow)
+            for name, level in (
+                ("overshoot", 0.13),
+                ("step_settling", 0.12),
+                ("step_settling", 0.5),
+                ("gain", 1.2),
+                ("peak", 1.2),
+            )
+        ),
+        *(pytest.param({"margins": {"cut": "c.y", name: level}}, marks=pytest.mark.slow) for name, level in CUT_LEVELS.items()),
     ],
 )
 def test_the_residual_is_that_of_what_sets_the_end(require):

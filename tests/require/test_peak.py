@@ -95,7 +95,6 @@ def test_a_search_ranks_by_the_peak_that_is_proved(monkeypatch):
     assert evaluate(*about, ranked=True)["peak"].value == proved.value
 
 
-@pytest.mark.slow
 def test_a_peak_that_is_wished_is_the_largest_and_certified():
     wish = {"peak": {"at_most": 3.0, "from": "ref", "to": "place"}}
     (row,) = wavesweep.design(

@@ -84,7 +84,6 @@ def test_lines_of_a_panel_and_a_disc_hold_those_of_every_value_in_both():
     assert tight >= 12 > changed > 2
 
 
-@pytest.mark.slow
 def test_a_mode_has_its_own_line_also_where_nothing_runs_in_most_ticks():
     """The arm rings at 13 Hz with 0.0145, and from sample to sample at 7 Hz, which would be 0.027."""
     loop = wavesweep.compile(IMAGES)
@@ -169,7 +168,6 @@ def steps(**numbers):
     return {"rates": {"tick_hz": "1/h"}, "numbers": numbers, "block": block, "wire": wire}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("N", "first"), [(2, True), (40, False)])
 def test_the_slow_spring_of_multiple_time_steps_has_its_closed_form(N, first):
     """2 W cot(N t/2)/(N h), an eigenvalue -1, and beyond N t = pi it is -2 W tan(N t/2)/(N h), an eigenvalue 1."""
