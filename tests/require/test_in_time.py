@@ -66,8 +66,8 @@ def several_rates(every, phase):
     ("measure", "level", "low", "high"),
     [
         ("overshoot", 0.3, 1.0, 1.3 / T),  # (1 - s)^k beyond the end, s = K T
-        pytest.param("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T, marks=pytest.mark.slow),  # also from 0 on
-        ("rms", 0.5, 1.0, 0.4 / T),  # the root of s/(2 - s)
+        ("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T),  # also from 0 on
+        pytest.param("rms", 0.5, 1.0, 0.4 / T, marks=pytest.mark.slow),  # the root of s/(2 - s)
     ],
 )
 def test_responses_of_an_integrator_have_closed_forms(measure, level, low, high):
