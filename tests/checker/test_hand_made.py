@@ -100,7 +100,7 @@ UNREADABLE = {
     "a sign of another kind": [BELOW, WITHIN | {"signs": "+0"}],
     "a number that is not there": [BELOW | {"numbers": {"j": "1"}}, WITHIN],
     "sides that end before they begin": [BELOW | {"sides": {"k": ["1", "0"]}}, WITHIN],
-    "an exponent that is none": [BELOW, WITHIN | {"Q": [[[3], UNIT]]}],
+    "an exponent that is none": [BELOW, WITHIN | {"Q": [[[4], UNIT]]}],
     "a turn that is none": [BELOW, WITHIN | {"turn": 2}],
     "a turn that is true": [BELOW, WITHIN | {"turn": True}],
     "an exponent too many": [BELOW, WITHIN | {"Q": [[[1, 0], UNIT]]}],

@@ -80,10 +80,16 @@ class Ring:
             powers, key=lambda powers_of_sides: (sum(powers_of_sides), powers_of_sides[::-1])
         )
         places = {powers_of_sides: index for index, powers_of_sides in enumerate(self.monomials)}
+        # where the monomials of each degree begin, and of each monomial where its products with the first ones are
+        self.begins = [
+            sum(sum(powers_of_sides) < degree for powers_of_sides in self.monomials)
+            for degree in range(self.order + 2)
+        ]
         self.table = [
             [
-                places.get(tuple(i + j for i, j in zip(a, b, strict=True)), -1)
+                places[tuple(i + j for i, j in zip(a, b, strict=True))]
                 for b in self.monomials
+                if sum(a) + sum(b) <= self.order
             ]
             for a in self.monomials
         ]
@@ -104,11 +110,15 @@ class Ring:
         else:
             product = [0] * len(self.monomials)
             for row, x in zip(self.table, a[1:], strict=False):
-                for place, y in zip(row, b[1:], strict=False):
-                    if place < 0:
-                        radius += abs(x * y)
-                    else:
+                if x:
+                    for place, y in zip(row, b[1:], strict=False):
                         product[place] += x * y
+            for degree in range(
+                1, self.order + 1
+            ):  # of a, with those of b that lead beyond the order
+                here = a[1 + self.begins[degree] : 1 + self.begins[degree + 1]]
+                beyond = b[1 + self.begins[self.order - degree + 1] :]
+                radius += sum(map(abs, here)) * sum(map(abs, beyond))
         return (radius >> BITS) + len(product) + 1, *(c >> BITS for c in product)
 
     def series(self, h, values, rest):

@@ -819,8 +819,10 @@ def form_from(line, cell: Cell, signs) -> form.Matrix:
         m = tuple(
             _expect(power, int, "an exponent") for power in _expect(exponents, list, "exponents")
         )
-        if len(m) != cell.width or not 1 <= sum(m) <= 2 or min(m) < 0:
-            raise Unreadable("a slope has an exponent of each side that is wide, 1 or 2 together")
+        if len(m) != cell.width or not 1 <= sum(m) <= form.KEPT or min(m) < 0:
+            raise Unreadable(
+                f"a slope has an exponent of each side that is wide, 1 to {form.KEPT} together"
+            )
         slopes.append((m, rows_of(rows, len(signs))))
     return form.form_of(cell.width, rows_of(line.get("L"), len(signs)), signs, slopes)
 

@@ -9,6 +9,7 @@ of 1 or -1 the same is looked at as X' (P - A' P A) X > 0 with any regular X nea
 from collections.abc import Iterable
 from fractions import Fraction
 from itertools import product as all_of
+from math import inf
 from operator import mul
 from typing import NamedTuple
 
@@ -60,16 +61,24 @@ def _mirrored(A: Rows, B: Rows) -> Rows:
     return [[upper[min(index, other)][abs(index - other)] for other in size] for index in size]
 
 
-def multiplied(first: Matrix, second: Matrix, dot=_dot) -> Matrix:
-    """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b), and 1 for each product that is rounded down."""
+def multiplied(first: Matrix, second: Matrix, dot=_dot, order: float = inf) -> Matrix:
+    """|(A + a)(B + b) - A B| <= |A| b + a (|B| + b), and 1 for each product that is rounded down. Parts above an order are errors,
+    as products of sizes."""
     found: dict[tuple, Rows] = {}
+    bounds = []
     for m, A in first.parts.items():
         for k, B in second.parts.items():
             both = tuple(i + j for i, j in zip(m, k, strict=True))
-            term = dot(A, B)
-            found[both] = _sum((found[both], term)) if both in found else term
+            if sum(both) <= order:
+                term = dot(A, B)
+                found[both] = _sum((found[both], term)) if both in found else term
+    for degree in {sum(m) for m in first.parts}:
+        beyond = {k: B for k, B in second.parts.items() if degree + sum(k) > order}
+        if beyond:
+            of_degree = {m: A for m, A in first.parts.items() if sum(m) == degree}
+            bounds.append(_dot(Matrix(of_degree, []).size, Matrix(beyond, []).size))
     rounded = len(first.parts) * len(second.parts) + 2
-    bounds = [[[rounded] * len(second.error[0]) for _ in first.error]]
+    bounds.append([[rounded] * len(second.error[0]) for _ in first.error])
     if any(map(any, second.error)):
         bounds.append(_dot(first.size, second.error))
     if any(map(any, first.error)):
@@ -180,14 +189,16 @@ def decreases(P: Matrix, steps: list[tuple[Matrix | None, Matrix, Matrix]], turn
     turn: 1 or -1 for one step, of which X' (P - A' Q A) X is looked at with X near (1 + turn A)^-1: this is near P X + X' P - P,
     in which large modes are no larger than others.
     """
+    several = len(next(iter(P.parts))) > 1
+    order = KEPT if several else inf  # of products: of one side all of them take no longer
     try:
         X = _inverse(steps[0][1], turn) if turn else None
     except (OverflowError, ValueError):
         raise Refused("a frame that cannot be turned") from None
-    total = multiplied(turned(X), multiplied(P, X), _mirrored) if X else P
+    total = multiplied(turned(X), multiplied(P, X, order=order), _mirrored, order) if X else P
     for share, A, Q in steps:
         moved = _cut(multiplied(A, X), KEPT) if X else A
-        taken = multiplied(turned(moved), multiplied(Q, moved), _mirrored)
+        taken = multiplied(turned(moved), multiplied(Q, moved, order=order), _mirrored, order)
         if share is not None:
             spread = {m: diagonal([c] * len(P.error)) for m, ((c,),) in share.parts.items()}
             taken = multiplied(Matrix(spread, diagonal([share.error[0][0]] * len(P.error))), taken)

@@ -8,6 +8,9 @@ written, and between two instants plants move by exp(A t) with all else held. Th
 it writes it; what each instant writes as 0 is left out. The states of a form are the memory less the first of each drift, sorted.
 """
 
+from fractions import Fraction
+from math import factorial
+
 from .balls import (
     BITS,
     POINT,
@@ -16,6 +19,7 @@ from .balls import (
     Number,
     Refused,
     add,
+    ball,
     least,
     number,
 )
@@ -23,7 +27,7 @@ from .reader.loops import OUTPUT, Instant, Schedule, Unreadable
 
 LARGEST = 200  # memory of a loop
 INSTANTS = 20_000  # of a frame
-TERMS = 60  # of the series of an exponential
+BLOCK = 4  # terms of the series of an exponential that are multiplied with the same power
 
 
 def solved(instant: Instant) -> dict[str, dict[str, Number]]:
@@ -99,8 +103,8 @@ class Written:
 class Flow:
     """The step between instants: exp(G) of the motion times its duration, by its series and squarings.
 
-    E = exp(G/2^k) - 1 with |G|/2^k below 1/16 in the largest sum of a row, so the series leaves out less than its last term;
-    then k times (1 + E)^2 - 1 = 2 E + E E. What is 1 or 0 by the structure of G stays so.
+    E = exp(G/2^k) - 1 with |G|/2^k below 1/16 in the largest sum of a row, so the series leaves out less than twice the first term
+    that is left out; then k times (1 + E)^2 - 1 = 2 E + E E. What is 1 or 0 by the structure of G stays so.
     """
 
     def __init__(self, motion: dict[str, dict[str, Number]], duration: Number):
@@ -127,22 +131,26 @@ class Flow:
         G = {
             name: {k: _divided(c, 1 << halvings) for k, c in row.items()} for name, row in G.items()
         }
+        size = _size(G)  # below 1/16, so that terms from the k-th on are below twice its bound
+        count = BLOCK
+        while 2 * size**count > factorial(count) << BITS * (count - 1):
+            count += BLOCK
+        powers = [G]
+        for _ in range(1, BLOCK):
+            powers.append(_times(cell, powers[-1], G))
+        held = {k for row in G.values() for k in row} - G.keys()  # what moves others and not itself
+        constant: tuple[int, ...] = (0, 0)
         E: dict[str, dict[str, tuple]] = {name: {} for name in G}
-        term = G
-        for count in range(2, TERMS + 2):
-            for name, row in term.items():
-                for k, c in row.items():
-                    E[name][k] = add(E[name][k], c) if k in E[name] else c
-            last = _size(term)
-            if last < 4 * count * len(G) * (cell.ring.order + 1):
-                break
-            term = {
-                name: {k: _divided(c, count) for k, c in row.items()}
-                for name, row in _times(cell, term, G).items()
-            }
-        else:
-            raise Refused("a plant whose motion has no short series")
-        rest = (4 * last + 4, 0)
+        for first in range(count - BLOCK, -1, -BLOCK):  # Horner's scheme in the last power
+            E = _times(cell, powers[-1], E | {k: {k: constant} for k in held})
+            constant = ball(Fraction(1, factorial(first)))
+            for name, row in E.items():
+                if first:
+                    row[name] = add(row.get(name, (0, 0)), constant)
+                for place, power in enumerate(powers[:-1], first + 1):
+                    for k, c in power[name].items():
+                        row[k] = add(row.get(k, (0, 0)), _divided(c, factorial(place)))
+        rest = (1, 0)
         E = {
             name: {k: add(E[name].get(k, (0, 0)), rest) for k in row}
             for name, row in self.powers.items()
@@ -234,20 +242,35 @@ class Frames:
 
     def matrix(self, name: str, cell: Cell) -> dict[str, dict[str, tuple]]:
         """The rows of a frame's matrix over all memory."""
-        total: dict[str, dict[str, tuple]] = {}
         moving = {step for step, _ in self.words[name] if not isinstance(step, dict)}
         maps = {step: step.map(cell) for step in moving}
+        factors = []
         for step, after in self.words[name]:
             now = step if isinstance(step, dict) else maps[step]
-            total = _after(cell, total, now, after)
+            factors.append((now, after))
+        total = _in_a_row(cell, factors, {}) if factors else {}
         return {row: total.get(row, {row: UNIT}) for row in self.live}
 
 
-def _needed(steps, live) -> list[set[str]]:
+def _in_a_row(cell: Cell, factors: list[tuple[dict, frozenset[str]]], done: dict) -> dict:
+    """The map of some maps one after the other, each with what is wanted after it. done: those in a row that were multiplied, as
+    what comes again is multiplied once."""
+    if len(factors) == 1:
+        return factors[0][0]
+    key = tuple((id(now), after) for now, after in factors)
+    if key not in done:
+        half = 1 << ((len(factors) - 1).bit_length() - 1)
+        first = _in_a_row(cell, factors[:half], done)
+        then = _in_a_row(cell, factors[half:], done)
+        done[key] = _after(cell, first, then, factors[-1][1])
+    return done[key]
+
+
+def _needed(steps, live) -> list[frozenset[str]]:
     """The memory that is wanted before each step, and after the last one."""
-    wanted = [live]
+    wanted = [frozenset(live)]
     for step in reversed(steps):
-        wanted.append({k for name in wanted[-1] for k in step.reads.get(name, (name,))})
+        wanted.append(frozenset(k for name in wanted[-1] for k in step.reads.get(name, (name,))))
         if len(wanted[-1]) > 2 * LARGEST:  # also what is written before a frame ends
             raise Unreadable(f"a memory of more than {LARGEST} values")
     return wanted[::-1]

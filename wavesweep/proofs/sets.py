@@ -21,7 +21,7 @@ from wavesweep.engine.switched import ALWAYS, Centre, Graph, OnAverage, cover
 from wavesweep.proofs.cells import written
 from wavesweep.proofs.ticks import AtPlaces
 
-ORDER = 2  # of matrices in doubles, as the checker looks at slacks
+ORDER = form.KEPT  # of matrices in doubles, and of forms of single ones
 LOGARITHMIC = 4.0  # ratio of the ends of a positive side above which it is divided by factors
 NARROWEST = 1e-6  # of a side: a cell whose forms the checker refuses is not divided below it
 WORK, SEARCH = 1e13, 1e11  # operations of a proof, and of a search for norms in a middle
@@ -122,6 +122,11 @@ class Cells:
             low, high = box[:, at].tolist()
             ends[name] = self.number(at, low), self.number(at, high)
         return ends
+
+    def wide_ends(self, box: np.ndarray) -> np.ndarray:
+        """The ends of the wide sides of a box, as doubles, `(2, sides)`."""
+        ends = np.array([[float(low), float(high)] for low, high in self.cell(box).values()]).T
+        return ends[:, ends[0] < ends[1]]
 
     def word(self, letters: Sequence[str]) -> tuple[int, ...]:
         """The frames of a pattern of letters that may be repeated for ever, () if it is none."""
@@ -244,7 +249,14 @@ class _InBox:
 
     def within(self, box: np.ndarray) -> Polynomials:
         """The matrices in a part of the box."""
-        return self.matrices if np.array_equal(box, self.box) else self.cells.in_box(box).matrices
+        if np.array_equal(box, self.box):
+            return self.matrices
+        whole = self.cells.wide_ends(self.box)
+        part = self.cells.wide_ends(box)
+        half = np.ptp(whole, 0) / 2
+        return self.matrices.within(
+            (part.mean(0) - whole.mean(0)) / half, np.ptp(part, 0) / 2 / half
+        )
 
 
 def polynomials_of(A: form.Matrix, cell: balls.Cell) -> Polynomials:
@@ -265,9 +277,13 @@ def _at_control_points(A: Polynomials) -> list[Polynomials]:
     found = []
     for point in POINTS:
         terms = np.zeros((len(wanted), *A.rest.shape))
+        rest = A.rest.copy()
         for powers, part in zip(A.exponents.tolist(), A.terms, strict=True):
-            terms[wanted.index(tuple(powers[:-1]))] += point[powers[-1]] * part
-        found.append(Polynomials(terms, A.rest, numbers, ORDER))
+            if powers[-1] < len(point):
+                terms[wanted.index(tuple(powers[:-1]))] += point[powers[-1]] * part
+            else:
+                rest += np.abs(part)
+        found.append(Polynomials(terms, rest, numbers, ORDER))
     return found
 
 
