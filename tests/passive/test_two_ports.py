@@ -13,6 +13,7 @@ from wavesweep.haptics.held_loop import held_loop
 from wavesweep.passive import two_ports
 from wavesweep.passive.port_jobs import curves
 from wavesweep.passive.port_rows import curve, index, pair_margin
+from wavesweep.passive.table import _index_lines
 from wavesweep.passive.two_ports import Pair, pairs_of, worst
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.hand_rows import hands_of
@@ -101,3 +102,9 @@ def test_a_sweep_without_values_has_the_curve_of_the_specs_own_loop():
     own = curve(held_loop(own_loop(spec)))
     for name, column in own.items():
         np.testing.assert_array_equal(of_grid[name], column)
+
+
+def test_an_index_at_the_end_of_its_range_is_at_most_that():
+    (least,) = index(np.array([[[1e-9, 1.0], [1.0, 1e-9]]], complex))
+    ((line, _),) = _index_lines({"llewellyn": float(least), "frequency_hz": 2.0})
+    assert line == "Llewellyn's index: at most 0.001, the least that is looked for, of those computed, at 2 Hz"

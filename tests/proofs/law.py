@@ -46,7 +46,7 @@ def fate(text: str, folder: Path) -> tuple[Counter, Counter, list[str]]:
     said = io.StringIO()
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
         code = command([name, str(spec), "--proof", "--no-plot", "--out", str(folder)]) or 0
-    words = said.getvalue()
+    words = said.getvalue().replace("\n    ", " ")
     why = WHY.findall(words)
     proof = folder / f"{name}.proof"
     if not proof.exists():

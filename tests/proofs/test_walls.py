@@ -8,13 +8,18 @@ from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import spec_of
 from wavesweep.proofs.walls import claim_of_motion
 
+
+def unfolded(capsys):
+    return capsys.readouterr().err.replace("\n    ", " ")
+
+
 CONTACT = "[for_all]\ncontact = true\n[sweep]\n"
 
 
 def test_check_writes_the_proof_of_its_own_wall(tmp_path, capsys):
     text = DIRECT + "environment.K_VE = 200\n" + CONTACT
     spec, proof = written(tmp_path, text, "check", "--set", "environment.B_VE=2")
-    assert "for any wall that pushes and never pulls at B_VE = 2, K_VE = 200: proved stable" in capsys.readouterr().err
+    assert "for any wall that pushes and never pulls at B_VE = 2, K_VE = 200: proved stable" in unfolded(capsys)
     claim = lines_of(proof)[3]
     assert claim["sides"] == {"K_VE": ["200", "200"], "B_VE": ["2", "2"]}
     code, words = checked_file(spec, proof)
@@ -25,7 +30,7 @@ def test_check_writes_the_proof_of_its_own_wall(tmp_path, capsys):
 def test_check_writes_the_motion_that_refutes_its_wall(tmp_path, capsys):
     text = DIRECT + "environment.K_VE = 255\n" + CONTACT
     spec, proof = written(tmp_path, text, "check")
-    assert "for any wall that pushes and never pulls at K_VE = 255, B_VE = 1: refuted" in capsys.readouterr().err
+    assert "for any wall that pushes and never pulls at K_VE = 255, B_VE = 1: refuted" in unfolded(capsys)
     assert [line["claim"] for line in lines_of(proof) if "claim" in line] == ["modes", "goes on"]
     code, words = checked_file(spec, proof)
     assert code == 0
@@ -42,7 +47,7 @@ def test_a_linear_wall_that_refutes_is_no_motion():
 def test_a_row_through_contact_has_a_proof(tmp_path, capsys):
     text = DRAWN + CONTACT + 'along = "K"\nK = { start = 0, stop = 2000 }\nB = [0, 5]\n'
     spec, proof = written(tmp_path, text, "stability-region", "--no-plot")
-    said = capsys.readouterr().err
+    said = unfolded(capsys)
     assert "no proof" not in said
     assert "for any wall that pushes and never pulls at B = 0: proved stable" in said
     claims = [line["sides"] for line in lines_of(proof) if line.get("claim") == "contact"]

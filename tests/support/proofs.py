@@ -44,11 +44,13 @@ def checked(folder, spec: str, lines: list[dict], header: dict | None = None) ->
 
 
 def checked_file(spec, file) -> tuple[int, str]:
-    """Exit code and lines after the first one, which has the version."""
+    """Exit code and sentences after the first one, which has the version; each line is one that a terminal shows whole."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
         code = main([str(spec), str(file)])
-    return code, printed.getvalue().removeprefix(f"wavesweep checker {VERSION}\n")
+    said = printed.getvalue()
+    assert all(len(line) < 120 for line in said.splitlines())
+    return code, said.replace("\n    ", " ").removeprefix(f"wavesweep checker {VERSION}\n")
 
 
 def written(folder, text: str, command: str, *words) -> tuple:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
-from textwrap import wrap
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -19,6 +17,7 @@ from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.cli.entry import COMMANDS, verbosity
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.options import FORMATS, PATH, folder, override
+from wavesweep.program.number_words import folded
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
@@ -151,7 +150,7 @@ def check(
             summary["controller"] = around
         show_json(summary)
     if not _is_silent():  # some lines are computed as they are shown
-        _show([*chain.from_iterable(map(_within, around)), *judged.lines(whole)])
+        _show([*chain.from_iterable(map(folded, around)), *judged.lines(whole)])
     if files and not _is_silent():
         say(f"Wrote {', '.join(files)}")
     if of_proof:
@@ -184,7 +183,7 @@ class _Judged:
         """The lines that follow: all of them, or the foremost."""
         if whole:
             ranked = (line for _, line in self.ranked)
-            return [*chain.from_iterable(map(_within, ranked)), *self.plan, *self.steps]
+            return [*chain.from_iterable(map(folded, [*ranked, *self.plan])), *self.steps]
         return [
             *_foremost(self.ranked, 18 - self.shown - len(self.steps)),  # 18 lines without --all
             *self.steps,
@@ -235,8 +234,8 @@ def _judged(
 def _show_first(lines: Iterable[str], whole: bool) -> int:
     """Print the lines that come first, of which the verdict is folded least; gives their number."""
     first, *remaining = lines
-    fold = _within if whole else _folded
-    return _show([*_within(first), *chain.from_iterable(map(fold, remaining))])
+    fold = folded if whole else _folded
+    return _show([*folded(first), *chain.from_iterable(map(fold, remaining))])
 
 
 def _frames_of_run(
@@ -272,24 +271,12 @@ def _show(lines: Iterable[str]) -> int:
 
 def _folded(line: str) -> list[str]:
     """A line as lines that a terminal shows whole, of about the same length."""
-    indent = " " * (len(line) - len(line.lstrip()) + 4)
-    cut = partial(
-        wrap, line, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-    )
-    widest = cut(width())
+    widest = folded(line, width())
     for narrower in range(width() // 2, width()):
-        lines = cut(narrower)
+        lines = folded(line, narrower)
         if len(lines) == len(widest):
             return lines
     return widest
-
-
-def _within(line: str) -> list[str]:
-    """A line as lines of at most WIDEST letters."""
-    from wavesweep.program.analyses.claim_words import WIDEST
-
-    indent = " " * (len(line) - len(line.lstrip()) + 4)
-    return wrap(line, WIDEST, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def _foremost(ranked: Sequence[Ranked], room: int) -> Iterator[str]:

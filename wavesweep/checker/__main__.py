@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 from pathlib import Path
+from textwrap import wrap
 
 from . import VERSION, coverage
 from .coverage import gain_in_words, plain, shares_in_words
@@ -107,10 +108,10 @@ def main(arguments: list[str]) -> int:
                 words = (
                     f"REFUSED: {in_words(claim)}: {why}" if why else f"proved: {in_words(claim)}"
                 )
-                print(_one_line(words), flush=True)
+                print(lines_of(words), flush=True)
             covered, whole = coverage.in_words(proof.tables, proof.ran, proof.question, proved)
     except (Unreadable, OSError) as error:
-        print(_one_line(f"not checked: {error}"), file=sys.stderr)
+        print(lines_of(f"not checked: {error}"), file=sys.stderr)
         return 2
     except MemoryError:
         size = f"{limits['--megabytes']:g} MB of memory; --megabytes N"
@@ -122,7 +123,7 @@ def main(arguments: list[str]) -> int:
     finally:
         limited(0, 0)
     print(f"{sum(verdicts)} of {len(verdicts)} claims proved")
-    print(_one_line(covered))
+    print(lines_of(covered))
     if not all(verdicts):
         return 1
     return 0 if whole else 3
@@ -148,9 +149,10 @@ def limited(seconds: float, megabytes: float) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (min(soft, hard) if hard > 0 else soft, hard))
 
 
-def _one_line(text: str) -> str:
-    """Names of a spec may have any characters, and a line of words has to be one."""
-    return "".join(character if character.isprintable() else "?" for character in text)
+def lines_of(text: str) -> str:
+    """A sentence in lines of at most 119 letters, those after the first indented; names of a spec may have any characters."""
+    printable = "".join(character if character.isprintable() else "?" for character in text)
+    return "\n    ".join(wrap(printable, 115, break_on_hyphens=False))
 
 
 def run():

@@ -27,6 +27,7 @@ LIMITS = np.array(
 BRED = 200  # pairs of a generation of that search
 SURELY_NEGATIVE = 1e-7  # size of a damping ratio that is surely negative
 CURVE, HALVINGS = 300, 22  # frequencies of an index, and of its range
+LEAST_INDEX = 0.001  # that is looked for; the largest is its reciprocal
 
 
 class PairMargin(NamedTuple):
@@ -83,10 +84,10 @@ def curve(loop: HeldLoop) -> dict[str, np.ndarray]:
 
 
 def index(Z: np.ndarray) -> np.ndarray:
-    """The index above, from 0.001 to 1000, of impedances between components `(points, 2 M, 2
+    """The index above, from LEAST_INDEX to its reciprocal, of impedances between components `(points, 2 M, 2
     M)`."""
     across = np.add.outer(range(Z.shape[-1]), range(Z.shape[-1])) % 2 == 1
-    logarithm, step = np.zeros(len(Z)), 3.0  # decimal logarithms
+    logarithm, step = np.zeros(len(Z)), -np.log10(LEAST_INDEX)
     for _ in range(HALVINGS):
         good = worst(Z * np.where(across, 10 ** (logarithm[:, None, None] / 2), 1.0)).shunt > 0
         logarithm, step = logarithm + np.where(good, step, -step) / 2, step / 2

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.passive.port_rows import LEAST_INDEX
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.analyses.claims import own_figures
 from wavesweep.program.columns import Columns, joined
@@ -288,10 +289,10 @@ def _index_numbers(columns: Columns, _: Mapping[str, Any]) -> Numbers:
 
 
 def _index_lines(found: Numbers) -> Iterator[Line]:
-    yield (
-        f"Llewellyn's index: at least {rounded_down(found['llewellyn'])} of those computed, at {found['frequency_hz']:.4g} Hz",
-        False,
-    )
+    least = f"at least {rounded_down(found['llewellyn'])}"
+    if found["llewellyn"] < 1.00001 * LEAST_INDEX:
+        least = f"at most {LEAST_INDEX}, the least that is looked for,"
+    yield f"Llewellyn's index: {least} of those computed, at {found['frequency_hz']:.4g} Hz", False
 
 
 def _range(values: np.ndarray) -> list[float] | None:

@@ -1,4 +1,4 @@
-"""Numbers in sentences: bounds, which are rounded to the side on which what is said of them is so.
+"""Sentences in lines, and their numbers: bounds, which are rounded to the side on which what is said of them is so.
 
 What holds up to a value is printed rounded down, and what holds from one on rounded up; what is
 refuted from a value on is printed rounded up, since nothing is known of what is below it. A value
@@ -6,9 +6,19 @@ that its digits give exactly is printed as it is.
 """
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from textwrap import wrap
 
 DIGITS = 6  # significant ones of a number in a sentence
 MOST_DIGITS = 17  # those that tell any two doubles apart
+WIDEST = 119  # letters of a line
+
+
+def folded(line: str, width: int = WIDEST) -> list[str]:
+    """A line as lines of at most so many letters, those after the first indented; no word is cut."""
+    indent = " " * (len(line) - len(line.lstrip()) + 4)
+    return wrap(
+        line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def span_in_words(low: float, high: float, digits: int = DIGITS) -> str:

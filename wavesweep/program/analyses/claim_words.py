@@ -31,7 +31,7 @@ from wavesweep.program.analyses.claims import (
     Verdict,
     curve_of,
 )
-from wavesweep.program.number_words import in_all_digits, span_in_words
+from wavesweep.program.number_words import WIDEST, in_all_digits, span_in_words
 
 # the same where some of them fails: "not stable with every passive hand" reads as with none
 ALL_OF = {
@@ -46,7 +46,6 @@ LINEAR_LOOP = (
 OWN_NUMBERS = "with the spec's own numbers"
 PLAIN_FRACTION = 100  # the largest denominator of a probability that is written as a fraction
 SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-WIDEST = 120  # letters of a line
 IN_DOUBLES = "not certified (double precision)"
 SAMPLED = "not certified (sampled bounds)"
 HOW_KNOWN = {

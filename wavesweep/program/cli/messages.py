@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from wavesweep.engine.errors import shortened
+from wavesweep.program.number_words import folded
 
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
@@ -47,11 +48,12 @@ def width() -> int:
 
 
 def say(text: str, warning: bool = False) -> None:
-    """Write a line to stderr; if that is impossible, the message is dropped, since the results matter more.
+    """Write a line to stderr, folded; if that is impossible, the message is dropped, since the results matter more.
 
     A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it).
     """
-    text, plain = printable(text), not warning or os.environ.get("NO_COLOR")
+    text = "\n".join("\n".join(folded(line)) for line in printable(text).split("\n"))
+    plain = not warning or os.environ.get("NO_COLOR")
     for watch in _speaking:
         watch.clear()
     with suppress(OSError):

@@ -13,7 +13,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.capabilities import (
@@ -263,15 +262,9 @@ def _lines(
 ) -> list[Line]:
     """The lines of a summary and whether they are warnings; assumptions that favour stability come first, others last."""
     from wavesweep.program.analyses.assumptions import FAVOURABLE
-    from wavesweep.program.analyses.claim_words import WIDEST
 
-    folded = partial(wrap, width=WIDEST, subsequent_indent="    ", break_on_hyphens=False)
-    assumed = []
-    for model in facts.get("assumes", "").splitlines():
-        assumed += [(line, False) for line in folded(f"assumes: {model}")]
-    lines: list[Line] = []
-    for sentence in dict.fromkeys(said):
-        lines += [(line, False) for line in folded(sentence)]
+    assumed = [(f"assumes: {model}", False) for model in facts.get("assumes", "").splitlines()]
+    lines: list[Line] = [(sentence, False) for sentence in dict.fromkeys(said)]
     for done in finished:
         lines += [(notice, False) for notice in done.notices]
         lines += done.lines

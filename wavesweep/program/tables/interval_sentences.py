@@ -1,12 +1,10 @@
 """The summary of a table of stable intervals in sentences."""
 
 from collections.abc import Iterator, Mapping
-from textwrap import wrap
 
 import numpy as np
 
 from wavesweep.program.analyses.claim_words import (
-    WIDEST,
     claimed,
     doubted_as,
     everywhere,
@@ -21,6 +19,8 @@ from wavesweep.program.analyses.free_space import without_wall_in_words
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.number_words import (
+    WIDEST,
+    folded,
     in_all_digits,
     rounded_down,
     rounded_up,
@@ -362,7 +362,7 @@ def _set_by(extreme: Numbers) -> str:
 def _folded(text: str) -> str:
     """A text in lines of at most WIDEST letters, with two spaces before those about one of several
     kinds of rows."""
-    return "\n".join(wrap(text, WIDEST - 2, subsequent_indent="    ", break_on_hyphens=False))
+    return "\n".join(folded(text, WIDEST - 2))
 
 
 def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:
