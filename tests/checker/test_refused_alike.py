@@ -156,14 +156,8 @@ NEEDED = {
     "fir": "coefficients = [1]",
 }  # fmt: skip
 WIRES = {
-    "mass": "f",
-    "inertia": "f",
-    "wave": "v in",
-    "avatar": "in f",
-    "local_model": "in",
-    "mass_matrix": "fx",
-    "spring": "x1 v1",
-}
+    "mass": "f", "inertia": "f", "wave": "v in", "avatar": "in f", "local_model": "in", "mass_matrix": "fx", "spring": "x1 v1",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", TYPES)
@@ -185,6 +179,8 @@ def test_no_key_of_a_block_takes_a_value_outside_of_its_range(kind):
 
 HOLD = 'type = "hold"'
 LAST = '"x.f" = "c.y"'
+LIMITED = 'type = "pi", kp = 1, high = 1, anti_windup = "back-calculation"'
+AXES_OF = 'y = {{ type = "mass_matrix", axes = ["{0}", "{1}"], mass = [[1, 1]] }}\n[wire]\n"y.f{0}" = "0"\n"y.f{1}" = "0"'
 TWO_AXES = 'y = {{ type = "mass_matrix", mass = {} }}\n[wire]\n"y.fx" = "0"\n"y.fy" = "0"'
 UNFIT = {  # what is written in place of what
     "a port without a wire": ("[wire]", 'y = { type = "mass", mass = 1 }\n[wire]'),
@@ -203,6 +199,30 @@ UNFIT = {  # what is written in place of what
     "a block without an output": ("[wire]", 'y = { type = "ss", inputs = [], outputs = [] }\n[wire]'),
     "an output that there is not": (LAST, LAST + '\n[ports]\noutputs.out = "c.z"'),
     "a key of a port": (LAST, LAST + '\n[ports]\nhand = { force = "push", displacement = "x.x", reacts = "c.y" }'),
+    "a table of a number with another key": ("k = 50.0", "k = { value = 50.0, more = 1 }"),
+    "a table of a number without a value": ("k = 50.0", 'k = { unit = "N" }'),
+    "a filter without an order": (HOLD, 'type = "butterworth", cutoff_hz = 10'),
+    "a filter without a cutoff": (HOLD, 'type = "lowpass"'),
+    "limits without a high one": (HOLD, 'type = "saturation"'),
+    "a way to limit without limits": (HOLD, 'type = "pi", kp = 1, anti_windup = "clamping"'),
+    "a low limit without a high one": (HOLD, 'type = "pi", kp = 1, low = -1'),
+    "a time constant below the period": (HOLD, f"{LIMITED}, tracking_s = 0.009"),
+    "back-calculation without a time constant": (HOLD, LIMITED),
+    "a phase that is no tick of the block": (HOLD, 'type = "hold", every = 2, phase = 2'),
+    "a constant in a wire": ("-k*x.x", "-k*x.x + 1"),
+    "a block without a wire": ('"c.u" = "-k*x.x"\n', ""),
+    "matrices of a file that there is not": (HOLD, 'type = "ss", file = "none.npz"'),
+    "two ports of one name": (HOLD, 'type = "ss", inputs = ["u", "u"], A = [[1]], B = [[1, 1]], C = [[1]]'),
+    "four axes": ("[wire]", "y = { type = 'mass_matrix', axes = ['x', 'y', 'z', 'a'], mass = [[1, 1, 1, 1]] }\n[wire]"),
+    "axes of which one is the speed of another": ("[wire]", AXES_OF.format("x", "vx")),
+    "a type that there is not": (HOLD, 'type = "nothing"'),
+    "more coefficients above than below": (HOLD, 'type = "tf", num = [1, 2], den = [1]'),
+    "no coefficients": (HOLD, 'type = "tf", num = [], den = [1, 2]'),
+    "numbers that follow from each other": ("k = 50.0", 'k = 50.0, a = "b", b = "a"'),
+    **{text: ("-k*x.x", text) for text in (
+        "0x10*x.x", "1_0*x.x", "x.x + 2 .y", "foo(1)*x.x", "sqrt()*x.x", "sqrt(**k)*x.x", "sqrt(*k)*x.x", "x.x*x.v", "k/x.x",
+        "x.x//2", "x.x**2", "sqrt(x.x)*x.x", "x.x + k", "k(1)*x.x", "prev(x.x)*x.x", "x.x/0", "k**x.x", "x", "x.y", "y.x",
+    )},
 }  # fmt: skip
 
 

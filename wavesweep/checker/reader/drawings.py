@@ -607,12 +607,17 @@ class Drawing:
     def paired(self, near, far):
         """What is left of near ends and of far ends, and those that belong together."""
         pairs = []
+        unmatched = []
+        unpaired = [*near]
         for half in far:
-            fits = [each for each in near if each[:2] == (-half[0], half[1]) and each not in pairs]
+            fits = [each for each in unpaired if each[:2] == (-half[0], half[1])]
             fits.sort(key=lambda each: each[2].rpartition(".")[2] != half[2].rpartition(".")[2])
-            pairs += [half, *fits[:1]] if fits else []
-        unpaired = [each for each in near if each not in pairs]
-        return unpaired, [each for each in far if each not in pairs], pairs
+            if fits:
+                unpaired.remove(fits[0])
+                pairs += [half, fits[0]]
+            else:
+                unmatched.append(half)
+        return unpaired, unmatched, pairs
 
     def motion(self) -> Instant:
         """The derivatives of all plants' states, over states and what is held: x' = A x + B u, y = C x + D u, u = L y + h."""
