@@ -47,11 +47,3 @@ def test_a_box_with_a_border_in_it_has_no_form():
     for corner, stable in ((0.70710678, True), (0.70710679, False)):
         sides = {name: (balls.decimal("0.7"), balls.decimal(repr(corner))) for name in ("a", "k")}
         assert accepted(TWO_NUMBERS, sides, {"L": rows(np.eye(2)), "signs": "++"}) == stable
-
-
-def test_an_error_above_the_diagonal_counts_though_there_is_none_below():
-    """Products of symmetric sums are computed above the diagonal, so their errors stand there."""
-    one = balls.ONE
-    for error, definite in ((0.9, True), (1.1, False)):
-        wide = form.Matrix({(): [[one, 0], [0, one]]}, [[0, int(error * one)], [0, 0]])
-        assert form.positive(wide) == definite

@@ -147,6 +147,12 @@ def test_numbers_have_the_sizes_that_are_told():
     assert (x**-64).exact == {(): Fraction(3**64)}
     assert (x**65).exact is None
     assert number(2**8190).exact == {(): 2**8190}
+    small = number(Fraction(1, 2**4095))
+    assert (small * small).exact == {(): Fraction(1, 2**8190)}
+    assert (small * small * Fraction(1, 2)).exact is None
+    with pytest.raises(Unreadable, match="a division by 0"):
+        x / (x - x)
+    assert (2**x).value(balls.POINT)[1] / ONE == pytest.approx(2 ** (1 / 3), abs=1e-16)
     with pytest.raises(Unreadable, match="too many digits"):
         number(2**8192)
     assert balls.whole(3) == 3

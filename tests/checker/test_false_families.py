@@ -1,10 +1,9 @@
-"""Two sets that were once called proved and are not: what proves a smaller set, or another one, is refused for them."""
+"""A set that was once called proved and is not: what proves a smaller set is refused for it."""
 
 from fractions import Fraction
 from functools import partial
 
 import pytest
-from checker.test_messages import BEHIND, proof_of
 from support.proofs import checked
 
 pytest.importorskip("wavesweep.proofs", reason="its cells are those that are refused")
@@ -43,15 +42,3 @@ def test_masses_that_vary_are_not_proved_by_masses_that_are_constant(tmp_path):
     code, words = checked(tmp_path, varying, lines)
     assert code == 2
     assert "device.mass varies from frame to frame" in words
-
-
-@pytest.mark.parametrize("written", ["seconds = 0.05", "steps = 5"])
-def test_a_dead_time_behind_losses_is_taken_whole(written, tmp_path):
-    spec = BEHIND.replace("seconds = 0.05", written)
-    assert checked(tmp_path, spec, proof_of(spec, "14.2", "s"))[0] == 0
-    shorter = spec.replace("0.05", "0.03").replace("= 5", "= 3")
-    false = proof_of(shorter, "15.4692", "s")
-    assert checked(tmp_path, shorter, false)[0] == 0
-    code, words = checked(tmp_path, spec, false)
-    assert code == 1
-    assert "REFUSED: all that [for_all] and its channels allow, s = 15.4692" in words

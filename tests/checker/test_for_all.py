@@ -240,28 +240,80 @@ def test_a_tick_that_varies_with_a_number_of_frames_has_no_proof(tmp_path):
         assert (code, "the tick lasts as long as n says" in words) == (2, True), words
 
 
-UNREADABLE = {
-    '"rates.ratio" = { values = [4, 5, 5], varying = true }': "has a value twice",
-    '"rates.ratio" = { values = [4, 5], shares = [1, 1] }': "has chances, and does not vary",
-    '"rates.ratio" = { values = [4, 5], varying = true, hold = 1 }': "for_all.rates.ratio",
-    '"rates.ratio" = { start = 4.5, stop = 6, varying = true }': "4.5 has to be a whole number",
-    '"device.mass" = { values = [0.1, 0.2], varying = true }': "varies from frame to frame",
-    '"device.mass" = 0.1': "for_all.device.mass",
-    "tick = { late = 0.001 }\nlost = 1": "tick stands alone",
-    "lost = 0.5": "0.5 has to be a whole number",
-}
-
-
-@pytest.mark.parametrize("line", UNREADABLE)
-def test_what_cannot_be_read_of_a_set_is_an_error(line, tmp_path):
-    spec = SPEC[: SPEC.index("[for_all]")] + f"[for_all]\n{line}\n"
-    code, words = checked(tmp_path, spec, [about(["@v"]), {"nodes": [], "edges": []}])
-    assert (code, UNREADABLE[line] in words) == (2, True), words
-
-
 def test_each_combination_of_listed_values_is_counted(tmp_path, monkeypatch):
     spec = SPEC[: SPEC.index("[for_all]")] + '[for_all]\n"device.mass" = { values = [0.1, 0.2] }\nb = { values = [1, 2, 3] }\n'
     for most, counted in ((6, False), (5, True)):
         monkeypatch.setattr(for_all, "MOST", most)
         _, words = checked(tmp_path, spec.replace('"dc-slow"', '"pmw"'), [about(["@v"]), {"nodes": [], "edges": []}])
         assert ("6 combinations of values; at most 5" in words) == counted, words
+
+
+ONE_CHANNEL = """
+rates.tick_hz = 10
+block.tank = {{ type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }}
+block.net = {{ type = "channel", {} }}
+wire."tank.u" = "net.y"
+wire."net.u" = "-tank.y"
+"""
+BETWEEN = DRAWN.replace('every = "n" }', 'every = "n" }\nb = { type = "%s" }').replace("-k*tank.y", '-k*b.y"\n"b.u" = "tank.y')
+LATER = DRAWN.replace("[1, 2, 3]", "[2, 3]").replace('"hold", every', '"integrator", phase = 1, every')
+ONE_RATE = '"environment.delay" = { values = [1, 2, 3, 4, 5], varying = true }'
+NO_PROOF = {  # specs and why they have no proof here
+    "frames of a mean": (SPEC.replace("dc-slow", "pmw-mean"), "frames of pmw-mean that vary"),
+    "frames of one rate": (SPEC.replace("dc-slow", "dc"), "frames of dc that vary"),
+    "frames of no whole ticks": ("rates.slow_hz = 60\ncontroller.kind = 'pmw'\nfor_all.lost = 1", "do not last whole ticks"),
+    "lost at random": (SPEC.partition('"rates.ratio"')[0] + "loss = 0.1", "which no proof for all of them holds for"),
+    "kinds of frames": (SPEC.replace("values = [4, 5, 7]", "start = 5, stop = 60") + ONE_RATE, "280 kinds of frames"),
+    "two numbers that vary": (DRAWN + "k = { values = [1, 2], varying = true }", "one number varies"),
+    "another rate": (BETWEEN % 'hold", every = "2', "blocks of other rates than n"),
+    "two rates that vary": (BETWEEN % 'hold", every = "2*n', "blocks of other rates than n"),
+    "a step after a phase": (LATER, "the block valve has no rule here"),
+    "a step in a wire": (DRAWN.replace("-k*tank.y", "-dt*k*tank.y"), "the block valve has no rule here"),
+    "a length in a wire": (DRAWN.replace("-k*tank.y", "-n*k*tank.y"), "the block valve has no rule here"),
+    "a length in a plant": (DRAWN.replace("C = [[1]]", 'C = [["1/n"]]'), "the block tank has no rule here"),
+    "a filter of another rate": (
+        DRAWN.replace('"hold"', '"butterworth", order = 1, cutoff_hz = 0.1'), "the block valve has no rule here"
+    ),
+    "channels beside frames": (BETWEEN % 'channel", missing = "held", lost = "1', "beside messages that are late or lost"),
+    "messages at random": (ONE_CHANNEL.format("loss = 0.1"), "which no proof for all of them holds for"),
+    "bursts": (ONE_CHANNEL.format("burst = 0.1"), "which no proof for all of them holds for"),
+    "late messages, or zero": (ONE_CHANNEL.format('late = 1, missing = "zero"'), "late, and zero where they are missing"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", NO_PROOF)
+def test_what_has_no_proof_is_told(case, tmp_path):
+    spec, why = NO_PROOF[case]
+    code, words = checked(tmp_path, spec, [{"claim": "for all", "states": []}, {"nodes": [], "edges": []}])
+    assert (code, why in words) == (2, True), words
+
+
+def sizes(spec: str, **claim) -> np.ndarray:
+    family = file.family_of(file.spec_of(spec.encode()), file.Claim(**claim))
+    found = abs(np.linalg.eigvals(spectra(family, [""])[0]))
+    return np.sort(found[found > 1e-6])
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("more", ["delay = 0", "delay = 1", 'delay = "frame"', 'delay = 1\nintegration = "trapezoidal"'])
+def test_a_frame_that_is_repeated_is_the_loop_of_that_ratio(kind, more):
+    spec = SPEC.replace("dc-slow", kind).replace('integration = "explicit"\ndelay = 1', more)
+    for letter in LETTERS:
+        alone = sizes(spec, claim="modes", numbers={"rates.ratio": Fraction(letter[-1])})
+        assert sizes(spec, claim="refuted", word=[letter]) == pytest.approx(alone, rel=1e-6), letter
+
+
+RUN = {
+    "hold": "", "difference": "", "integrator": 'method = "trapezoidal"', "pi": "kp = 0.5, ki = 0.2", "gain": "k = 0.7",
+    "pid": "kp = 0.5, ki = 0.2, kd = 0.02", "lowpass": "cutoff_hz = 0.8", "saturation": "high = 9", "delay": "steps = 2",
+    "mean": "n = 3", "fir": "coefficients = [0.5, 0.2]", "biquad": "b1 = 0.3, a1 = -0.2",
+    "tf": "num = [1, 0.5], den = [2, 0.1], discrete = true", "ss": "A = [[0.5]], B = [[1]], C = [[0.3]], discrete = true",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", RUN)
+def test_a_block_that_runs_once_in_a_frame_is_that_of_its_length(kind):
+    spec = DRAWN.replace('"hold", every', f'"{kind}", {RUN[kind]}{", " * bool(RUN[kind])}every')
+    for n in (1, 2, 3):
+        alone = sizes(spec, claim="modes", numbers={"n": Fraction(n)})
+        assert sizes(spec, claim="refuted", word=[f"n={n}"]) == pytest.approx(alone, rel=1e-6), n

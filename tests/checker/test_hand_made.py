@@ -1,9 +1,10 @@
 """A proof by hand. The loop turns by k and shrinks to a half: its modes 0.5 +- k j leave the circle at k = sqrt(0.75)."""
 
+import gzip
 from copy import deepcopy
 
 import pytest
-from support.proofs import checked
+from support.proofs import checked, checked_file
 
 from wavesweep.checker import file, frame
 from wavesweep.checker.reader import expressions
@@ -49,6 +50,18 @@ def test_a_claim_that_is_refused_says_where_and_leaves_the_others(tmp_path):
     assert covered.startswith("k from 0 to 0.8661: NOT COVERED to 0.86603 (99.99 %), unstable from 0.86603;")
 
 
+INSIDE = {"claim": "modes", "numbers": {"k": "0.7243"}, "outside": 0, "states": STATES}  # of modes of size 0.880119
+
+
+def test_modes_are_within_a_circle_of_another_radius(tmp_path):
+    for radius, outside in (("0.88012", 0), ("0.88011", 2), ("3", 0)):
+        lines = [INSIDE | {"radius": radius, "outside": outside}, {"L": UNIT, "signs": "-+"[not outside] * 2}]
+        code, words = checked(tmp_path, SPEC, lines)
+        assert code == 0, words
+        assert f"side the circle of radius {radius} in each period of its rates\n" in words
+        assert f"own numbers within a circle of radius {radius} in each period of its rates at k = 0.7243: proved " in words
+
+
 REFUSED = {  # lines that do not show what they claim
     "end": [BELOW | {"sides": {"k": ["0", "0.86603"]}}, WITHIN],
     "count": [BELOW | {"outside": 1}, WITHIN],
@@ -68,6 +81,7 @@ REFUSED = {  # lines that do not show what they claim
     "open": [BELOW, {"open": True}],
     "another number": [BELOW | {"sides": {}, "numbers": {"k": "0.9"}}, WITHIN],
     "a graph of one frame": [BELOW, {"nodes": [{"L": UNIT}], "edges": [[0, "", 0]]}],
+    "a circle within the modes": [INSIDE | {"radius": "0.88"}, WITHIN],
     "no mode outside": [{"claim": "refuted", "numbers": {"k": "0.5"}, "outside": 0, "states": STATES}, WITHIN],
 }
 
@@ -118,6 +132,14 @@ UNREADABLE = {
     "a name twice in a drift": [BELOW | {"drifts": [["@turn x0", "@turn x0"]]}, WITHIN],
     "a drift of nothing": [BELOW | {"drifts": [[]]}, WITHIN],
     "a cell before its claim": [WITHIN, BELOW],
+    "a factor without a cut": [BELOW | {"cut": "turn.y"}, WITHIN],
+    "a gain of modes": [BELOW | {"gain": {"from": "a", "to": "b", "at_most": "1"}}, WITHIN],
+    "a gain that is none": [{"claim": "gain", "states": STATES}, WITHIN],
+    "a number of a form that is too large": [BELOW, WITHIN | {"L": [["1e101", "0"], ["0", "1"]]}],
+    "a number of a form that is too small": [BELOW, WITHIN | {"L": [["1e-101", "0"], ["0", "1"]]}],
+    "a number of a form that is too long": [BELOW, WITHIN | {"L": [["1" * 61, "0"], ["0", "1"]]}],
+    "what is for all with a word": [{"claim": "for all", "word": ["n=3"], "states": STATES}, WITHIN],
+    "a member that has more": [BELOW | {"claim": "for all"}, {"member": {}, "more": 1}],
     "seven sides": [BELOW | {"sides": {f"k{number}": ["0", "1"] for number in range(7)}}, WITHIN],
     "nested without an end": [BELOW, {"L": eval("[" * 60 + "]" * 60)}],  # noqa: S307
 }
@@ -138,10 +160,13 @@ def test_a_proof_is_about_one_spec_and_whole(tmp_path):
     )
     assert checked(tmp_path, SPEC, lines, {"claims": 3})[0] == 2
     assert checked(tmp_path, SPEC, [])[0] == 2
-    assert checked(tmp_path, SPEC, lines, {"format": "wavesweep proof 1"})[0] == 2
+    for header in ({"format": "wavesweep proof 1"}, {"more": 1}):
+        assert checked(tmp_path, SPEC, lines, header)[0] == 2
+    for text in (gzip.compress(b"[]\n"), gzip.compress(b'{"format": 1, "format": 1}\n'), b"{}\n", gzip.compress(b"{\n")):
+        (tmp_path / "other.proof").write_bytes(text)
+        code, words = checked_file(tmp_path / "spec.toml", tmp_path / "other.proof")
+        assert (code, words.count("\n"), "has no format" in words) == (2, 1, False), words
     (tmp_path / "spec.proof").write_bytes((tmp_path / "spec.proof").read_bytes()[:-30])
-    from support.proofs import checked_file
-
     assert checked_file(tmp_path / "spec.toml", tmp_path / "spec.proof")[0] == 2
 
 
@@ -199,6 +224,21 @@ def test_a_drift_is_set_aside_if_every_equation_keeps_it(tmp_path):
     assert code == 0
     assert "the only mode is inside the unit circle, stable (1 drift set aside, which nothing opposes)" in words
     assert checked(tmp_path, DRIFTING, [claim | {"drifts": [["@free integral"]]}, *cells])[0] == 1
+
+
+TURNED = SPEC.replace('["0.5", "k"], ["-k", "0.5"]', '[1.5, "-k"], ["-k", 1.5]').replace(
+    "[[1, 0]]", "[[1, -1]]"
+)  # modes 1 and 2
+
+
+@pytest.mark.parametrize("again", [["@turn x1", "@turn x0"], ["@turn x0", "@turn x1"], ["@turn x1"]])
+def test_a_drift_is_set_aside_once(again, tmp_path):
+    """Both memories keep each other: with either of them first it is one direction, and the other mode is left."""
+    claim = {"claim": "modes", "outside": 1, "drifts": [["@turn x0", "@turn x1"]], "states": ["@turn x1"]}
+    assert checked(tmp_path, TURNED, [claim, {"L": [["1"]], "signs": "-"}])[0] == 0
+    claim |= {"outside": 0, "drifts": [["@turn x0", "@turn x1"], again], "states": []}
+    code, words = checked(tmp_path, TURNED, [claim, {"L": [], "signs": ""}])
+    assert (code, "no memory of its own" in words or "not every equation keeps" in words) == (1, True), words
 
 
 # The integral of one - two: both rest at g times the integral, whatever g is.

@@ -80,8 +80,35 @@ def of_results(k: float) -> float:
     return moments({(0, 0): [(0.8, lost @ [[1, 0, 0], [0, 1, 0], [-k, -1, 0]]), (0.2, lost)]}, [0])
 
 
+TWO = """
+rates.tick_hz = 10
+numbers.k = 1.0
+[block]
+tank = { type = "ss", inputs = ["u"], A = [[0]], B = [[1]], C = [[1]] }
+a = { type = "channel", every = 4, loss = 0.2 }
+b = { type = "channel", every = 2, phase = 1, loss = 0.3, missing = "zero" }
+[wire]
+"tank.u" = "a.y + b.y"
+"a.u" = "-k*tank.y"
+"b.u" = "-2*k*tank.y"
+"""
+
+
+def of_two(k: float) -> float:
+    """Of (x, a, b): a comes in tick 0, b in ticks 1 and 3 of 4, and its force is 0 where it does not come."""
+
+    def stretch(a, b, ticks):
+        return [[1, ticks * T, ticks * T], [0, 1, 0], [0, 0, 1]] @ np.array([[1, 0, 0], a, b])
+
+    kept = [0, 1, 0], [0, 0, 1]
+    first = [(0.8, stretch([-k, 0, 0], kept[1], 1)), (0.2, stretch(*kept, 1))]
+    others = [[(0.7, stretch(kept[0], [-2 * k, 0, 0], ticks)), (0.3, stretch(kept[0], [0, 0, 0], ticks))] for ticks in (2, 1)]
+    return moments({(0, 1): first, (1, 2): others[0], (2, 0): others[1]}, [0, 1, 2])
+
+
 CASES = {
     "results": (RESULTS, of_results),
+    "two channels in turn": (TWO, of_two),
     "losses": (LOSSY.format(chances='loss = "p"'), lambda k: of_losses(k, 0.2)),
     "bursts": (LOSSY.format(chances='loss = "p", burst = 0.1, burst_end = 0.4'), lambda k: of_losses(k, 0.2, 0.1, 0.4)),
     "shares": (FRAMES.format(chances="shares = [3, 1]"), lambda k: of_frames(k, [[0.75, 0.25]] * 2)),
@@ -150,7 +177,50 @@ def test_other_chances_are_another_chain(tmp_path):
         assert checked(tmp_path, CASES[other][0], lines)[0] == 1
 
 
-def test_a_spec_without_chances_has_no_mean_square(tmp_path):
-    spec = LOSSY.format(chances="lost = 1")
-    claim = {"claim": "mean square", "numbers": {"k": "1"}, "states": ["@held net.y", "@tank x0"]}
-    assert checked(tmp_path, spec, [claim, {"nodes": []}])[0] == 2
+def test_chances_of_delays_may_be_those_of_each_length():
+    """And all else is independent: a chance is the product of the shares of its length, of its delay and of the result."""
+    spec = (
+        RESULTS.replace("delay = 0, ", "")
+        + """
+for_all."rates.ratio" = { values = [8, 10], varying = true, shares = [1, 3] }
+for_all."environment.delay" = { values = [0, 2, 3], varying = true, shares = [[1, 1, 2], [4, 1, 0]] }
+"""
+    )
+    moves = file.family_of(file.spec_of(spec.encode()), file.Claim("mean square")).moves[None]
+    of_delays = {8: (25, 25, 50), 10: (80, 20, 0)}
+    expected = {
+        f"rates.ratio={ratio};environment.delay={delay}{lost}": Fraction(of_ratio * of_delay * of_result, 10**6)
+        for ratio, of_ratio in ((8, 25), (10, 75))
+        for delay, of_delay in zip((0, 2, 3), of_delays[ratio], strict=True)
+        for lost, of_result in (("", 80), (";lost", 20))
+        if of_delay
+    }
+    assert {letter: chance.exact[()] for letter, (_, _, chance) in moves.items()} == expected
+
+
+NOT_AT_RANDOM = {
+    "a spec without chances": (
+        LOSSY.format(chances="lost = 1").replace(", p = 0.2", ""),
+        "messages of net are late, or lost in a row",
+    ),
+    "results in a row": (RESULTS.replace("loss = 0.2", "lost = 1"), "lost counts results in a row"),
+    "a message that is late": (
+        LOSSY.format(chances="late = 1").replace(", p = 0.2", ""),
+        "messages of net are late, or lost in a row",
+    ),
+    "nothing at all": (RESULTS.replace("for_all.loss = 0.2", ""), "the spec has no chances"),
+    "a chain with edges": (RESULTS, "a chain has nodes alone"),
+}
+
+
+@pytest.mark.parametrize("case", NOT_AT_RANDOM)
+def test_what_has_no_mean_square_is_refused(case, tmp_path):
+    spec, why = NOT_AT_RANDOM[case]
+    head, forms = proof_of(RESULTS, "20")
+    head |= {"numbers": {"k": "1"}} if "net" in spec else {}
+    code, words = checked(tmp_path, spec, [head, forms | {"edges": []}])
+    assert (code, why in words) == (2, True), words
+    code, words = checked(tmp_path, RESULTS, [head | {"numbers": {"K_VE": "20"}}, {"nodes": forms["nodes"] * 2}])
+    assert (code, "2 forms of 1 states" in words) == (1, True), words
+    code, words = checked(tmp_path, RESULTS, [head | {"numbers": {"K_VE": "20"}}, forms["nodes"][0] | {"signs": "+++"}])
+    assert (code, "no graph" in words) == (1, True), words

@@ -1,5 +1,6 @@
 """Messages that are late or lost: which a receiver may have, and loops whose limits are known in closed form."""
 
+from contextlib import nullcontext
 from fractions import Fraction
 
 import numpy as np
@@ -8,6 +9,7 @@ from support.forms import form_of, matrix_of
 from support.proofs import checked
 
 from wavesweep.checker import balls, file
+from wavesweep.checker.reader import for_all
 from wavesweep.engine._switched.norms import find_norms
 
 TANK = """
@@ -130,6 +132,14 @@ def test_losses_in_a_row_leave_two_over_one_more_of_them(lost, tmp_path):
     code, words = checked(tmp_path, TANK.format(messages=f"lost = {lost + 1}"), lines)
     assert code == 1
     assert f"the frame 0: net has {lost + 1} may come" in words
+
+
+def test_states_of_messages_are_as_many_as_are_told(monkeypatch):
+    """Of a receiver that lacks up to three messages in a row: four states."""
+    for most, wrong in ((4, False), (3, True)):
+        monkeypatch.setattr(for_all, "MOST_STATES", most)
+        with pytest.raises(file.Unreadable, match="more than 3 states") if wrong else nullcontext():
+            assert len(family_of(TANK.format(messages="lost = 3"), "1").moves) == most
 
 
 def test_a_tick_of_lateness_has_another_proof(tmp_path):

@@ -100,6 +100,8 @@ def test_a_loop_without_memory_has_no_mode(tmp_path):
     spec = 'rates.tick_hz = 10\nblock.a = { type = "gain", k = 2 }\nwire."a.u" = "0*a.y"\n'
     code, words = checked(tmp_path, spec, [{"claim": "modes", "outside": 0, "states": []}, {"L": [], "signs": ""}])
     assert (code, words.splitlines()[0]) == (0, "proved: the spec's own loop, its own numbers: there is no mode")
+    code, words = checked(tmp_path, spec, [{"claim": "for all", "states": []}, {"nodes": [{"L": []}], "edges": []}])
+    assert (code, "a loop without states has no form" in words) == (1, True), words
 
 
 UNKNOWN = [

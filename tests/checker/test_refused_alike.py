@@ -51,6 +51,8 @@ NO_VALUE = [
     f"[for_all]\n{RATIOS}, shares = [1, 1], next = [[1, 0], [0, 1]] }}", f"[for_all]\n{RATIOS}, shares = [1, 1] }}\nlost = 1",
     f'[for_all]\n{RATIOS}, shares = [1, 1] }}\n"environment.delay" = {{ values = [1, 8], varying = true }}',
     f'[for_all]\n{RATIOS} }}\n"environment.delay" = {{ values = [1, 8], varying = true, next = [[1, 0], [0, 1]] }}',
+    f"[for_all]\n{RATIOS}, hold = 1 }}", '[for_all]\n"rates.ratio" = { start = 4.5, stop = 6, varying = true }',
+    '[for_all]\n"device.mass" = { values = [0.1, 0.2], varying = true }', '[for_all]\n"device.mass" = 0.1',
     "[sweep]\nfoo = [1]", "[sweep]\nK_VE = [-1]", "[sweep]\nK_VE = { start = 5, stop = 1 }",
 ]  # fmt: skip
 TAKEN = [

@@ -58,6 +58,28 @@ def test_each_part_of_the_times_has_an_edge(tmp_path):
         assert (code, "do not rise" in words) == (1, True), words
 
 
+BROKEN = [
+    ({"more": 1}, "a graph has nodes, edges and a start alone"), ({"edges": [[0, "0", 1]]}, "has the node 1 of 1"),
+    ({"edges": [[-1, "0", 0]]}, "has the node -1 of 1"), ({"start": 1}, "starts at one of its nodes"),
+    ({"start": -1}, "starts at one of its nodes"), ({"nodes": [ONE[0] | {"signs": "+"}]}, "a node has L and Q alone"),
+    ({"edges": [[0, "0"]]}, "an edge is not"), ({"edges": [[0, 0, 0]]}, "a letter is not"), ({"nodes": []}, "0 nodes"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "why"), BROKEN)
+def test_a_graph_has_nodes_edges_and_a_start(change, why, tmp_path):
+    code, words = checked(tmp_path, TANK, [up_to("13.33"), ALWAYS | change])
+    assert (code, why in words) == (2, True), words
+
+
+def test_a_form_without_a_graph_proves_no_ticks(tmp_path):
+    code, words = checked(tmp_path, TANK, [up_to("13.33"), ONE[0] | {"signs": "+"}])
+    assert (code, "no graph for k from 13.0 to 13.33" in words) == (1, True), words
+    side = TANK.replace("numbers.k = 1.0", '[numbers]\nk = 1.0\n"for_all.tick" = 1.0').replace("-k*", "-k*for_all.tick*")
+    code, words = checked(tmp_path, side, [up_to("13.33") | {"sides": {"for_all.tick": ["1", "1"]}}, ALWAYS])
+    assert (code, "a number with the name for_all.tick" in words) == (2, True), words
+
+
 def test_what_happens_in_a_tick_depends_on_its_place(tmp_path):
     """Of y sampled in each second tick, x+ = (1 - (h + h') k) x."""
     states = ["@held valve.y", "@tank x0"]

@@ -10,7 +10,7 @@ from support.proofs import changed, checked, checked_file, lines_of, written
 
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import Claim, spec_of
-from wavesweep.proofs.claims import claim_at, claim_of_set, claim_refuted
+from wavesweep.proofs.claims import claim_of_set, claim_refuted
 from wavesweep.proofs.drifts import drifts_of
 
 PMW = Path(__file__).parents[2] / "sweeps" / "for-all" / "pmw.toml"
@@ -280,13 +280,3 @@ def test_check_proves_what_it_says_of_all(spec, said, claims, tmp_path, capsys):
     assert said in capsys.readouterr().err
     assert [line["claim"] for line in lines_of(proof) if "claim" in line] == claims
     assert checked_file(path, proof)[0] == 0
-
-
-@pytest.mark.parametrize(("radius", "code"), [("0.81", 0), ("0.7", 1), ("0", 2), ("-1", 2)])
-def test_a_circle_has_a_radius_above_0(radius, code, tmp_path):
-    lines = claim_at(spec_of(VALVE.replace("[for_all]", "").encode()), "modes", {}, 0.81)
-    lines[0]["radius"] = radius
-    found, words = checked(tmp_path, VALVE.replace("[for_all]", ""), lines)
-    assert found == code, words
-    lines[0] |= {"claim": "for all", "radius": "0.81"}
-    assert checked(tmp_path, VALVE.replace("[for_all]", ""), lines)[0] == 2

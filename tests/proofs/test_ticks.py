@@ -35,13 +35,6 @@ def test_ticks_are_proved_up_to_their_end_and_no_further(tmp_path):
 CHANGED = {"late = 0.05": "late = 0.0511", "every = 2": "every = 3", '"-k*': '"-1.01*k*', "tick_hz = 10": "tick_hz = 9.9"}
 
 
-def test_a_graph_begins_where_a_frame_does(tmp_path):
-    lines = proof_of(EVERY_SECOND, 6.0, 6.1)
-    graph = next(line for line in lines if "nodes" in line)
-    graph["start"] = 1 - graph["start"]
-    assert checked(tmp_path, EVERY_SECOND, lines)[0] == 1
-
-
 def test_what_refutes_is_read_as_it_is_printed(tmp_path):
     draw = random.Random(0)  # noqa: S311
     for _ in range(300):

@@ -251,7 +251,7 @@ def frames_of(
 
 def _at_random(table: ForAll, kinds, fates, arithmetic) -> Moves:
     """The chain of lengths, or None alone if no length depends on the one before; all else is independent."""
-    if table.lost or (len(fates) == 1 and not table.varying):
+    if table.lost:
         raise Unreadable("lost counts results in a row, and loss is their probability")
     loss = arithmetic.number(table.loss or 0)
     length = RATIO if RATIO in table.varying else next(iter(table.varying), "")
@@ -272,7 +272,7 @@ def _at_random(table: ForAll, kinds, fates, arithmetic) -> Moves:
                 share = arithmetic.exact(weights[table.varying[name].index(values[name])])
                 chance = chance * (share / sum(map(arithmetic.exact, weights)))
             for lost in fates:
-                of_result = chance * (loss if lost else 1 - loss) if len(fates) > 1 else chance
+                of_result = chance * (loss if lost else 1 - loss)
                 letter = letter_of(values, lost)
                 if of_result:
                     moves[before][letter] = (letter, values[length] if chain else None, of_result)
@@ -289,9 +289,6 @@ def _from_sample_to_sample(schedule: Schedule) -> Schedule:
 def _controller(table: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     """Of frames and results of a controller: the environment integrates over the frame, or over the nominal one."""
     nominal = loop_with({})
-    delay = values.get(DELAY, nominal.delay)
-    if delay != "frame" and delay > values.get(RATIO, nominal.ratio):
-        raise Unreadable("results that come after their frame have no proof here")
     loop = loop_with(values)
     if loop.ratio.denominator > 1 or loop.kind in ("dc", "pmw-mean"):
         raise Unreadable(
