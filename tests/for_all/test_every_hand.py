@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
-from support.held import damping_needed
 from support.specs import values_of
+
+pytest.importorskip("wavesweep.passive", reason="every hand at constant frames is known by it")
+pytest.importorskip("wavesweep.check")
+from support.held import damping_needed
 
 from wavesweep.check.verdict import verdict, verdict_lines
 from wavesweep.engine.errors import UsageError
