@@ -2,13 +2,18 @@
 
 import numpy as np
 import pytest
+from support.frames import plan_of_controller
+from support.specs import values_of
 
+import wavesweep
 from wavesweep.engine._switched.folded import counted_from_rest, shift_of
 from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.boxes import proved_stable
+from wavesweep.for_all.frame_families import FramesInAnyOrder
 from wavesweep.for_all.hand_box import box_in_words
+from wavesweep.for_all.wall_frames import wall_frames
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -80,3 +85,29 @@ def test_walls_of_designs_are_ranked_by_the_frames_of_each_of_them():
     assert np.argsort(together).tolist() == [0, 2, 1]
     verdicts = [ranking.verdict(specs[1].with_values({"environment.K_VE": share * together[1]})) for share in (0.9, 1.1)]
     assert verdicts == ["proved", "refuted"]
+
+
+@pytest.mark.parametrize(("kind", "sprung", "damped"), [("dc-slow", 0.0, True), ("pmw", 0.0, False), ("dc-slow", 300.0, True)])
+def test_frames_without_a_wall_have_the_modes_of_the_loop_once_it_is_put_back(kind, sprung, damped):
+    """Of constant frames of each length; a device that floats has its place as a state of its own."""
+    K, B, ratios = 150.0, 2.0 * damped, (4, 7)
+    keys = {"device": {"velocity": "difference"}, "operator": {"stiffness": sprung}}
+    keys["environment"] = {"integration": "explicit", "delay": 1, "K_VE": K, "B_VE": B}
+    values = values_of(kind, **{f"{table}.{name}": value for table, row in keys.items() for name, value in row.items()})
+    wall = ["environment.K_VE", "environment.B_VE"][: 1 + damped]
+    found = wall_frames(plan_of_controller(values, FramesInAnyOrder(ratios, (1,)), wall), wall)
+    assert (found.drifts, found.names) == (sprung == 0, ("4 ticks", "7 ticks"))
+    assert found.follows.tolist() == [[True, True]] * 2
+    for ratio, change, rows in zip(ratios, found.changes, found.rows, strict=True):
+        n = len(change) - 1
+        read = K * np.append(rows[0, :n], found.drifts) + B * np.append(rows[1, :n], 0.0)
+        force = read / (1 - K * rows[0, n] - B * rows[1, n])
+        frame = np.eye(n + 1)
+        frame[:, :n] += change[:, :n]
+        modes = np.linalg.eigvals(frame + np.outer(change[:, n], force))
+        exact = wavesweep.compile({"controller": {"kind": kind}, "rates": {"ratio": ratio}} | keys).poles()
+        sizes = [np.sort(np.abs(each))[::-1] for each in (modes[modes != 1], exact.z_re + 1j * exact.z_im)]
+        np.testing.assert_allclose(*(each[: n + found.drifts] for each in sizes), atol=1e-7)
+    for error, of in ((found.changes_error, found.changes), (found.rows_error, found.rows)):
+        assert (error >= 0).all()
+        assert error.max() < 1e-12 * (1 + np.abs(of).max())
