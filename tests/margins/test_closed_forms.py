@@ -9,6 +9,8 @@ from wavesweep.margins import box_margins, panel
 from wavesweep.margins.figure import _closed_step, decibels_and_degrees, draw_bode, draw_nyquist, open_loop
 from wavesweep.margins.marked_steps import draw_others, draw_step
 from wavesweep.margins.table import KINDS, margins
+from wavesweep.program.analyses.claim_words import fact_of
+from wavesweep.program.analyses.claims import Claim, Property, Status, own_scope
 from wavesweep.program.plots.style import family_looks
 
 T = 0.01
@@ -239,3 +241,50 @@ def test_a_page_shows_the_closed_form_of_loop_and_step(route):
     for wrong in ({"cut": "x.y"}, {"cut": "c.y", "route": ["own", "ref"]}):
         with pytest.raises(KeyError):
             panel.quick(spec, wrong, shown, True)
+
+
+def test_lines_say_what_is_lifted_in_doubt_or_without_a_limit_and_what_holds_for_all():
+    def row(value, unit="ratio", **more):
+        cells = {"omega": 20 * np.pi, "hz": 10.0, "doubt": "", "limited": True}
+        cells |= {"fails_below": None, "fails_from": None, "settled": True, "counterexample": ""}
+        return {"value": value, "unit": unit} | cells | more
+
+    def lines(of_spec, **more):
+        facts = {"cut": "c.y", "period_s": 0.02, "times": 1, "rows": 4, "doubts": {}, "margins": of_spec}
+        return [*KINDS[0].lines(facts | more)]
+
+    once = {"gain_down": row(0.12345649), "phase": row(44.99999, "deg", hz=40.0), "delay_frames": row(3.0, "frame", hz=None)}
+    once |= {"disk": row(None, doubt="crowded"), "disk_gain": row(1e6, limited=False), "sensitivity": row(1.5, doubt="search")}
+    assert lines(once) == [
+        ("broken at c.y, once in 20 ms", False),
+        ("gain may fall by a factor down to 0.123457, at 62.832 rad/s (10 Hz)", False),
+        ("phase margin 44.9999 deg, at 40 Hz (seen once a frame: 10 Hz)", False),
+        ("delay margin (fewer whole frames than) 3", False),
+        ("disk margin: not certified (crowded), at 62.832 rad/s (10 Hz)", True),
+        ("  gain alone within the disk, up or down by a factor of: no limit", False),
+        ("peak sensitivity Ms 1.5, at 62.832 rad/s (10 Hz), not certified (search)", True),
+    ]
+    for times, word in ((2, "both"), (4, "all four"), (5, "all 5")):
+        found = [
+            line
+            for line, _ in lines({"phase": row(45.0, "deg"), "sensitivity": row(1.5), "complementary": row(1.0)}, times=times)
+        ]
+        assert found[0] == f"broken at c.y, which runs {times} times per 20 ms; a margin is for one factor on {word} values"
+        assert found[2] == f"peaks of inputs of any form, over all {times} values: largest singular values"
+        assert len(found) == 5
+    spec = lag(0.9, for_all={"g": {"start": 0.8, "stop": 1.0}})
+    claims = [
+        Claim(Property("margins", "figures"), own_scope(spec), status, said)
+        for status, said in ((Status.PROVED, ""), (Status.REFUTED, "g = 1"))
+    ]
+    worst = {
+        "gain_down": row(0.25, fails_below=0.2499999, counterexample="g = 1"),
+        "phase": row(40.0, "deg", fails_from=41.00001),
+    }
+    proved, refuted = (lines({}, for_all=worst, claim=fact_of(claim)) for claim in claims)
+    assert [line for line, _ in proved[2:]] == [
+        "gain may fall by a factor down to 0.25, refuted below 0.249999 by g = 1",
+        "phase margin 40 deg, refuted from 41.0001 on by ",
+    ]
+    assert proved[1][0].endswith("(for_all):")
+    assert (len(refuted), refuted[0][1]) == (2, True)
