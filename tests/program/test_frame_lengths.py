@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.program.tables.frame_lengths import DecidingLengths, lengths_in, lengths_in_words, varying_lengths
+from wavesweep.program.tables.frame_lengths import DecidingLengths, lengths_in_words, varying_lengths
 
 NAN = float("nan")
 
@@ -38,11 +38,6 @@ def test_lengths_of_all_counterexamples_decide_and_the_others_may_be_left_out():
 )
 def test_nothing_is_said_where_it_is_not_known_or_no_length_is_left(row):
     assert counted((14, 15, 16), row) == {}
-
-
-def test_lengths_stand_beside_delays_and_numbers():
-    assert lengths_in("mass = 0.12, frames 16 (delay 8), 20 (lost), 33") == {16, 20, 33}
-    assert lengths_in("frames 33, a hand that moves at 15.15 Hz") == {33}
 
 
 def test_lengths_of_a_drawn_loop_are_those_of_the_number_that_every_is():

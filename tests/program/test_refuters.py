@@ -1,8 +1,54 @@
 """The column `counterexample` is read as it was written."""
 
+import random
+
 import pytest
 
-from wavesweep.program.tables.refuters import Refuters, in_a_sentence
+from wavesweep.program.tables.refuters import Refuter, Refuters, in_a_sentence
+
+
+def drawn(draw: random.Random) -> Refuter:
+    """A member with a pattern of one of three kinds, or without."""
+
+    def pattern(values):
+        return [draw.choice(values) for _ in range(draw.choice([1, 2, 3, 5, 8]))] * draw.choice([1, 2, 3])
+
+    numbers = {name: draw.choice(["1", "-2.5e-05"]) for name in ("b", "x.m")[: draw.randint(1, 2)]}
+    return draw.choice(
+        [
+            Refuter(numbers),
+            Refuter(numbers, frames=pattern([(16, ""), (8, "lost"), (33, "delay 3")])),
+            Refuter(messages={name: pattern([0, 12, None]) for name in ("up", "down")}),
+            Refuter(numbers, ticks=pattern(["1", "1.2", "1.05"])),
+        ]
+    )
+
+
+def test_a_refuter_is_read_as_it_was_written():
+    draw = random.Random(0)  # noqa: S311
+    for _ in range(400):
+        refuter = drawn(draw)
+        assert Refuter.read(str(refuter)) == refuter
+
+
+UNREADABLE = [
+    "",
+    "second moments that grow",
+    "no member, frames 1",
+    "frames 16, 33, ...",
+    "messages up: 0, ...",
+    "ticks of 1, (2 x ... ms",
+]
+
+
+@pytest.mark.parametrize("text", UNREADABLE)
+def test_what_is_no_member_and_no_whole_pattern_is_no_refuter(text):
+    with pytest.raises(ValueError):
+        Refuter.read(text)
+
+
+def test_a_hand_behind_a_pattern_is_none_of_its_frames():
+    assert Refuter.read("m = 2, frames 33, a hand that moves at 15.15 Hz").frames == [(33, "")]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from itertools import groupby
 
 import numpy as np
 
@@ -75,6 +74,7 @@ from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.reading.tables import TableValue
 from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.tables.refuters import Refuter
 
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
@@ -470,32 +470,16 @@ def text_of_pattern(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
         by_channel = (
             message_patterns.messages_of(family, word) if ring else Sent.by_channel(symbols)
         )
-        texts = [f"{name}: {_messages(late)}" for name, late in by_channel.items()]
-        return f"messages {'; '.join(texts)}"
+        return str(Refuter(messages=by_channel))
     results = {(symbol.delay, symbol.lost) for symbol in family.symbols}
-    texts = [_frame(symbol, several=len(results) > 1) for symbol in symbols]
-    return f"frames {', '.join(texts)}"
+    several = len(results) > 1
+    return str(
+        Refuter(frames=[(symbol.ticks, _result(symbol, several=several)) for symbol in symbols])
+    )
 
 
-def _frame(symbol: Symbol, *, several: bool) -> str:
-    """A frame as a text; several: whether results may come after several delays."""
+def _result(symbol: Symbol, *, several: bool) -> str:
+    """What becomes of the result of a frame, in words; several: whether results may come after several delays."""
     if symbol.delay == LOST:
-        return f"{symbol.ticks} (lost)"
-    if several:
-        return f"{symbol.ticks} (delay {symbol.delay})"
-    return f"{symbol.ticks}"
-
-
-def _messages(late: Sequence[int | None]) -> str:
-    """What happens to the messages of a channel, as [simulate] takes it: those that are lost in
-    a row are counted."""
-    texts = []
-    for ticks, run in groupby(late):
-        count = len(list(run))
-        if ticks is not None:
-            texts += [f"{ticks}"] * count
-        elif count > 1:
-            texts.append(f"{count} lost")
-        else:
-            texts.append("lost")
-    return ", ".join(texts)
+        return "lost"
+    return f"delay {symbol.delay}" if several else ""

@@ -22,7 +22,7 @@ from wavesweep.engine.switched import (
 )
 from wavesweep.late_ticks.tick_curves import LateTicks
 from wavesweep.program.number_words import in_all_digits
-from wavesweep.program.tables.refuters import repeated
+from wavesweep.program.tables.refuters import Refuter
 
 MOST_TICKS = 1200  # of a walk
 MODES = 4  # the slowest, of which there are walks
@@ -83,7 +83,7 @@ def in_words(ticks: LateTicks, pattern: Pattern) -> str:
     shortest = _shortest(pattern, ticks.places)
     # A product has noise beyond 15 digits.
     lengths = [in_all_digits(float(f"{1e3 * ticks.lengths[length]:.15g}")) for length in shortest]
-    return f"ticks of {repeated(lengths)} ms"
+    return str(Refuter(ticks=lengths))
 
 
 def _shortest(pattern, places):

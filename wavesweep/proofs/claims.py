@@ -15,6 +15,7 @@ import numpy as np
 from wavesweep.checker import balls, file
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import for_all, loop_of, with_numbers
+from wavesweep.program.tables.refuters import Refuter
 from wavesweep.proofs.cells import (
     WINDOW,
     Cell,
@@ -27,7 +28,7 @@ from wavesweep.proofs.cells import (
 )
 from wavesweep.proofs.drifts import drifts_of
 from wavesweep.proofs.planes import Part, lines_of
-from wavesweep.proofs.refuted import read, word_of
+from wavesweep.proofs.refuted import word_of
 from wavesweep.proofs.sets import Cells, decimals, lines_over
 
 PLACES = 0.31, 0.77  # of a range, at which a mode is looked for that is on the circle everywhere
@@ -123,7 +124,7 @@ def claim_of_set(
         if kind == "for all":
             words.append(cells.cycle)
         if kind == "for all" and text:
-            words.append(cells.word(word_of(tables, claim, read(text))))
+            words.append(cells.word(word_of(tables, claim, _refuter(text))))
         begins, tree_of_cells = lines_over(cells, [word for word in words if word])
         lines += tree_of_cells
         if along and begins > cells.whole[0, 0]:
@@ -161,12 +162,20 @@ def _constant(family: file.Family, name: str, low: float, high: float) -> Lines:
     return list(tree(name, whole[0]))
 
 
+def _refuter(text: str) -> Refuter:
+    """What a table says that refutes a value. Errors: Refused for what is no member and no pattern."""
+    try:
+        return Refuter.read(text)
+    except ValueError:
+        raise Refused(f"what refutes it is no member and no whole pattern: {text}") from None
+
+
 def claim_refuted(tables: dict, numbers: Mapping[str, str], text: str) -> Lines:
     """Return the lines of a claim that a member of [for_all], with its frames, is unstable.
 
     text: what refutes, as it is printed. Errors: Refused, Unreadable.
     """
-    refuter = read(text)
+    refuter = _refuter(text)
     whole = {**numbers, **refuter.numbers}
     claim = file.Claim("for all", _exact(whole))
     claim = file.Claim("refuted", claim.numbers, outside=1, word=word_of(tables, claim, refuter))

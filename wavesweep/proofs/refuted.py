@@ -1,79 +1,18 @@
-"""What refutes a number, as tables and `check` print it, in the frames and messages of the checker."""
+"""What refutes a number in the frames and messages of the checker."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from math import lcm
-from typing import NamedTuple
 
 from wavesweep.checker import balls, file
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import for_all, loop_of, with_numbers
+from wavesweep.program.tables.refuters import Refuter
 from wavesweep.proofs.sets import decimals
 
-FRAME = re.compile(r"(\d+)(?: \((.*?)\))?")
-PATTERN = re.compile(r"(?:^|, )(frames|messages|ticks of) (.*)")
-INNER = re.compile(r"\(([^()]*)\)(?: x (\d+))?")  # of a pattern with its repetitions counted
 SAME_TIME = Fraction(1, 10**14)  # of a tick: rounding of its time in ms
 TURNS = 3  # of a pattern, after which what is held repeats
-
-
-class Refuter(NamedTuple):
-    """numbers: of the member. frames: in their order, (ticks, result), as they are printed.
-    messages: of each channel by how many ticks they are late, None of one that is lost. ticks: their
-    times (ms), one after the other."""
-
-    numbers: dict[str, str]
-    frames: list[tuple[int, str]]
-    messages: dict[str, list[int | None]]
-    ticks: list[Fraction]
-
-
-def read(text: str) -> Refuter:
-    """Return what a text of a refuter says. Errors: Refused for one that is no member and no pattern."""
-    found = PATTERN.search(text)
-    before = text[: found.start()] if found else text
-    kind, pattern = found.groups() if found else ("", "")
-    numbers = {}
-    for each in filter(None, before.split(", ")):
-        name, equals, value = each.partition(" = ")
-        if not equals:
-            raise Refused(f"what refutes it is no member and no pattern: {text}")
-        numbers[name] = value
-    frames: list[tuple[int, str]] = []
-    messages: dict[str, list[int | None]] = {}
-    ticks: list[Fraction] = []
-    if kind == "frames":
-        frames = [(int(ticks), result) for ticks, result in FRAME.findall(pattern)]
-    elif kind == "messages":
-        for channel in pattern.split("; "):
-            name, _, late = channel.partition(": ")
-            messages[name] = [each for told in late.split(", ") for each in _fates(told)]
-    elif kind:
-        times = pattern.removesuffix(" ms")
-        while INNER.search(times):
-            times = INNER.sub(lambda found: ", ".join(_runs(found[1]) * int(found[2] or 1)), times)
-        try:
-            ticks = [Fraction(time) for time in _runs(times)]
-        except ValueError:
-            raise Refused(f"a pattern of ticks that is not written out: {text}") from None
-    return Refuter(numbers, frames, messages, ticks)
-
-
-def _runs(pattern: str) -> list[str]:
-    """Return a pattern without brackets, each tick by itself."""
-    ticks = []
-    for run in pattern.split(", "):
-        time, _, count = run.partition(" x ")
-        ticks += [time] * int(count or 1)
-    return ticks
-
-
-def _fates(told: str) -> list[int | None]:
-    if told.isdigit():
-        return [int(told)]
-    count = told.removesuffix("lost").strip()
-    return [None] * int(count or 1)
 
 
 def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
@@ -86,7 +25,7 @@ def word_of(tables: dict, claim: file.Claim, refuter: Refuter) -> list[str]:
     if refuter.messages:
         return list(_messages(loop, refuter.messages))
     if refuter.ticks:
-        return list(_ticks(tables, loop, refuter.ticks))
+        return list(_ticks(tables, loop, map(Fraction, refuter.ticks)))
     schedules, _, _ = file.schedules_of(tables, claim, {})
     letters: dict[tuple[Fraction, str], str] = {}
     for letter, schedule in schedules.items():
@@ -115,7 +54,7 @@ def _ticks(tables, loop, times) -> Iterator[str]:
             yield decimals(time / 1000)
 
 
-def _messages(loop, messages: Mapping[str, list[int | None]]) -> Iterator[str]:
+def _messages(loop, messages: Mapping[str, Sequence[int | None]]) -> Iterator[str]:
     """Yield a letter for each tick of a pattern in which a message may come."""
     channels = {name: for_all.channel_of(loop, name) for name in messages}
     period = lcm(

@@ -1,14 +1,14 @@
 """Which lengths of frames decide what is proved for frames in any order, and which may be left out."""
 
-import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from wavesweep.program.columns import Columns
 from wavesweep.program.number_words import rounded_up
-from wavesweep.program.tables.refuters import Refuters
+from wavesweep.program.tables.refuters import Refuter, Refuters
 
 RATIO = "rates.ratio"
 
@@ -23,14 +23,6 @@ def varying_lengths(written: Mapping[str, Any]) -> tuple[int, ...]:
             values = axis.get("values") or range(int(axis["start"]), int(axis["stop"]) + 1)
             return tuple(map(int, values))
     return ()
-
-
-def lengths_in(refuter: str) -> set[int]:
-    """Return the lengths of the frames in a counterexample; empty if it is cut or has none."""
-    pattern = re.search(r"\bframes ((?:\d+(?: \([^)]*\))?(?:, )?)+)", refuter)
-    if not pattern or refuter.endswith("..."):
-        return set()
-    return {int(length) for length in re.findall(r"(?:^|, )(\d+)", pattern[1])}
 
 
 class DecidingLengths:
@@ -64,7 +56,10 @@ class DecidingLengths:
 
     def _add_end(self, end: float, fails: float, refuter: str, at_range: bool) -> None:
         """Count an end of an interval: refuted at `fails` by `refuter`, or where the swept range ends."""
-        lengths = set() if np.isnan(fails) else lengths_in(refuter)
+        lengths = set()
+        if not np.isnan(fails):
+            with suppress(ValueError):
+                lengths = {ticks for ticks, _ in Refuter.read(refuter).frames}
         if lengths:
             self._decide |= lengths
             apart = abs(fails - end) / abs(end) if end else np.inf

@@ -1,13 +1,109 @@
-"""The column `counterexample`: what refutes the values beyond the ends of an interval, as it is written and read again."""
+"""The column `counterexample`: what refutes the values beyond the ends of an interval. Here alone it is written, and read from a table."""
 
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from textwrap import shorten
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 LONGEST_REFUTER_TEXT = 60  # letters of a pattern in a sentence; the table has all of it
 _FRAME = r"\d+(?: \([^)]*\))?"  # ticks of a frame, and what else is said of it
+_FRAMES = rf"{_FRAME}(?:, {_FRAME})*"
+_FATE = r"\d+|(?:\d+ )?lost"  # of a message, or of some that are lost in a row
+_PATTERN = re.compile(r"(?:^|, )(frames|messages|ticks of) (.*)")
+_INNER = re.compile(r"\(([^()]*)\)(?: x (\d+))?")  # of a pattern with its repetitions counted
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
+
+
+class Refuter(NamedTuple):
+    """What refutes a value: a member of a set, and a pattern that is repeated in it for ever.
+
+    numbers: of the member, by name, as texts. frames: their ticks, and what becomes of their results, "" if that
+    is not said. messages: of each channel, by how many ticks they are late, None of one that is lost.
+    ticks: their times (ms), as texts.
+    """
+
+    numbers: Mapping[str, str] = NOTHING
+    frames: Sequence[tuple[int, str]] = ()
+    messages: Mapping[str, Sequence[int | None]] = NOTHING
+    ticks: Sequence[str] = ()
+
+    @classmethod
+    def read(cls, text: str) -> "Refuter":
+        """What a text says. Errors: ValueError for one that is no member and no whole pattern."""
+        pattern = _PATTERN.search(text)
+        before = text[: pattern.start()] if pattern else text
+        equations = [part.partition(" = ") for part in before.split(", ") if part]
+        numbers = {name: value for name, _, value in equations}
+        if not all(equals for _, equals, _ in equations):
+            raise ValueError(text)
+        kind, said = pattern.groups() if pattern else ("", "")
+        if kind == "frames" and (frames := re.match(_FRAMES, said)) and not said.endswith("..."):
+            pairs = re.findall(r"(\d+)(?: \(([^)]*)\))?", frames[0])
+            return cls(numbers, frames=[(int(ticks), result) for ticks, result in pairs])
+        if kind == "messages":
+            channels = (channel.partition(": ") for channel in said.split("; "))
+            return cls(numbers, messages={name: _messages_in(late) for name, _, late in channels})
+        if kind == "ticks of":
+            return cls(numbers, ticks=_ticks_in(said.removesuffix(" ms")))
+        if pattern or not numbers:
+            raise ValueError(text)
+        return cls(numbers)
+
+    def __str__(self) -> str:
+        parts = [f"{name} = {value}" for name, value in self.numbers.items()]
+        if self.frames:
+            frames = (
+                f"{ticks} ({result})" if result else f"{ticks}" for ticks, result in self.frames
+            )
+            parts.append(f"frames {', '.join(frames)}")
+        if self.messages:
+            channels = (
+                f"{name}: {', '.join(_fates(late))}" for name, late in self.messages.items()
+            )
+            parts.append(f"messages {'; '.join(channels)}")
+        if self.ticks:
+            parts.append(f"ticks of {repeated([*self.ticks])} ms")
+        return ", ".join(parts)
+
+
+def _messages_in(told: str) -> list[int | None]:
+    """By how many ticks the messages of a channel are late. Errors: ValueError."""
+    late: list[int | None] = []
+    for fate in told.split(", "):
+        if not re.fullmatch(_FATE, fate):
+            raise ValueError(told)
+        count = int(fate.removesuffix("lost") or 1)
+        late += [count] if fate.isdigit() else [None] * count
+    return late
+
+
+def _fates(late: Sequence[int | None]) -> Iterator[str]:
+    """Yield what happens to the messages of a channel, as [simulate] takes it: those that are lost in a row are counted."""
+    for ticks, run in groupby(late):
+        count = len(list(run))
+        if ticks is not None:
+            yield from [f"{ticks}"] * count
+        else:
+            yield f"{count} lost" if count > 1 else "lost"
+
+
+def _ticks_in(pattern: str) -> list[str]:
+    """The times of a pattern whose repetitions are counted, each tick by itself. Errors: ValueError."""
+
+    def written_out(inner: re.Match[str]) -> str:
+        return ", ".join(_ticks_in(inner[1]) * int(inner[2] or 1))
+
+    while _INNER.search(pattern):
+        pattern = _INNER.sub(written_out, pattern)
+    ticks = []
+    for run in pattern.split(", "):
+        time, _, count = run.partition(" x ")
+        float(time)
+        ticks += [time] * int(count or 1)
+    return ticks
 
 
 class Refuters(NamedTuple):
@@ -40,7 +136,7 @@ def in_a_sentence(refuter: str) -> str:
     if of_curve:
         return f"{wall} and a motion of {curve.count(')')} frames"
     before, _, text = refuter.partition("frames ")
-    frames = re.match(rf"{_FRAME}(?:, {_FRAME})*", text)
+    frames = re.match(_FRAMES, text)
     if frames:
         pattern = re.findall(_FRAME, frames[0])
         return f"{before}frames {_shown(pattern)}{text[frames.end() :]}"
