@@ -299,6 +299,15 @@ def test_every_folder_is_engine_haptics_program_a_capability_or_the_checker():
     assert folders - {*HOUSES, "checker"} == set(NAMES)
 
 
+def test_the_checker_is_imported_by_those_whose_claims_have_to_pass_it():
+    folders = {
+        source.relative_to(PACKAGE).parts[0]
+        for source in PACKAGE.rglob("*.py")
+        if any(name.startswith("wavesweep.checker") for name in imports_of(source))
+    }
+    assert folders - {"checker"} == {"proofs", "contact"} & set(NAMES)
+
+
 def test_the_simulator_knows_nothing_of_blocks_and_lifting():
     beside = {"experiment.py", "table.py", "figure.py", "command.py", "library.py"}  # which show the linear loop beside it
     sources = {source for source in (PACKAGE / "simulation").rglob("*.py") if source.name not in beside}
