@@ -21,7 +21,8 @@ from wavesweep.engine.switched import ALWAYS, Centre, Graph, OnAverage, cover
 from wavesweep.proofs.cells import written
 from wavesweep.proofs.ticks import AtPlaces
 
-ORDER = form.KEPT  # of matrices in doubles, and of forms of single ones
+ORDER = form.KEPT  # of single matrices in doubles, whose forms leave no terms of the slack up to it
+OF_SEVERAL = 2  # of several: the checker counts terms of a slack beyond it as errors
 LOGARITHMIC = 4.0  # ratio of the ends of a positive side above which it is divided by factors
 NARROWEST = 1e-6  # of a side: a cell whose forms the checker refuses is not divided below it
 WORK, SEARCH = 1e13, 1e11  # operations of a proof, and of a search for norms in a middle
@@ -92,6 +93,11 @@ class Cells:
             if claim.times:
                 rule = AtPlaces(rule, len(family.moves))
         return Cells(family, claim, sides, frames, rule, _units(family, claim))
+
+    @property
+    def order(self) -> int:
+        """That of the matrices in doubles."""
+        return ORDER if self.rule is ALWAYS else OF_SEVERAL
 
     @property
     def ends(self) -> Ends:
@@ -178,24 +184,24 @@ class Cells:
         for letter, kind in {(frame.letter, frame.kind) for frame in self.frames}:
             own = cells.get(letter, cell)
             A = self.family.matrix(kind, own)
-            found[kind] = [polynomials_of(A, own)]
+            found[kind] = [polynomials_of(A, own, self.order)]
             if times:
                 found[kind] = _at_control_points(found[kind][0])
             for powers, part in A.parts.items():
-                if sum(powers) > ORDER:
+                if sum(powers) > self.order:
                     shares = 1 - 0.5 ** np.array(powers[: cell.width])
                     due += np.abs(np.array(part, float)).sum() * shares
         in_units = self.units / self.units[:, None]
         each = [found[frame.kind][frame.point] for frame in self.frames]
         terms = np.stack([one.terms for one in each], 1) * in_units
         rest = np.stack([one.rest for one in each]) * in_units
-        return _InBox(self, box, Polynomials(terms, rest, cell.width, ORDER), due)
+        return _InBox(self, box, Polynomials(terms, rest, cell.width, self.order), due)
 
     def line(self, box: np.ndarray, centre: Centre, further: np.ndarray) -> dict[str, Any] | None:
         """What the file says of a box with forms, None if the checker refuses it."""
         ends = self.cell(box)
         cell = balls.Cell(ends)
-        exponents = exponents_of(cell.width)[1:]
+        exponents = exponents_of(cell.width, self.order)[1:]
         roots = np.linalg.cholesky(centre.P).mT
         L = roots @ centre.inverse / self.units
         back = np.linalg.inv(roots)
@@ -251,6 +257,8 @@ class _InBox:
         """The matrices in a part of the box."""
         if np.array_equal(box, self.box):
             return self.matrices
+        if self.cells.rule is not ALWAYS:  # enclosures of few orders, and tight ones pay
+            return self.cells.in_box(box).matrices
         whole = self.cells.wide_ends(self.box)
         part = self.cells.wide_ends(box)
         half = np.ptp(whole, 0) / 2
@@ -259,37 +267,35 @@ class _InBox:
         )
 
 
-def polynomials_of(A: form.Matrix, cell: balls.Cell) -> Polynomials:
-    """Return a matrix of the checker in doubles, `(n, n)`."""
+def polynomials_of(A: form.Matrix, cell: balls.Cell, order: int = ORDER) -> Polynomials:
+    """Return a matrix of the checker in doubles, `(n, n)`, up to an order."""
     rest = np.array(A.error, float)
     for powers, part in A.parts.items():
-        if sum(powers) > ORDER:
+        if sum(powers) > order:
             rest += np.abs(np.array(part, float))
     nothing = np.zeros_like(rest)
-    parts = [np.array(A.parts.get(each, nothing), float) for each in exponents_of(cell.width)]
-    return Polynomials(np.array(parts) / balls.ONE, rest / balls.ONE, cell.width, ORDER)
+    parts = [
+        np.array(A.parts.get(each, nothing), float) for each in exponents_of(cell.width, order)
+    ]
+    return Polynomials(np.array(parts) / balls.ONE, rest / balls.ONE, cell.width, order)
 
 
 def _at_control_points(A: Polynomials) -> list[Polynomials]:
     """Matrices at the control points of their last number, as polynomials of the others."""
     numbers = A.numbers - 1
-    wanted = exponents_of(numbers)
+    wanted = exponents_of(numbers, A.order)
     found = []
     for point in POINTS:
         terms = np.zeros((len(wanted), *A.rest.shape))
-        rest = A.rest.copy()
         for powers, part in zip(A.exponents.tolist(), A.terms, strict=True):
-            if powers[-1] < len(point):
-                terms[wanted.index(tuple(powers[:-1]))] += point[powers[-1]] * part
-            else:
-                rest += np.abs(part)
-        found.append(Polynomials(terms, rest, numbers, ORDER))
+            terms[wanted.index(tuple(powers[:-1]))] += point[powers[-1]] * part
+        found.append(Polynomials(terms, A.rest, numbers, A.order))
     return found
 
 
-def exponents_of(width: int) -> list[tuple[int, ...]]:
-    """Return the monomials of matrices in so many sides."""
-    return [*map(tuple, Polynomials.constant(np.zeros(0), width, ORDER).exponents.tolist())]
+def exponents_of(width: int, order: int = ORDER) -> list[tuple[int, ...]]:
+    """Return the monomials of matrices in so many sides, up to an order."""
+    return [*map(tuple, Polynomials.constant(np.zeros(0), width, order).exponents.tolist())]
 
 
 def _units(family, claim) -> np.ndarray:
