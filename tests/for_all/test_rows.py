@@ -397,7 +397,7 @@ def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypat
     assert float(found[2]) == pytest.approx(row["high"], rel=1e-3)
     assert not row["settled"]
     assert row["high"] < row["fails_from"]
-    said = [re.fullmatch(r"K proved from [0-9.]+ to [0-9.]+ so far \((\d+) % of the box\)", each) for each in caplog.messages]
+    said = [re.fullmatch(r"K proved from [0-9.]+ to [0-9.]+ on (\d+) % of the box so far", each) for each in caplog.messages]
     shares = [int(each[1]) for each in said]
     assert shares == sorted(shares)  # of all of it, up and down
     assert 0 < shares[-1] < 100

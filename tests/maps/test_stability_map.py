@@ -59,6 +59,13 @@ def _held(spec, names, wanted, points=40):
     return table
 
 
+def test_a_number_that_the_controller_does_not_read_is_said_so():
+    """The local model's stiffness of a loop without one, of which a map has two sides that differ in nothing."""
+    spec = wavesweep.load({"controller": {"kind": "dc-slow"}, "sweep": {"K_LM": {"start": 0, "stop": 1}}})
+    notices = stability_map(spec, ["K_VE", "K_LM"], 0.5).facts["notices"]
+    assert "K_LM is not read by dc-slow: evaluated once, its rows repeated" in notices
+
+
 def test_what_is_proved_of_a_part_holds_at_its_points():
     table = _held(wavesweep.load(DRIVE), ["k", "K"], 0.1)
     assert {"stable", "unstable", "open"} == {*table.columns["proved"]}

@@ -78,6 +78,7 @@ def test_a_table_and_a_page_have_the_margins_of_the_closed_form_and_lines_say_th
     assert rows["gain_down"][0] == 0
     assert table.facts["slices"] == {"computed": 1, "skipped": 0, "certified": 1}
     assert any("g is not swept here" in said for said in table.facts["notices"])
+    assert "dead time" in table.facts["methods"]["margins"]
     shown = panel.data(spec)
     assert shown == {"cuts": ["c.y", "p.y"], "routes": [("ref", "own")]}
     page = panel.answers()["margins"](spec, {"cut": "c.y"}, shown)

@@ -77,4 +77,13 @@ def test_one_margin_in_doubt_leaves_the_others_certified(arm, monkeypatch):
         assert said == f"Margins with the spec's own numbers: {known}."
 
 
+@pytest.mark.parametrize(("cut", "used"), [("camera.y", {"pencil"}), ("arm.v", {"rim of a disk"})])
+def test_the_methods_of_a_table_are_those_that_were_used(arm, cut, used):
+    from wavesweep.margins.table import margins
+    from wavesweep.program.spec import load
+
+    said = margins(load(arm), cut).facts["methods"]["margins"]
+    assert {word for word in ("pencil", "dead time", "rim of a disk") if word in said} == used
+
+
 MARGINS = ("gain_up", "gain_down", "phase", "delay", "disk", "disk_gain", "disk_phase", "sensitivity", "complementary")

@@ -120,7 +120,7 @@ def question(run, start, stop, one, other, said):
     return (start, stop) == (run.case.start, STOP) and of_members(run, said)
 
 
-@shape(rf"With its own K = {N}: (.*)", "report")
+@shape(rf"With its own K = {N}: (.*)\.", "report")
 def headline_of(run, K, said):
     run.command = "check"
     hold(run, f"mine, drawn: {said}")

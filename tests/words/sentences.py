@@ -138,16 +138,16 @@ def nothing(run, *_):
 
 @shape(
     rf"(?:.*: )?{N} of {N} done \({N} %\)(?:, \d+ certified)? after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
-    rf"(?:; (?:design \d+ of \d+: )?[\w.]+ proved from {N} to {N} so far \({N} % of the (?:way|box)\))?"
+    rf"(?:; (?:design \d+ of \d+: )?[\w.]+ proved from {N} to {N}(?: so far \({N} % of the way\)| on {N} % of the box so far))?"
     r"(?:, about \d+ (?:s|min|h) left)?(?:; [a-z \[\]]*)?"
 )
-def progress(run, done, count, share, low, high, way):
+def progress(run, done, count, share, low, high, *shares):
     assert share == int(100 * done / count)
     assert done < count
     assert run.command != "stability-region" or count == len(run.factors()) * len(run.claims), count
     if low is None:
         return True
-    return any(within(low, high, each) for each in run.case.proved) and way <= 100
+    return any(within(low, high, each) for each in run.case.proved) and max(filter(None, shares)) <= 100
 
 
 @shape(rf"(?:  )?(?:K |The model: |.* Assumes: )?(?:assumes: )?linear while \|s.u\| <= {N}; simulate keeps to these limits\.?")
@@ -266,7 +266,8 @@ UNSETTLED = 0.02  # relative: between what is proved and what is refuted
 
 
 @shape(
-    r"(?:mine, drawn|the spec's own design): (.*)|  ((?:as required|not (?:as required|stable|known)|does not come)\b.*)",
+    r"(?:mine, drawn|the spec's own design): (.*)"
+    r"|  ((?:proved|as required|not (?:as required|stable|known)|does not come)\b.*)",
     ("check", "why"),
 )
 def verdict(run, said, again):
@@ -286,7 +287,7 @@ def verdict(run, said, again):
         ends = [end for pair in truth for end in pair]
         at_end = any(abs(K - end) <= unsure * end for end in ends)
         return at_end or case.asks in ("contact", CONSERVES) or abs(abs(own(run)[0]) - 1) < 1e-9
-    holds = re.match(r"(proved )?(stable|as required)", said) is not None
+    holds = re.match(r"(proved )?(stable|as required|to come to rest)", said) is not None
     if run.case.level and re.search("as required, .*[0-9]", said):
         assert f"{run.case.level:g}" in said, said
     if ": " in said and "own numbers" not in said:

@@ -32,7 +32,7 @@ from wavesweep.program.reading.axes import Axis
 
 # what a proof has reached, which a command shows
 PROOF_LOGGER = logging.getLogger("wavesweep.proof")
-SO_FAR = "%s proved from %.4g to %.4g so far (%.0f %% of the box)"
+SO_FAR = "%s proved from %.4g to %.4g on %.0f %% of the box so far"
 MEMBERS_MET = 8  # unstable members that a climb has found, whose exact intervals are computed
 SAME_END = 1e-9  # relative: ends that are as near are found again
 OPERATIONS_OF_CASE = 3e11  # operations that the proofs of a case may take

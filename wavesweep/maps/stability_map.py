@@ -35,10 +35,10 @@ def stability_map(
     wanted: the share of the plane that may stay open, by default that of SHARE_OPEN. report: see `covered`.
     Errors: UsageError, SpecError for numbers or specs that have no such plane.
     """
-    from wavesweep.program.analyses.assumptions import over_preset
+    from wavesweep.program.analyses.assumptions import notices_of
     from wavesweep.program.analyses.claims import STABLE, Claim, Status, own_scope
     from wavesweep.program.spec.loading import naming
-    from wavesweep.program.sweep.grid import own_loop
+    from wavesweep.program.sweep.grid import make_grid, own_loop
 
     started = time.perf_counter()
     spec = naming(spec, names)
@@ -80,7 +80,7 @@ def stability_map(
         {"stability-map": METHOD},
         counts,
         timings,
-        [*over_preset(spec)],
+        notices_of(make_grid(spec, axes)),
         paths,
         claims={"spec": Claim(STABLE, own_scope(spec), Status.PROVED)},
     )

@@ -26,12 +26,10 @@ from wavesweep.program.tables.kind import (
 )
 from wavesweep.program.tables.table import Table, facts_of, held
 
-METHOD = (
-    "gains from the certified stable interval around 1 of a factor of the signal, a delay in seconds from that about 0 of a dead "
-    "time behind it; crossings of the gain 1 from the pencil of the level 1/2 of the real part of 1/(1 + L), found to rounding; "
-    "peaks by level sets; of a lifted signal the certified stable intervals of its phase, and of complex factors on the rim of "
-    "a disk"
-)
+GAINS = "gains from the certified stable interval around 1 of a factor of the signal; peaks by level sets"
+DELAY = "; a delay in seconds from the certified stable interval about 0 of a dead time behind the signal"
+CROSSINGS = "; crossings of the gain 1 from the pencil of the level 1/2 of the real part of 1/(1 + L), found to rounding"
+RIM = "; of the lifted signal the certified stable intervals of its phase, and of complex factors on the rim of a disk"
 UNITS = {
     "phase": "deg",
     "delay": "s",
@@ -83,7 +81,8 @@ def margins(spec: Spec, cut: str = "") -> Table:
     bound = np.array([margin.bound for margin in margins_found])
     hz = lines_at(loop, margins_found)
     columns = _columns(cut, margins_found, bound, hz)
-    methods = {"margins": METHOD}
+    in_time = DELAY if "delay" in columns["margin"] else ""
+    methods = {"margins": f"{GAINS}{in_time}{RIM if loop.times > 1 else CROSSINGS}"}
     status = Status.CERTIFIED if columns["certified"].any() else Status.UNKNOWN
     claims = {"spec": Claim(Property("margins", "figures"), own_scope(spec), status)}
     notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]

@@ -270,7 +270,8 @@ def _answer(
     own: the first line about the spec's own numbers; judged: the verdict.
     """
     yield html.element("h2", "Answer")
-    title, *others = verdict_lines(judged, _own_place(spec))
+    first, *others = verdict_lines(judged, _own_place(spec))
+    title = f"{first}."
     good = judged.status > Status.UNKNOWN
     lines = [(line.strip(), not good) for line in others]
     if not intervals:
@@ -337,7 +338,7 @@ def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[st
         yield html.element("h2", "Refuted beyond")
         claims = [Claim.read(fact) for fact in intervals.table.facts["claims"].values()]
         yield html.element("p", beyond_the_ends(claims), "small")
-        yield html.table(("with", "value", "what makes it unstable"), rows)
+        yield html.table(("with", "value", "what refutes it"), rows)
 
 
 def _verification(
