@@ -24,9 +24,8 @@ def roots_of(function, degree):
         return np.sign(values), np.log(np.abs(values)), np.full(values.shape, 1e4)
 
     found = panel_roots(sample, EDGES, 1, LIMITS, settling=1, degree=degree)
-    assert not found.unsure.any()
-    assert not found.lost[0].size
-    return np.sort(found.x)
+    assert found.complete.all()
+    return np.sort(found.roots.x)
 
 
 def test_a_function_that_is_1_at_all_nodes_of_a_panel_has_its_roots_found():

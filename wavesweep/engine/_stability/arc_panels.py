@@ -51,28 +51,30 @@ for _array in (NODE, TRANSFORM, RIM):
 
 
 @dataclass(frozen=True, slots=True)
-class PanelRoots:
-    """Roots and the state of the panels.
-
-    column, function, x, within, slope_sign: a root each: its column, its function, its place and
-    the distance to which that is known, and the sign of the slope. lost, overflown, settled: panels
-    as (column, low, high): given up, given up since samples overflow there, and settled by the
-    function that settles. open_low, open_high: `(columns,)`, whether roots may be left in the first
-    or the last bit of the interval. unsure: `(columns,)`, whether a bound does not hold. leaves: which
-    functions exceed by a factor of at most MOST_BEYOND.
-    """
+class RootAngles(Rows):
+    """A root a row: its column, its place and the distance to which that is known, and the sign of
+    the slope."""
 
     column: np.ndarray
-    function: np.ndarray
     x: np.ndarray
     within: np.ndarray
     slope_sign: np.ndarray
-    lost: tuple[np.ndarray, np.ndarray, np.ndarray]
-    overflown: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class PanelRoots(NamedTuple):
+    """The roots of all columns and the state of their panels.
+
+    settled: panels as (column, low, high) that the function that settles has settled. complete:
+    `(columns,)`, whether no panel was given up and all bounds hold. open_low, open_high:
+    `(columns,)`, whether roots may be left in the first or the last bit of the interval. leaves:
+    which functions exceed by a factor of at most MOST_BEYOND.
+    """
+
+    roots: RootAngles
     settled: tuple[np.ndarray, np.ndarray, np.ndarray]
+    complete: np.ndarray
     open_low: np.ndarray
     open_high: np.ndarray
-    unsure: np.ndarray
     leaves: Leaves
 
 
@@ -120,18 +122,12 @@ def panel_roots(
     column = np.repeat(np.arange(columns), edges.size - 1)
     low = np.tile(edges[:-1], columns)
     high = np.tile(edges[1:], columns)
-    nothing = np.zeros(0)
-    no_index = np.zeros(0, int)
-    no_panels = no_index, nothing, nothing
-    roots = [_Roots(no_index, no_index, nothing, nothing, nothing)]
-    given_up = {"lost": [no_panels], "overflown": [no_panels], "settled": [no_panels]}
+    roots = [RootAngles(np.zeros(0, int), *np.zeros((3, 0)))]
+    settled = []
     closed: list[_Tiles] = []
+    complete = np.ones(columns, bool)
     open_low = np.zeros(columns, bool)
     open_high = np.zeros(columns, bool)
-
-    def give(kind: str, index: np.ndarray) -> None:
-        given_up[kind].append((column[index], low[index], high[index]))
-
     while column.size:
         reach = OVERLAP * (high - low)
         start = low - reach
@@ -147,55 +143,21 @@ def panel_roots(
         at_high = short & (high == edges[-1])
         open_low[column[at_low]] = True
         open_high[column[at_high]] = True
-        give("settled", judged.settled)
-        give("overflown", judged.overflown)
+        settled.append(tiles.take(judged.settled))
         open_ = ~(judged.proved | judged.settled | judged.overflown | at_low | at_high)
         crowded = np.bincount(column[open_], minlength=columns)[column] > limits.many // 2
         hopeless = open_ & ((high - low <= limits.smallest) | crowded)
-        give("lost", hopeless & judged.finite)
-        give("overflown", hopeless & ~judged.finite)
+        complete[column[judged.overflown | hopeless]] = False
         split = open_ & ~hopeless
         closed.append(replace(tiles, allowed=judged.allowed).take(~split))
         column, low, high = _cut(column, low, high, judged.cut_at, split)
-    roots_of_all = _Roots.join(roots)
     tiles = _Tiles.join(closed)
     leaves = Leaves.of(columns, tiles, degree)
     beyond = _shares(tiles, leaves).max(0) > tiles.allowed
-    unsure = np.zeros(columns, bool)
-    unsure[tiles.column[beyond]] = True
-    return PanelRoots(
-        roots_of_all.column,
-        roots_of_all.function,
-        roots_of_all.x,
-        roots_of_all.within,
-        roots_of_all.slope_sign,
-        _joined(given_up["lost"]),
-        _joined(given_up["overflown"]),
-        _joined(given_up["settled"]),
-        open_low,
-        open_high,
-        unsure,
-        leaves,
-    )
-
-
-def _joined(
-    pieces: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Column, low and high of panels from those of several pieces."""
-    column, low, high = map(np.concatenate, zip(*pieces, strict=True))
-    return column, low, high
-
-
-@dataclass(frozen=True, slots=True)
-class _Roots(Rows):
-    """Roots, as `PanelRoots` has them."""
-
-    column: np.ndarray
-    function: np.ndarray
-    x: np.ndarray
-    within: np.ndarray
-    slope_sign: np.ndarray
+    complete[tiles.column[beyond]] = False
+    of_settled = _Tiles.join(settled)
+    settled_panels = of_settled.column, of_settled.low, of_settled.high
+    return PanelRoots(RootAngles.join(roots), settled_panels, complete, open_low, open_high, leaves)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +174,14 @@ class _Panels(Rows):
         it."""
         return self.middle[:, None] + self.half[:, None] * place
 
+    def roots(self, panel: np.ndarray, discs: Roots, which: tuple[np.ndarray, ...]) -> RootAngles:
+        """Roots from their positions on [-1, 1] of the panels; which: of the discs."""
+        half = self.half[panel]
+        x = self.middle[panel] + half * discs.value[which]
+        return RootAngles(
+            self.column[panel], x, half * discs.radius[which], discs.slope_sign[which]
+        )
+
 
 class _Samples(NamedTuple):
     """What functions are at the nodes of panels, see `panel_roots`."""
@@ -226,37 +196,41 @@ class _Samples(NamedTuple):
         sizes = self.log + np.log1p(EPS * self.error)
         return np.where(np.isfinite(sizes).all(-1), sizes.max(-1), -np.inf).T
 
+    def scaled(self, finite: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Samples of which the largest of a function on a panel is 1, their errors, and the
+        logarithms of what they are divided by, `(functions, panels)`.
+
+        finite: `(panels,)`; of others the samples are 0 and their errors infinite.
+        """
+        log = np.where(np.isfinite(self.log), self.log, -np.inf)
+        peak = log.max(-1)
+        peak = np.where(np.isfinite(peak), peak, 0.0)
+        sign = np.where(finite[:, None], self.sign, 0.0)
+        value = sign * np.exp(log - peak[..., None])
+        return value, np.where(finite[:, None], np.abs(value) * self.error, np.inf), peak
+
 
 class _Judged(NamedTuple):
     """What is known of panels, `(panels,)`: whether their roots are proved, they are settled,
-    all samples are finite, and none is; the roots on proved panels; the places to cut, as shares of a
+    none of their samples is finite; the roots on proved panels; the places to cut, as shares of a
     width; and the largest shares that the proofs allow, see `_Tiles`."""
 
     proved: np.ndarray
     settled: np.ndarray
-    finite: np.ndarray
     overflown: np.ndarray
-    roots: list[_Roots]
+    roots: list[RootAngles]
     cut_at: np.ndarray
     allowed: np.ndarray
 
 
 def _judged(samples: _Samples, panels: _Panels, settling: int, shares: np.ndarray) -> _Judged:
     """What the samples of panels prove; shares: see `_shares`."""
-    sign, log, error = samples
-    functions = log.shape[0]
-    reached = np.isfinite(log).all(0).any(-1)
-    finite = np.isfinite(log).all((0, -1))
-    sign = np.where(finite[:, None], sign, 0.0)
-    # Samples of which the largest of a panel is 1.
-    log = np.where(np.isfinite(log), log, -np.inf)
-    peak = log.max(-1)
-    peak = np.where(np.isfinite(peak), peak, 0.0)
-    value = sign * np.exp(log - peak[..., None])
-    size = np.where(finite[:, None], np.abs(value) * error, np.inf)
-    interpolants = [_interpolate(*samples) for samples in zip(value, size, strict=True)]
+    at_nodes = np.isfinite(samples.log).all(0)
+    finite = at_nodes.all(-1)
+    value, error, peak = samples.scaled(finite)
+    interpolants = [_interpolate(*scaled) for scaled in zip(value, error, strict=True)]
     series, noise, ready = (np.stack(facts) for facts in zip(*interpolants, strict=True))
-    counted = [function for function in range(functions) if function != settling]
+    counted = np.arange(len(value)) != settling
     decayed = ready[counted].all(0)
     share = shares.max(0)
     bounded = finite & (share <= MOST_SHARE)
@@ -268,34 +242,34 @@ def _judged(samples: _Samples, panels: _Panels, settling: int, shares: np.ndarra
     function_of, panel = np.nonzero(ready & np.isfinite(hidden))
     coefficients = series[function_of, panel]
     noise = noise[function_of, panel] + hidden[function_of, panel]
-    sure = np.zeros((functions, panels.column.size), bool)
-    settled = np.zeros(panels.column.size, bool)
+    sure = np.zeros(ready.shape, bool)
+    positive = (value[settling] > 0).all(-1)
+    settled = np.zeros(positive.shape, bool)
     by_batch = []
     for rows, discs in _proved_roots(coefficients, noise):
         function = function_of[rows]
         panel_of_row = panel[rows]
         sure[function, panel_of_row] = True
         settles = function == settling
-        settled[panel_of_row[settles]] = ~discs.inside[settles].any(-1) & (
-            value[settling, panel_of_row[settles]] > 0
-        ).all(-1)
+        settled[panel_of_row[settles]] = ~discs.inside[settles].any(-1)
         row, root = np.nonzero(discs.inside & (function != settling)[:, None])
-        of_root = panel_of_row[row]
-        half = panels.half[of_root]
-        x = panels.middle[of_root] + half * discs.value[row, root]
-        within = half * discs.radius[row, root]
-        slopes = discs.slope_sign[row, root]
-        by_batch.append((of_root, _Roots(panels.column[of_root], function[row], x, within, slopes)))
+        by_batch.append((panel_of_row[row], panels.roots(panel_of_row[row], discs, (row, root))))
     proved &= sure[counted].all(0)
-    settled &= ~proved
+    settled &= positive & ~proved
     roots = [of_batch.take(proved[of_root]) for of_root, of_batch in by_batch]
-    # Roots may crowd next to the smallest sample, so it is put into a small half if it is near an
-    # end.
-    place = NODE[np.argmin(np.abs(value[counted]).min(0), axis=-1)]
-    cut_at = np.where(np.abs(place) < CUT_FROM_MIDDLE, CUT_AT, np.where(place > 0, 0.76, 0.24))
     allowed = np.where(proved | settled, share + np.log(ALLOWANCE), MOST_SHARE)
     allowed = np.minimum(allowed, MOST_SHARE)
-    return _Judged(proved, settled, finite, ~reached, roots, cut_at, allowed)
+    cut_at = _where_to_cut(value[counted])
+    return _Judged(proved, settled, ~at_nodes.any(-1), roots, cut_at, allowed)
+
+
+def _where_to_cut(value: np.ndarray) -> np.ndarray:
+    """Where panels are cut, as shares of their widths; value: samples, `(functions, panels, nodes)`.
+
+    Roots may crowd next to the smallest sample, so it is put into a small half if it is near an end.
+    """
+    place = NODE[np.argmin(np.abs(value).min(0), axis=-1)]
+    return np.where(np.abs(place) < CUT_FROM_MIDDLE, CUT_AT, np.where(place > 0, 0.76, 0.24))
 
 
 def _transformed(value: np.ndarray, transform: np.ndarray) -> np.ndarray:

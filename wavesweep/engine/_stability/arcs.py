@@ -4,6 +4,7 @@ at several scales."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -44,82 +45,121 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     """Return the crossings of a few columns, each with a loop of its own (see `columns_together`),
     from Chebyshev interpolants on arcs of the circle.
 
-    On each arc the boundary equation, without its
-    poles and its zeros at z = +-1, is interpolated at points of state space; see `panel_roots` for
-    the proof. An arc is left out if the number is proved to be beyond the span on it: if a filter
-    transmits nothing there, the equation vanishes to a high order.
+    On each arc the boundary equation, without its poles and its zeros at z = +-1, is interpolated
+    at points of state space; see `panel_roots` for the proof. An arc is left out if the number is
+    proved to be beyond the span on it: if a filter transmits nothing there, the equation vanishes to
+    a high order.
     """
-    cut = columns.cut
-    fixed = columns.fixed
-    opened = cut.open_late(columns.along) if cut.late else cut.open_in(columns.along, fixed)
+    equations = _BoundaryEquations.of(columns, max(map(abs, span)))
+    E = equations.opened.E
+    panels = panel_roots(
+        equations.sample,
+        np.linspace(0, np.pi, 5),
+        columns.fixed.size,
+        PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT),
+        settling=1,
+        degree=E.shape[-1] + columns.cut.late + 1,
+    )
+    unproved = np.flatnonzero(panels.open_low)
+    if unproved.size:
+        panels.open_low[unproved] = ~_is_clear_next_to_one(
+            E[unproved],
+            StateSpace(*(matrix[unproved] for matrix in equations.condensed)),
+            equations.lines,
+            equations.poles[unproved],
+            equations.late_of((unproved, None)),
+            partial(panels.leaves.bound, unproved),
+        )
+    return _collect(columns, span, equations, panels)
 
-    def late(columns: tuple[np.ndarray, None] | slice) -> _Late | None:
-        """What is late of some columns, an index that gives `fixed` the axes of angles."""
-        if not cut.late:
+
+@dataclass(frozen=True, slots=True)
+class _BoundaryEquations:
+    """The boundary equations of columns, see `_boundary`, as `panel_roots` samples them.
+
+    opened: the loops without their numbers. lines, condensed: their delay lines, and the loops in the
+    states of these. solver, solved: what resolvents are solved by, the lines or a form, and the loops
+    in its states. poles: eigenvalues of the loops less 1, but those at z = 0, `(columns, poles)`.
+    late, fixed: by how many frames numbers are late, and the fixed number of each column. largest:
+    absolute value of a number in the span.
+    """
+
+    opened: StateSpace
+    lines: DelayLines
+    condensed: StateSpace
+    solver: DelayLines | TriangularForm
+    solved: StateSpace
+    poles: np.ndarray
+    late: int
+    fixed: np.ndarray
+    largest: float
+
+    @staticmethod
+    def of(columns: CutColumns, largest: float) -> _BoundaryEquations:
+        """Those of columns."""
+        late = columns.cut.late
+        fixed = columns.fixed
+        if late:
+            opened = columns.cut.open_late(columns.along)
+        else:
+            opened = columns.cut.open_in(columns.along, fixed)
+        lines, condensed = DelayLines.of(opened.E).condensed(opened)
+        solver: DelayLines | TriangularForm = lines
+        solved = condensed
+        if lines.solved.size > FEW_SOLVED:
+            form = TriangularForm.of(opened.E, opened.B, opened.C)
+            solver = form
+            solved = form.system(opened)
+        poles, _ = eigenvalues(opened.E)
+        poles = poles[
+            :, (poles != -1).any(0)
+        ]  # at z = 0 they are equally far from all of the circle
+        return _BoundaryEquations(
+            opened, lines, condensed, solver, solved, poles, late, fixed, largest
+        )
+
+    def late_of(self, index: Any) -> _Late | None:
+        """What is late of some columns; index: gives `fixed` the axes of angles."""
+        if not self.late:
             return None
-        return _Late(cut.late, fixed[columns] if np.any(fixed) else None)
+        return _Late(self.late, self.fixed[index] if np.any(self.fixed) else None)
 
-    lines, system = DelayLines.of(opened.E).condensed(opened)
-    poles, _ = eigenvalues(opened.E)
-    poles = poles[:, (poles != -1).any(0)]  # those at z = 0 are equally far from all of the circle
-    solver: DelayLines | TriangularForm = lines
-    solved = system
-    if lines.solved.size > FEW_SOLVED:
-        form = TriangularForm.of(opened.E, opened.B, opened.C)
-        solver = form
-        solved = form.system(opened)
-    largest = max(map(abs, span))
+    def boundary(self, theta: np.ndarray) -> np.ndarray:
+        """`value` of `_boundary` at an angle of each column."""
+        late = self.late_of(slice(None))
+        return _boundary(self.condensed, self.lines, theta, late=late).value
+
+    def sample(
+        self, column: np.ndarray, theta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sign, logarithm and rounding error of `value` and `beyond`, see `panel_roots`; a few panels
+        at a time."""
+        step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * self.solved.B.shape[-2]))
+        parts = []
+        for first in range(0, column.size, step):
+            chunk = slice(first, first + step)
+            parts.append(self._sampled(column[chunk], theta[chunk]))
+        sign, log, error = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+        return sign, log, error
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
-    def sampled(column: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _sampled(
+        self, column: np.ndarray, theta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         # Many states are not copied for each panel.
-        loops = np.zeros(1, int) if fixed.size == 1 else column
-        systems = StateSpace(*(matrix[loops][:, None] for matrix in solved))
+        loops = np.zeros(1, int) if self.fixed.size == 1 else column
+        systems = StateSpace(*(matrix[loops][:, None] for matrix in self.solved))
         value, value_off, beyond, beyond_off = _boundary(
-            systems, solver, theta, largest, loops, late((column, None))
+            systems, self.solver, theta, self.largest, loops, self.late_of((column, None))
         )
         values = np.array([value, beyond])
         magnitude = np.maximum(np.abs(values), NEXT_TO_ZERO)
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle.
-        far = np.maximum(
-            np.abs(on_circle(theta)[..., None] - poles[loops][:, None, :]), NEXT_TO_ZERO
-        )
-        log = np.log(magnitude) + 2 * np.log(far).sum(-1)
-        off = [value_off, beyond_off] / magnitude + len(far.T) * (1 / far).sum(-1)
+        distance = np.abs(on_circle(theta)[..., None] - self.poles[loops][:, None, :])
+        distance = np.maximum(distance, NEXT_TO_ZERO)
+        log = np.log(magnitude) + 2 * np.log(distance).sum(-1)
+        off = [value_off, beyond_off] / magnitude + len(distance.T) * (1 / distance).sum(-1)
         return np.sign(values), log, np.minimum(off, 1 / NEXT_TO_ZERO)
-
-    def sample(column: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * solved.B.shape[-2]))
-        parts = []
-        for first in range(0, column.size, step):
-            chunk = slice(first, first + step)
-            parts.append(sampled(column[chunk], theta[chunk]))
-        sign, log, error = (
-            np.concatenate(parts_of_quantity, axis=1)
-            for parts_of_quantity in zip(*parts, strict=True)
-        )
-        return sign, log, error
-
-    limits = PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT)
-    degree = opened.E.shape[-1] + cut.late + 1
-    edges = np.linspace(0, np.pi, 5)
-    roots = panel_roots(sample, edges, fixed.size, limits, settling=1, degree=degree)
-    open_roots = np.flatnonzero(roots.open_low)
-    if open_roots.size:
-        loops = StateSpace(*(matrix[open_roots] for matrix in system))
-        roots.open_low[open_roots] = ~_is_clear_next_to_one(
-            opened.E[open_roots],
-            loops,
-            lines,
-            poles[open_roots],
-            late((open_roots, None)),
-            partial(roots.leaves.bound, open_roots),
-        )
-
-    def boundary(theta: np.ndarray) -> np.ndarray:
-        return _boundary(system, lines, theta, late=late(slice(None))).value
-
-    return _collect(columns, span, boundary, roots)
 
 
 @np.errstate(all="ignore")
@@ -394,16 +434,17 @@ def _errors_of_form(
 
 
 def _collect(
-    columns: CutColumns, span: tuple[float, float], boundary: Callable[..., Any], roots: PanelRoots
+    columns: CutColumns,
+    span: tuple[float, float],
+    equations: _BoundaryEquations,
+    panels: PanelRoots,
 ) -> Crossings:
     """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1
     and -1."""
     cut = columns.cut
     fixed = columns.fixed
-    complete = np.ones(fixed.size, bool)
-    complete[roots.lost[0]] = False
-    complete[roots.overflown[0]] = False
-    complete[roots.unsure] = False
+    complete = panels.complete & ~(panels.open_low | panels.open_high)
+    roots = panels.roots
     inside = (roots.x > 0) & (roots.x < np.pi)
     column = roots.column[inside]
     seed = roots.x[inside]
@@ -422,36 +463,39 @@ def _collect(
     astray = np.abs(polished.theta - seed) > roots.within[inside] + 1e-9
     complete[column[~polished.converged | astray]] = False
 
-    order = np.lexsort((polished.theta, column))
-    theta = polished.theta[order]
-    new = np.ones(order.size, bool)
-    close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
-    new[1:] = (np.diff(column[order]) != 0) | ~close_by
-    order_of_new = order[new]
-    column = column[order_of_new]
-    theta = polished.theta[order_of_new]
-    value = polished.value[order_of_new]
-    jump = jump[order_of_new]
+    new = _without_copies(column, polished.theta)
+    column = column[new]
+    theta = polished.theta[new]
 
+    # What lies on settled panels is not known.
+    owner, low, high = panels.settled
     first = np.full(fixed.size, np.pi)
-    last = np.zeros(fixed.size)
     np.minimum.at(first, column, theta)
+    np.minimum.at(first, owner[low > 0], low[low > 0])
+    last = np.zeros(fixed.size)
     np.maximum.at(last, column, theta)
-    of, low, high = roots.settled  # what lies there is not known
-    np.minimum.at(first, of[low > 0], low[low > 0])
-    np.maximum.at(last, of[high < np.pi], high[high < np.pi])
-    at_one = np.sign(boundary(first / 2))
-    at_minus_one = np.sign(boundary((np.pi + last) / 2))
+    np.maximum.at(last, owner[high < np.pi], high[high < np.pi])
+    at_one = np.sign(equations.boundary(first / 2))
+    at_minus_one = np.sign(equations.boundary((np.pi + last) / 2))
     ends, at_ends = at_both_ends(columns, at_one, at_minus_one, many)
-    complete &= ~(roots.open_low | roots.open_high)
     return Crossings(
         column=np.concatenate([column, ends.column]),
-        value=np.concatenate([value, ends.value]),
+        value=np.concatenate([polished.value[new], ends.value]),
         theta=np.concatenate([theta, ends.theta]),
-        jump=np.concatenate([jump, ends.jump]),
-        inverse=np.concatenate([order_of_new, len(inverses) + ends.inverse]),
+        jump=np.concatenate([jump[new], ends.jump]),
+        inverse=np.concatenate([new, len(inverses) + ends.inverse]),
         inverses=np.concatenate([inverses, at_ends]),
         complete=complete,
         growth_to_infinity=np.full(fixed.size, np.nan),
         many=many,
     )
+
+
+def _without_copies(column: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Indices of the angles, sorted by column, without those that overlapping arcs found twice."""
+    order = np.lexsort((theta, column))
+    theta = theta[order]
+    new = np.ones(order.size, bool)
+    close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
+    new[1:] = (np.diff(column[order]) != 0) | ~close_by
+    return order[new]
