@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,6 +67,17 @@ class StableIntervals:
     residual: Floats
     open_low: Floats
     open_high: Floats
+
+    @staticmethod
+    def of(records: np.ndarray) -> StableIntervals:
+        """Those of a search."""
+        loop = records["slice"].copy()
+        columns = {
+            column.name: np.ascontiguousarray(records[column.name])
+            for column in fields(StableIntervals)
+            if column.name not in ("loop", "doubt")
+        }
+        return StableIntervals(loop=loop, doubt=words(records["doubt"]), **columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,8 +252,7 @@ class ClosedLoop:
         Parameters
         ----------
         along : str
-            Name of the number; not one that decides how the loop is built, such as a number of
-            ticks.
+            Name of the number; not one that decides how the loop is built, such as a number of ticks.
         span : tuple of float
             (low, high) of the range that is searched, in the unit of the number.
         numbers : dict, optional
@@ -259,8 +269,7 @@ class ClosedLoop:
         Raises
         ------
         UsageError
-            For a name or a value that the loop does not have, or a range in which there is a value
-            without a loop.
+            For a name or a value that the loop does not have, or a range with a value without a loop.
         IllPosedLoopError
             If a loop of direct terms has no solution.
 
@@ -277,12 +286,7 @@ class ClosedLoop:
             raise UsageError(
                 f"along {along}: expected {expected}; ask for the spectral radius at its values"
             )
-        if (
-            ends is None
-            or ends.shape != (2,)
-            or not ends[0] < ends[1]
-            or not computable(ends).all()
-        ):
+        if ends is None or ends.shape != (2,) or not computable(ends).all() or ends[0] >= ends[1]:
             raise UsageError(f"span: expected (low, high), low < high, found {span!r:.60}")
         if key.path in map(self._path, numbers or {}):
             raise UsageError(
@@ -294,17 +298,10 @@ class ClosedLoop:
         by_drawing: dict[Drawing, list[tuple[NDArray[np.intp], Loops]]] = {}
         for members, loops in self._batches(arrays, along=True):
             by_drawing.setdefault(loops.drawing, []).append((members, loops.read))
-        searches = [
-            Search(key.path, (low, high), tuple(groups), prover=prover)
-            for groups in by_drawing.values()
-        ]
-        records = Searches(tuple(searches)).records()
-        ends_of_intervals = ("low", "high", "low_omega", "high_omega", "low_hz", "high_hz")
-        copied = (*ends_of_intervals, "certified", "residual", "open_low", "open_high")
-        columns = {name: np.ascontiguousarray(records[name]) for name in copied}
-        return StableIntervals(
-            loop=records["slice"].copy(), doubt=words(records["doubt"]), **columns
-        )
+        searches = []
+        for groups in by_drawing.values():
+            searches.append(Search(key.path, (low, high), tuple(groups), prover=prover))
+        return StableIntervals.of(Searches(tuple(searches)).records())
 
     def spectral_radius(self, numbers: Numbers = None) -> Floats:
         """The largest modulus of the eigenvalues of a frame, without what nothing opposes (drift): below 1, it is stable.

@@ -118,9 +118,8 @@ def loop_from_blocks(
     blocks : dict
         By name: a `StateSpaceBlock`; a state-space system or a transfer function of python-control
         or scipy.signal, which is continuous or has a sample time of whole ticks; or the keys of any
-        other block as a dict, see docs/blocks.md. Ports and states of systems have the names that
-        they have there if these are names; otherwise `u` and `y`, or `u0`, `u1`, ..., `y0`, ...,
-        and `x0`, ...
+        other block as a dict, see docs/blocks.md. Ports and states of systems keep their names; if
+        these are none, they are `u` and `y`, or `u0`, ..., `y0`, ..., and `x0`, ...
     wires : dict
         Input `"block.port"` -> expression that is linear in outputs of blocks and in inputs, such
         as `"ref - kp*plant.y"`. A port without a wire is a mistake; "0" leaves it at rest.
@@ -141,8 +140,7 @@ def loop_from_blocks(
     Raises
     ------
     UsageError
-        For a system that is no block, or with a sample time that is open or no whole number of
-        ticks.
+        For a system that is no block, or with a sample time that is open or not of whole ticks.
     SpecError
         With all other mistakes at once.
 
@@ -170,9 +168,8 @@ def loop_from_blocks(
     state_names: dict[str, str] = {}
     for name, block in read.items():
         if isinstance(block, StateSpaceBlock):
-            state_names |= {
-                f"{name} x{index}": f"{name} {state}" for index, state in enumerate(block.states)
-            }
+            for index, state in enumerate(block.states):
+                state_names[f"{name} x{index}"] = f"{name} {state}"
     return replace(loop_from_drawing(tables), state_names=state_names)
 
 

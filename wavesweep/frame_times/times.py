@@ -142,18 +142,7 @@ def read_run(
         begins = np.cumsum(readings) - readings
         durations = readings
     median = float(np.median(durations))
-    if median > LONGEST_FRAME_S:
-        expected = (
-            f"expected frames of at most {LONGEST_FRAME_S:g} s, found {median:.6g} s for most"
-        )
-        hint = "are they in ms?"
-        if options:
-            hint = of_time(name, median)
-        raise UsageError(f"{path}: {name}: {expected}; {hint}")
-    if 0 < median < LEAST_OF_TICK / fast_hz:
-        expected = f"expected frames of about a tick of {1e3 / fast_hz:.6g} ms or more"
-        hint = f"; --scale {name}=1 if its numbers are in s" if options else ""
-        raise UsageError(f"{path}: {name}: {expected}, found {median:.6g} s for most{hint}")
+    _refuse_other_unit(f"{path}: {name}", name, median, fast_hz, options)
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
     run = MeasuredFrames(begins, ticks, file.sha256, taken=said)
@@ -170,6 +159,20 @@ def read_run(
             f"found one of {1e3 * durations[frame]:.6g} ms{hint}"
         )
     return run
+
+
+def _refuse_other_unit(
+    column: str, name: str, median: float, fast_hz: float, options: bool
+) -> None:
+    """Raise UsageError for frames so long or short that they are in another unit; median: s."""
+    if median > LONGEST_FRAME_S:
+        limit = f"expected frames of at most {LONGEST_FRAME_S:g} s, found {median:.6g} s for most"
+        hint = of_time(name, median) if options else "are they in ms?"
+        raise UsageError(f"{column}: {limit}; {hint}")
+    if 0 < median < LEAST_OF_TICK / fast_hz:
+        limit = f"expected frames of about a tick of {1e3 / fast_hz:.6g} ms or more"
+        hint = f"; --scale {name}=1 if its numbers are in s" if options else ""
+        raise UsageError(f"{column}: {limit}, found {median:.6g} s for most{hint}")
 
 
 @dataclass(frozen=True)

@@ -174,8 +174,8 @@ def identify(
     _refuse_foreign(target, options["overwrite"])
     progress("fitting")
     table = find()
-    place = results.place_of([source], directory)
-    table = replace(table, facts={**table.facts, "spec_place": place})
+    facts = {**table.facts, "spec_place": results.place_of([source], directory)}
+    table = replace(table, facts=facts)
     progress(WRITING)
     if options["plot"]:
         from wavesweep.program import plots
@@ -195,11 +195,9 @@ def identify(
         files = [str(path) for path in (*paths, target)]
         show_json({**summary, "files": files, "seconds": round(seconds, 3)})
     elif not verbosity().quiet:
-        for notice in notices:
-            say(notice, False)
-        for line, warning in lines:
+        lines = [*((notice, False) for notice in notices), *lines]
+        for line, warning in [*lines, (f"{where(paths, seconds)}; the {product}: {target}", False)]:
             say(line, warning)
-        say(f"{where(paths, seconds)}; the {product}: {target}")
 
 
 def _refuse_places(source: str, directory: Path, target: Path, *, named: bool) -> None:

@@ -163,19 +163,7 @@ def lacking(
     """
     rows = fit.rows
     first, end = _least_explained_part(prediction, len(rows.force))
-    part = (rows.force[first:end], rows.reading[first:end], rows.period, rows.resolution)
-    force, effects = _with_models(replace(fit.model, without=()), prediction, part)
-    seen = True  # whether a force beside that of the log is seen at all
-    if fit.model.measured != "acceleration":
-        bare = alone(prediction.place, first, end)
-        force = bare.force
-        count = end - first
-        seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
-        if seen and not fit.model.load:
-            lagging = [late[first:end] for late in _lagging(rows.force)]
-            of_axes = [coupled[first:end] for coupled in other_forces]
-            acting = {"lag": lagging} | ({"axes": of_axes} if of_axes else {})
-            effects += _with_curves(fit.model, bare, count, acting)
+    force, effects, seen = _effects(fit, prediction, other_forces, first, end)
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
     # A lag that leaves a tenth of the force goes before curves, which are likelier by a part of it.
     lag = [effect for effect in effects if effect.name == "lag" and effect.left < 0.1 * force]
@@ -211,20 +199,30 @@ def lacking(
     residual = fit.residual[rows.skip :][rows.used]
     expected, usual = _of_encoder(fit)
     rms = float(np.sqrt(np.mean(residual**2)))
-    judged_so = Verdict(
-        False,
-        name,
-        tone_hz,
-        share,
-        rms,
-        expected,
-        prediction.correlation,
-        usual,
-        None,
-        withheld,
-        force,
-    )
-    return fit, judged_so
+    correlation = prediction.correlation
+    of_rest = rms, expected, correlation, usual
+    return fit, Verdict(False, name, tone_hz, share, *of_rest, None, withheld, force)
+
+
+def _effects(
+    fit: Fit, prediction: Prediction, other_forces: Sequence[np.ndarray], first: int, end: int
+) -> tuple[float, list[Effect], bool]:
+    """The force that a fit leaves in the rows from first to end, effects that may explain it, and
+    whether a force beside that of the log is seen there at all."""
+    rows = fit.rows
+    part = (rows.force[first:end], rows.reading[first:end], rows.period, rows.resolution)
+    force, effects = _with_models(replace(fit.model, without=()), prediction, part)
+    if fit.model.measured == "acceleration":
+        return force, effects, True
+    bare = alone(prediction.place, first, end)
+    count = end - first
+    seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
+    if seen and not fit.model.load:
+        lagging = [late[first:end] for late in _lagging(rows.force)]
+        of_axes = [coupled[first:end] for coupled in other_forces]
+        acting = {"lag": lagging} | ({"axes": of_axes} if of_axes else {})
+        effects += _with_curves(fit.model, bare, count, acting)
+    return bare.force, effects, seen
 
 
 def _with_models(model, prediction, log):

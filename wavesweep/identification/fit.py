@@ -8,6 +8,7 @@ no longer matters, at a free position and velocity.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -138,48 +139,64 @@ def fitted(
             break
         rows = replace(rows, used=used)
         theta = refined(model, theta, rows)
-    # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they
-    # come from wider ones.
+    end = _by_secants(model, theta, rows)
+    if end is None:
+        return None
+    count = len(theta)
+    # The model takes the size of friction.
+    theta = np.where(np.array(model.names) == "friction", np.abs(end.theta), end.theta)
+    # What the turn changes in the readings is known to first order: the numbers move by what it would
+    # change in them if it were left out.
+    turned = end.slopes[:, count:] @ end.estimates.step[count:]
+    J = end.slopes[:, :count]
+    size = np.linalg.norm(J, axis=0)
+    half = end.estimates.half[:count]
+    half = half + np.abs(np.linalg.lstsq(J / size, turned, rcond=1e-12)[0] / size)
+    places = readings(model, theta, force, period, rows.skip) + turned
+    places = np.append(np.full(rows.skip, np.nan), places)
+    residual = reading - places
+    return Fit(model, theta, half, rows, places, residual, end.estimates.noise, end.estimates)
+
+
+class _Secants(NamedTuple):
+    """The end of a fit by secants: the numbers; the slopes of the readings in these and in the slow
+    speeds of `_slower_turn`, `(rows, numbers + speeds)`; and what follows from them for both."""
+
+    theta: np.ndarray
+    slopes: np.ndarray
+    estimates: Estimate
+
+
+def _by_secants(model: Model, theta: np.ndarray, rows: LogRows) -> _Secants | None:
+    """Gauss-Newton steps with secants over an interval; None if they lead nowhere.
+
+    Narrower secants may be those of one event, a stop or a start, so they come from wider ones.
+    """
     # The widest step of a derivative with friction, relative to the scale of the number.
     widest = 0.01 * scales(model, theta, rows)
-    if model.friction:
-        steps = widest
-    else:
-        steps = DIFFERENCE_STEP * scales(model, theta, rows)
+    steps = widest if model.friction else DIFFERENCE_STEP * scales(model, theta, rows)
     count = len(theta)
-    share = 1.0
+    share = 1.0  # of the slow speed, with which the turn is marched
     for _ in range(FITTING_ROUNDS):
         beside = _slower_turn(model, theta, rows, share)
         with np.errstate(all="ignore"):
             J = np.hstack([rows.slopes(model, theta, steps), beside])
             residual = rows.residual(model, theta)
-        if (
-            not (np.linalg.norm(J, axis=0) > 0).all()
-            or not np.isfinite([J.sum(), residual.sum()]).all()
-        ):
+        depend = (np.linalg.norm(J, axis=0) > 0).all()
+        if not depend or not np.isfinite([J.sum(), residual.sum()]).all():
             return None
-        estimates = estimated(J, residual, resolution)
+        estimates = estimated(J, residual, rows.resolution)
         half = estimates.half[:count]
         theta = theta + estimates.step[:count]
-        # Of the slow speed, with which the turn is marched.
         share = float(np.clip(estimates.step[count:].sum(), 0.1, 10.0))
-        if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
+        delay = np.abs(model.numbers(theta)["delay"])
+        if not (np.isfinite(theta).all() and delay < len(rows.force)):
             return None
         steps = np.minimum(half, widest) if model.friction else steps
         # Changes below 0.05 half-widths end the rounds.
         if (np.abs(estimates.step[:count]) < 0.05 * half).all():
             break
-    theta = np.where(
-        np.array(model.names) == "friction", np.abs(theta), theta
-    )  # the model takes its size
-    # What the turn changes in the readings is known to first order: the numbers move by what it would
-    # change in them if it were left out.
-    turned = beside @ estimates.step[count:]
-    size = np.linalg.norm(J[:, :count], axis=0)
-    half = half + np.abs(np.linalg.lstsq(J[:, :count] / size, turned, rcond=1e-12)[0] / size)
-    places = readings(model, theta, force, period, rows.skip) + turned
-    places = np.append(np.full(rows.skip, np.nan), places)
-    return Fit(model, theta, half, rows, places, reading - places, estimates.noise, estimates)
+    return _Secants(theta, J, estimates)
 
 
 def _slower_turn(model, theta, rows, share):

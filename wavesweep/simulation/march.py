@@ -347,7 +347,7 @@ class March:
         """Run the ticks under these forces."""
         loop = self.loop
         ticks = self.ticks
-        device = loop.device
+        device_name = loop.device
         shown = itemgetter(*(ticks.place(name) for name in names), ticks.place(POSITION))
         hand = ticks.place(self.entry)
         records = [
@@ -355,31 +355,13 @@ class March:
         ]
         position = ticks.place(POSITION)
         pull = ticks.place(REACTION)
-        net = ticks.place(besides(f"{device}.f"))
-        sensed_x = ticks.place(f"{device}.x")
-        sensed_v = ticks.place(f"{device}.v")
-        own_x = ticks.place(actual(f"{device}.x"))
-        own_v = ticks.place(actual(f"{device}.v"))
+        sensed_x = ticks.place(f"{device_name}.x")
+        sensed_v = ticks.place(f"{device_name}.v")
+        own_x = ticks.place(actual(f"{device_name}.x"))
+        own_v = ticks.place(actual(f"{device_name}.v"))
         by_hand = self.entry == loop.hand
-        share = 0  # of the input in the force on the device
-        if by_hand:
-            on_device = loop.wires.get(f"{device}.f", ())
-            share = sum(factor for factor, name in on_device if name == loop.hand)
         measure = encoder(self.effects.resolution)
-        max_force = self.effects.max_force or np.inf
-        body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
-        if self.effects.uneven:
-            increments = zero_order_hold(*body[:3], lengths).tolist()
-        else:
-            increments = repeat(zero_order_hold(*body[:3], loop.tick).tolist())
-        whole_ticks = zip(lengths.tolist(), increments, strict=False)
-        late, gone_by = loop.late
-        change = ticks.place(besides(f"{device}.f{AT}{late}"))
-        of_motors = ticks.place(AT + late)
-        parts = []  # of a tick, before and after what the motors are late with arrives
-        for part in (gone_by, 1.0 - gone_by) if late else ():
-            seconds = part * loop.tick
-            parts.append((seconds, zero_order_hold(*body[:3], seconds).tolist()))
+        device = _Device(loop, ticks, self.effects, lengths, by_hand=by_hand)
         running = Running(loop, ticks, self.results, self.effects.wall, self.late)
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
@@ -396,30 +378,71 @@ class March:
             z[own_x] = x
             z[own_v] = v
             running.tick(k)
-            f_m = z[pull]
             if not abs(z[position]) <= FARTHEST_POSITION:  # also if it is NaN
                 stopped = f"the hand's position exceeds {FARTHEST_POSITION:g} {units[0]}"
                 return MarchedRows(rows, touched, z[position], stopped)
-            if not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
-                return MarchedRows(
-                    rows, touched, z[position], f"a force exceeds {STRONGEST:g} {units[1]}"
-                )
+            if not abs(z[pull]) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
+                stopped = f"a force exceeds {STRONGEST:g} {units[1]}"
+                return MarchedRows(rows, touched, z[position], stopped)
             rows.append(shown(z)[:-1])
             touched.append(running.touching)
-            if device:
-                pushed = share * f + z[net]
-                for part, (seconds, increments) in enumerate(parts or (next(whole_ticks),)):
-                    if part == 1:  # what the motors are late with has arrived
-                        pushed += z[change]
-                        f_m += z[of_motors]
-                    cut_off = f_m - min(max(f_m, -max_force), max_force)
-                    x, v = slide(body, x, v, pushed + cut_off, seconds, increments)
-        if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
+            if device_name:
+                x, v = device.moved(z, f, x, v)
+        if loop.hand and loop.wires[POSITION] != ((1.0, f"{device_name}.x"),) and force:
             z[hand] = 0.0
             z[own_x] = x
             running.tick(len(force))
             x = z[position]
         return MarchedRows(rows, touched, x, "")
+
+
+class _Device:
+    """The device of a run: how forces move it in a tick.
+
+    share: of the input in the force on it. whole_ticks: length (s) and increments of each tick;
+    parts: of a tick, before and after what the motors are late with arrives, if they are late.
+    """
+
+    def __init__(
+        self,
+        loop: MarchedLoop,
+        ticks: TickSums,
+        effects: Effects,
+        lengths: np.ndarray,
+        *,
+        by_hand: bool,
+    ) -> None:
+        on_device = loop.wires.get(f"{loop.device}.f", ()) if by_hand else ()
+        self.share = sum(factor for factor, name in on_device if name == loop.hand)
+        self.max_force = effects.max_force or np.inf
+        self.body = Body(*(loop.body or (1.0, 0.0, 0.0)), effects.friction)
+        moving = self.body[:3]
+        if effects.uneven:
+            increments = zero_order_hold(*moving, lengths).tolist()
+        else:
+            increments = repeat(zero_order_hold(*moving, loop.tick).tolist())
+        self.whole_ticks = zip(lengths.tolist(), increments, strict=False)
+        late, gone_by = loop.late
+        self.parts = []
+        for part in (gone_by, 1.0 - gone_by) if late else ():
+            seconds = part * loop.tick
+            self.parts.append((seconds, zero_order_hold(*moving, seconds).tolist()))
+        self.pull = ticks.place(REACTION)
+        self.net = ticks.place(besides(f"{loop.device}.f"))
+        self.change = ticks.place(besides(f"{loop.device}.f{AT}{late}"))
+        self.of_motors = ticks.place(AT + late)
+
+    def moved(self, z: list[float], f: float, x: float, v: float) -> tuple[float, float]:
+        """Position and velocity a tick later; z: the numbers of the loop; f: the input."""
+        pushed = self.share * f + z[self.net]
+        f_m = z[self.pull]
+        for part, (seconds, increments) in enumerate(self.parts or (next(self.whole_ticks),)):
+            if part == 1:  # what the motors are late with has arrived
+                pushed += z[self.change]
+                f_m += z[self.of_motors]
+            cut_off = f_m - min(max(f_m, -self.max_force), self.max_force)
+            x, v = slide(self.body, x, v, pushed + cut_off, seconds, increments)
+        return x, v
 
 
 class Running:

@@ -346,28 +346,27 @@ def loop_of(
         _within_ticks(name, drawing, wires)
         _within_ticks(name, drawing, away)
     hand = drawing.hand[0] if drawing.hand else ""
-    beside = {
-        LOCAL_WAVE: _local_wave(blocks, wires),
-        VELOCITY: _velocity(drawing, hand, wires),
-    }
+    beside = {LOCAL_WAVE: _local_wave(blocks, wires), VELOCITY: _velocity(drawing, hand, wires)}
     for name, terms_beside in beside.items():
         if terms_beside is not None:
             wires[name] = terms_beside
             away[name] = terms_beside
     device = _device_of(drawing, hand, blocks, wires)
-    late = ("", 1.0)
-    for name in _arriving_at(drawing, device):
-        share = waits[name][1]
-        if not share:
-            continue
+    within_tick = [name for name in _arriving_at(drawing, device) if waits[name][1]]
+    for name in within_tick:
         wires[AT + name] = _about_to_change(wires, name)
         away[AT + name] = _about_to_change(away, name)
-        if not late[0]:
-            late = (name, 1.0 - share)
+    late = ("", 1.0)
+    if within_tick:
+        late = (within_tick[0], 1.0 - waits[within_tick[0]][1])
     body = ()
     for block in drawing.blocks:
         if block.name == device:
             body = tuple(_numbers(block, numbers).values())
+    entries = []
+    for name, signal, _ in drawing.inputs:
+        if signal != hand:
+            entries.append((run_column("inputs", name), signal))
     return MarchedLoop(
         tick,
         rate,
@@ -381,11 +380,7 @@ def loop_of(
         late=late,
         wall=wall,
         walled=bool(drawing.wall),
-        entries=tuple(
-            (run_column("inputs", name), signal)
-            for name, signal, _ in drawing.inputs
-            if signal != hand
-        ),
+        entries=tuple(entries),
         frames=frames,
         channels={block.name: _numbers(block, numbers) for block in drawing.senders},
     )

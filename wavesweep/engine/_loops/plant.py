@@ -36,22 +36,7 @@ def plant_of(
     entries, since springs and dampers of different signs may cancel. Errors: IllPosedLoopError if
     the direct terms make a loop without a solution.
     """
-    matrices_of_members = []
-    sizes = []
-    pivots = []
-    states = []
-    labels = []
-    for block in plant.members:
-        numbers_of_block = keys[block.name]
-        names, matrices = continuous(block.type, numbers_of_block)
-        matrices_of_members.append(matrices)
-        sizes.append(sizes_of(block.type, numbers_of_block, *matrices[:2]))
-        pivots.append(pivot_of(block.type, numbers_of_block))
-        for state in names:
-            states.append(plant.own(f"{block.name}.{state}"))
-            labels.append(f"{block.name} {LABELS.get(state, state)}")
-    A, B, C, D = (block_diagonal(parts) for parts in zip(*matrices_of_members, strict=True))
-    of_A, of_B = (block_diagonal(parts) for parts in zip(*sizes, strict=True))
+    (A, B, C, D), (of_A, of_B), pivots, names = _side_by_side(plant, keys)
     inputs, outputs = plant.drawn_ports
     K = _gains(gains, inputs, outputs)
     L = D @ K
@@ -78,17 +63,38 @@ def plant_of(
         plant.name,
         tuple(shown_inputs),
         tuple(shown_outputs),
-        tuple(states),
+        tuple(plant.own(f"{member}.{state}") for member, state in names),
         *(E, G, shown, through),
         condition=condition,
         pivot=prod(pivots, start=determinant),
         terms=(of_E, of_G, of_C, of_D),
-        labels=tuple(labels),
+        labels=tuple(f"{member} {LABELS.get(state, state)}" for member, state in names),
         ring=plant.acts_on_itself,
     )
     if not (plant.arriving or plant.sensed):
         return made
     return with_ports(made, plant, rates, constants, shares)
+
+
+def _side_by_side(
+    plant: Plant, keys: Mapping[str, dict[str, Any]]
+) -> tuple[list[np.ndarray], list[np.ndarray], list[Any], list[tuple[str, str]]]:
+    """A, B, C, D of all members side by side, the sizes of the terms of A and B, a pivot of each
+    member, and member and name of each state."""
+    matrices = []
+    sizes = []
+    pivots = []
+    names = []
+    for block in plant.members:
+        numbers_of_block = keys[block.name]
+        states, of_member = continuous(block.type, numbers_of_block)
+        matrices.append(of_member)
+        sizes.append(sizes_of(block.type, numbers_of_block, *of_member[:2]))
+        pivots.append(pivot_of(block.type, numbers_of_block))
+        names += [(block.name, state) for state in states]
+    of_plant = [block_diagonal(parts) for parts in zip(*matrices, strict=True)]
+    of_sums = [block_diagonal(parts) for parts in zip(*sizes, strict=True)]
+    return of_plant, of_sums, pivots, names
 
 
 LABELS = {"v": "velocity", "x": "position"}  # of states of masses, for messages

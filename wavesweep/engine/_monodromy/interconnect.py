@@ -4,6 +4,7 @@ closed exactly."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -73,27 +74,12 @@ def connect(
     else:
         sizes = StateSpace(*map(np.abs, system))
     wires = _wires(blocks, ports, sums, inputs, outputs, sizes)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # a frame that overflows is for the caller to see
+    # A frame that overflows is for the caller to see.
+    with np.errstate(over="ignore", invalid="ignore"):
         rows = _Ports(ports, name, wires.K, wires.L, system.C, system.D, sizes[2:])
-        shown = _times(wires.of_made, system.C)
-        read = _times(wires.of_made, system.D) + wires.of_ports
-        closed = _closed(system, shown, read, wires.of_inputs, rows.values)
-        external = np.abs(rows.values[..., system.E.shape[-1] :])
-        terms_of_B = np.abs(system.B) @ external
-        terms_of_D = np.abs(wires.of_inputs) + np.abs(read) @ external
-        matrices = [
-            closed.E,
-            _without_rounding(closed.B, terms_of_B),
-            closed.C,
-            _without_rounding(closed.D, terms_of_D),
-        ]
+        matrices = [*_connected(system, wires, rows)]
         if terms:
-            size = np.abs(wires.of_made)
-            of_shown = size @ sizes.C
-            of_read = size @ sizes.D + np.abs(wires.of_ports)
-            matrices += _closed(sizes, of_shown, of_read, np.abs(wires.of_inputs), rows.sizes)
+            matrices += _sizes_of_connected(sizes, wires, rows)
     kind = np.result_type(float, *matrices)
     matrices = _of_one_batch(matrices)
     condition = rows.condition
@@ -104,19 +90,27 @@ def connect(
         pivot = pivot * block.pivot
         states += [f"{block.name}.{state}" for state in block.states]
     E, B, C, D = (matrix.astype(kind, copy=False) for matrix in matrices[:4])
-    return Block(
-        name,
-        tuple(inputs),
-        tuple(outputs),
-        tuple(states),
-        E,
-        B,
-        C,
-        D,
-        condition=condition,
-        pivot=pivot,
-        terms=tuple(matrices[4:]),
-    )
+    block = Block(name, tuple(inputs), tuple(outputs), tuple(states), E, B, C, D)
+    return replace(block, condition=condition, pivot=pivot, terms=tuple(matrices[4:]))
+
+
+def _connected(system: StateSpace, wires: _Wires, rows: _Ports) -> StateSpace:
+    """The connected blocks, without what rounding leaves of terms that cancel."""
+    shown = _times(wires.of_made, system.C)
+    read = _times(wires.of_made, system.D) + wires.of_ports
+    closed = _closed(system, shown, read, wires.of_inputs, rows.values)
+    external = np.abs(rows.values[..., system.E.shape[-1] :])
+    terms_of_B = np.abs(system.B) @ external
+    terms_of_D = np.abs(wires.of_inputs) + np.abs(read) @ external
+    B = _without_rounding(closed.B, terms_of_B)
+    return StateSpace(closed.E, B, closed.C, _without_rounding(closed.D, terms_of_D))
+
+
+def _sizes_of_connected(sizes: StateSpace, wires: _Wires, rows: _Ports) -> StateSpace:
+    """The sizes of the terms of the entries' sums of the connected blocks."""
+    size = np.abs(wires.of_made)
+    read = size @ sizes.D + np.abs(wires.of_ports)
+    return _closed(sizes, size @ sizes.C, read, np.abs(wires.of_inputs), rows.sizes)
 
 
 def all_sums(blocks: Sequence[Block], sums: Mapping[str, Gains]) -> dict[str, Gains]:
@@ -274,16 +268,16 @@ def _closure(needs: np.ndarray) -> np.ndarray:
 def _closed(
     system: StateSpace, C: np.ndarray, read: np.ndarray, through: np.ndarray, ports: np.ndarray
 ) -> StateSpace:
-    """Return the connected blocks; C: how outputs depend on states; read: on ports; through: on
-    the external inputs."""
+    """Return the blocks `x+ = E x + B u` with the outputs `y = C x + R u + D w`, connected by
+    `u = K x + L w`; read: R; through: D; ports: `[K L]`."""
     n = system.E.shape[-1]
-    x = ports[..., :n]
-    w = ports[..., n:]
+    K = ports[..., :n]
+    L = ports[..., n:]
     return StateSpace(
-        E=system.E + _times(system.B, x),
-        B=_times(system.B, w),
-        C=C + _times(read, x),
-        D=through + _times(read, w),
+        E=system.E + _times(system.B, K),
+        B=_times(system.B, L),
+        C=C + _times(read, K),
+        D=through + _times(read, L),
     )
 
 

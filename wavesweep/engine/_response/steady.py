@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 # relative error up to which the modes are believed; beyond it the larger system is solved
 GOOD = 1e-9
+RICHARDSON_WEIGHTS = (1 + 20 + 64) / 45  # the sum of their sizes, of three frequencies
 
 
 def respond(
@@ -164,9 +165,9 @@ def static_response(loop: Lifted) -> Response:
 
 def _from_low_frequencies(loop: Lifted, limits: np.ndarray) -> np.ndarray:
     """Return how far a limit of admittance and impedance may be off, relative, `(2, ...)`, by
-    frequencies f, f/2 and f/4.
+    Richardson's extrapolation from frequencies f, f/2 and f/4.
 
-    Their real parts are even in f.
+    Their real parts g are even in f, so the limit is `(g(f) - 20 g(f/2) + 64 g(f/4))/45`.
     """
     poles = np.abs(loop.modal.poles)
     slow = np.min(poles, axis=-1, where=poles > 0, initial=1.0)
@@ -187,8 +188,7 @@ def _from_low_frequencies(loop: Lifted, limits: np.ndarray) -> np.ndarray:
         first = (4 * at_low[..., 1] - at_low[..., 0]).real / 3
         second = (4 * at_low[..., 2] - at_low[..., 1]).real / 3
         expected = (16 * second - first) / 15
-        # The sum of the sizes of the weights by which an extrapolation adds up three values.
-        missed = (85 / 45) * (error * np.abs(at_low)).max(-1)
+        missed = RICHARDSON_WEIGHTS * (error * np.abs(at_low)).max(-1)
         away = np.abs(value - expected) + missed
         off.append(away / np.minimum(np.abs(value), np.abs(expected)))
     return np.stack(off)

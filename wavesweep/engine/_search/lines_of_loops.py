@@ -125,17 +125,10 @@ def lines_in_discs(
     in a part of its disc. The share of a line in the energy of a state differs by no more than
     that, as a part of the length of what is shown, since it is a projection of its direction.
     """
-    n, modes = delta.shape
-    frames = _FramesOnPanels.of(drift, ticks, n, points)
+    frames = _FramesOnPanels.of(drift, ticks, len(delta), points)
     around = np.exp(2j * np.pi * np.arange(AROUND_DISC if points > 1 else 0) / AROUND_DISC)
     away = 2 * radius[..., None] * np.append(0.0, around)
-    of_modes = []
-    for mode in range(modes):
-        disc = delta[:, mode], away[:, mode], margin
-        of_modes.append(_vectors_in_disc(frames.E, frames.dE, *disc))
-    right, off, takes, differs, in_disc = (
-        np.stack(by_mode, -1) for by_mode in zip(*of_modes, strict=True)
-    )
+    right, off, takes, differs, in_disc = _vectors_in_discs(frames, delta, away, margin)
     least = np.maximum(takes - differs, 0.0)
     upper = takes + differs
     bounded = np.isfinite(upper).all(1)
@@ -472,6 +465,17 @@ def _plane_in_disc(
     bordered = _Bordered.of(E, dE, w, away, margin, left[..., -2:], right[:, -2:])
     off = np.stack(bordered.columns_off(k), -1)
     return bordered.inverses[..., :k, k:].swapaxes(2, 3), off[:, :k]
+
+
+def _vectors_in_discs(
+    frames: _FramesOnPanels, delta: np.ndarray, away: np.ndarray, margin: float
+) -> list[np.ndarray]:
+    """What `_vectors_in_disc` gives of each mode, on a last axis."""
+    of_modes = []
+    for mode in range(delta.shape[1]):
+        disc = delta[:, mode], away[:, mode], margin
+        of_modes.append(_vectors_in_disc(frames.E, frames.dE, *disc))
+    return [np.stack(by_mode, -1) for by_mode in zip(*of_modes, strict=True)]
 
 
 def _vectors_in_disc(

@@ -80,29 +80,16 @@ def regions_along_any(
         bounds = np.stack([np.zeros(family.columns) + end for end in family.bounds])
         bounds = np.where(bounds > low - chosen.unit, chosen.into(bounds), -np.inf)
 
-    def slack(t: np.ndarray | float) -> np.ndarray | float:
-        if chosen.slope is None:
-            return END_ROUNDING + 0 * t
-        size = np.abs(chosen.out(t)) + SHARE_OF_SPAN * (high - low)
-        return END_ROUNDING * size / chosen.slope(t)
-
     search = _Search(
         family=family,
         variable=chosen,
         span=(chosen.into(low), chosen.into(high)),
-        slack=slack,
+        slack=partial(chosen.slack, SHARE_OF_SPAN * (high - low)),
         balls=balls and _in_variable(balls, chosen.into, chosen.out),
         from_one=from_one,
     )
     in_middle = family.frames(np.zeros(1, int), np.array([(low + high) / 2]))
-    order = Frames.of(in_middle).E.shape[-1]
-    # Of the polynomials of columns at a time, as far as their panels are two.
-    few = max(1, 2**21 // (2 * (DEGREES[-1] + 1) * order**2))
-    portions = []
-    for first in range(0, family.columns, few):
-        names = np.arange(first, min(first + few, family.columns))
-        portions.append(search.regions(names, bounds[:, names]))
-    regions = Regions.join(portions)
+    regions = search.all_regions(bounds, order=Frames.of(in_middle).E.shape[-1])
     # 0 within the range is what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
 
@@ -131,6 +118,12 @@ class _Variable(NamedTuple):
     unit: float
     offset: float
     scale: float
+
+    def slack(self, near_zero: float, t: np.ndarray | float) -> np.ndarray | float:
+        """How far an end at t may be off; near_zero: added to the size of p."""
+        if self.slope is None:
+            return END_ROUNDING + 0 * t
+        return END_ROUNDING * (np.abs(self.out(t)) + near_zero) / self.slope(t)
 
 
 def _variable_of(low: float, high: float, variable: str) -> _Variable:
@@ -197,6 +190,16 @@ class _Search:
         with np.errstate(over="ignore"):  # beside the largest doubles
             p = self.variable.out(t)
         return function(column, p)
+
+    def all_regions(self, bounds: np.ndarray, order: int) -> Regions:
+        """The regions of all columns, some at a time; bounds: `(2, columns)`; order: of the frames."""
+        # Of the polynomials of columns at a time, as far as their panels are two.
+        few = max(1, 2**21 // (2 * (DEGREES[-1] + 1) * order**2))
+        portions = []
+        for first in range(0, self.family.columns, few):
+            names = np.arange(first, min(first + few, self.family.columns))
+            portions.append(self.regions(names, bounds[:, names]))
+        return Regions.join(portions)
 
     def regions(self, names: np.ndarray, bounds: np.ndarray) -> Regions:
         """The regions of some columns."""

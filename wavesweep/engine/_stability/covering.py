@@ -270,6 +270,34 @@ class _Nearest:
         return cls(h, place + half * h, unsure, slope, models.angle(index, h), miss)
 
 
+def _windows(
+    crossing: _Nearest,
+    span: tuple[float, float],
+    slack: Slack,
+    half: np.ndarray,
+    open_: _OpenStretches,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Windows about crossings: whether the crossing counts as an end of the span, -1 or 1; half of
+    the window, in halves of a panel; and whether it is wider than an end may be off.
+
+    About a crossing at h of an eigenvalue that is known to u, and whose distance from the circle
+    changes by s a half panel, the window is from `h - e` to `h + e` with `e = max(c d, 2.5 u/|s|)
+    2^t`: d is what an end may be off, c HALF_WINDOW or AT_LOW_END, and t the number of windows that
+    were tried with tight errors.
+    """
+    low, high = (np.maximum(slack(end), FEW_ROUNDINGS * np.abs(end)) for end in span)
+    at_end = np.where(crossing.value - span[0] <= low, -1, 0)
+    at_end[span[1] - crossing.value <= high] = 1
+    d = slack(open_.place)
+    d = np.where(at_end < 0, np.maximum(d, low), d) / half
+    moved = crossing.unsure / np.abs(crossing.slope)
+    c = np.where(at_end < 0, AT_LOW_END, HALF_WINDOW)
+    narrowest = np.maximum(c * d, WINDOW_OF_ERRORS * moved)
+    tries = np.where(open_.beyond, 0, np.maximum(open_.windows - WITH_TIGHT_ERRORS, 0))
+    e = np.fmin(narrowest * WINDOW_WIDENED**tries, WIDEST_WINDOW)
+    return at_end, e, (moved > d) | (e > WINDOW_OF_ERRORS * d)
+
+
 @dataclass(frozen=True, slots=True)
 class _Sides:
     """The places from which on both sides of tests are proved, and how far they are.
@@ -328,13 +356,8 @@ class _Round:
         slack: Slack,
         open_: _OpenStretches,
     ) -> _Round:
-        """The tests at the places of stretches.
-
-        About a crossing at h of an eigenvalue that is known to u, and whose distance from the circle
-        changes by s a half panel, the window is from `h - e` to `h + e` with `e = max(c d, 2.5
-        u/|s|) 2^t`: d is what an end may be off, c HALF_WINDOW or AT_LOW_END, and t the number of
-        windows that were tried with tight errors. Crossings within MERGED e of h share it.
-        """
+        """The tests at the places of stretches; crossings within MERGED e of another share its
+        window, see `_windows`."""
         place = open_.place
         column = panels.column[open_.panel]
         half = panels.half[open_.panel]
@@ -348,18 +371,7 @@ class _Round:
         crossing = _Nearest.of(models, roots, place, half)
         h = crossing.h
 
-        low, high = (np.maximum(slack(end), FEW_ROUNDINGS * np.abs(end)) for end in span)
-        at_end = np.where(crossing.value - span[0] <= low, -1, 0)
-        at_end[span[1] - crossing.value <= high] = 1
-
-        # Half of the window.
-        off = np.where(at_end < 0, np.maximum(slack(place), low), slack(place)) / half
-        moved = crossing.unsure / np.abs(crossing.slope)
-        part = np.where(at_end < 0, AT_LOW_END, HALF_WINDOW)
-        narrowest = np.maximum(part * off, WINDOW_OF_ERRORS * moved)
-        tries = np.where(open_.beyond, 0, np.maximum(open_.windows - WITH_TIGHT_ERRORS, 0))
-        eps = np.fmin(narrowest * WINDOW_WIDENED**tries, WIDEST_WINDOW)
-
+        at_end, eps, rough = _windows(crossing, span, slack, half, open_)
         # 0.51, NEXT_TO and 0.3 only choose what is tried and where; what is proved does not rest on
         # them.
         middle = (open_.low + open_.high - 2 * place) / half / 2
@@ -389,7 +401,7 @@ class _Round:
             toward=toward,
             begin=(np.where(closing, below, 0.0), np.where(closing, above, 0.0)),
             roots=np.where(closed, np.inf, roots),
-            rough=(moved > off) | (eps > WINDOW_OF_ERRORS * off),
+            rough=rough,
             overlaid=((models.excess > 0) & ~closed).any(1),
         )
 

@@ -441,77 +441,101 @@ class DominanceTests:
         """Return whether none is on the circle from h = start to stop of each of `tests`, and how
         many are outside then.
 
-        start, stop: of one sign, or 0.
-
-        Row i of T over `1 - h^2 k2`, k2 = |(K^2)_ii|, has the diagonal `z - 1 - mu` with `mu = w +
-        b h + c h^2 + ...` and `|z - 1 - mu| >= ||1 + mu|^2 - r^2| / (|1 + mu| + r)` for all |z| =
-        r, r being the radius, which may be larger than 1.
-
-        What is off the diagonal, over the same, is at most `F + |z - 1| G`. With `d = |z - 1 -
-        mu_i|` it is `|z - 1| <= |mu_i| + d`, so a row holds if `d u_i > (F u)_i + (|mu_i| + d) (G
-        u)_i`. It is enough to show this for the least d. As F and G are not negative, `(G u)_i <
-        u_i` follows, so for every larger d the left side has grown by more than the right one.
-
-        What is concave and convex in h is so for one u. So the same u has to serve both ends of the
-        range, and it is found for the larger of their two ratios, entry by entry.
+        start, stop: of one sign, or 0. radius: of the circle, which may be larger than 1. What is
+        concave and convex in h is so for one u. So the same u has to serve both ends of the range,
+        and it is found for the larger of their two ratios, entry by entry.
         """
-        mu = self.mu.take(tests)
-        parts = self.parts.take(tests)
-        KBK = self.KBK[tests]
-        slope = self.slope[tests]
-        w = np.abs(mu.w)
-        b = np.abs(mu.b)
-        c = np.abs(mu.c)
-        farthest = np.maximum(np.abs(start), np.abs(stop))[:, None]
-        r = radius[:, None]
-        excess = self.excess[tests] + (1 - r**2)
-        outside = excess + (start + stop)[:, None] / 2 * slope > 0
-        side = np.where(outside, 1.0, -1.0)
-        # (3): side (|1 + mu|^2 - r^2) is at least side (excess + h slope) - h^2 (bends + |h|
-        # cubic).
-        bends = np.maximum(0, -side * self.curve[tests])
-        cubic = 2 * b * c + farthest * c**2
-        largest = self.size[tests] + farthest * b + farthest**2 * c + r  # of |1 + mu| + r
-        # |z - 1| is at most this where |z - 1 - mu| is least.
-        reach = (
-            w
-            + farthest * b
-            + farthest**2 * c
-            + (np.abs(excess) + farthest * np.abs(slope)) / largest
-        )
-        reach = reach[:, :, None]
-
-        def ratios(h: np.ndarray) -> np.ndarray:
-            """What is off the diagonal over what is left of it, at h; infinite if nothing is
-            left."""
-            a = np.abs(h)[:, None]
-            slack = 1 - mu.k2 * a**2
-            safe = np.maximum(slack, 0.1)
-            if h.any():
-                off = _entries_at(a[:, :, None], parts, KBK, reach)
-            else:
-                off = parts.e0 + parts.C0 + reach * parts.G
-            off /= safe[:, :, None]
-            distance = (side * (excess + h[:, None] * slope) - a**2 * (bends + a * cubic)) / largest
-            d = distance - _diagonal(off)
-            # What dividing by 1 - h^2 k2 leaves of the powers of h beyond the second.
-            d -= (
-                a**3 * mu.k2 * (b + a * mu.d2) + a**4 * mu.k2**2 * (w + a * b + a**2 * mu.d2) / safe
-            )
-            d = np.where(slack > 0.1, d, -1.0)[:, :, None]
-            n = w.shape[1]
-            off[:, range(n), range(n)] = 0
-            with np.errstate(all="ignore"):
-                return np.where(d > 0, off / d, np.inf)
-
-        H = np.maximum(ratios(stop), ratios(start))
+        rows = _Rows.of(self, tests, start, stop, radius)
+        H = np.maximum(rows.ratios(stop), rows.ratios(start))
         proved = np.isfinite(H).all((1, 2))
         H = np.where(proved[:, None, None], H, 0)
         # (4): if u > 0 and H u < u, the diagonal dominates.
         n = H.shape[1]
         u = solve(np.eye(n) * (1 + DOMINANT_BY) - H, np.ones((len(H), n, 1)))
         proved &= (u > 0).all((1, 2)) & (H @ u < u * (1 - DOMINANT_BY / 2)).all((1, 2))
-        return proved, outside.sum(1)
+        return proved, (rows.side > 0).sum(1)
+
+
+class _Rows(NamedTuple):
+    """The rows of T of tests, over a range of h on one side of 0 and on the circle |z| = r.
+
+    Row i of T over `1 - h^2 k2`, k2 = |(K^2)_ii|, has the diagonal `z - 1 - mu` with `mu = w + b h
+    + c h^2 + ...` and `|z - 1 - mu| >= ||1 + mu|^2 - r^2| / (|1 + mu| + r)` for all |z| = r. What is
+    off the diagonal, over the same, is at most `F + |z - 1| G`. With `d = |z - 1 - mu_i|` it is `|z
+    - 1| <= |mu_i| + d`, so a row holds if `d u_i > (F u)_i + (|mu_i| + d) (G u)_i`. It is enough to
+    show this for the least d. As F and G are not negative, `(G u)_i < u_i` follows, so for every
+    larger d the left side has grown by more than the right one.
+
+    excess, slope: `|1 + mu|^2 - r^2` at h = 0 and its slope; side: 1 where it is positive, else -1.
+    By (3) `side (|1 + mu|^2 - r^2)` is at least `side (excess + h slope) - h^2 (bends + |h| cubic)`.
+    largest: of |1 + mu| + r. reach: |z - 1| is at most this where |z - 1 - mu| is least.
+    """
+
+    mu: _Diagonals
+    parts: _Sizes
+    KBK: np.ndarray
+    excess: np.ndarray
+    slope: np.ndarray
+    side: np.ndarray
+    bends: np.ndarray
+    cubic: np.ndarray
+    largest: np.ndarray
+    reach: np.ndarray
+
+    @staticmethod
+    def of(
+        tests: DominanceTests,
+        chosen: np.ndarray,
+        start: np.ndarray,
+        stop: np.ndarray,
+        radius: np.ndarray,
+    ) -> _Rows:
+        """Those of some tests from h = start to stop."""
+        mu = tests.mu.take(chosen)
+        slope = tests.slope[chosen]
+        b = np.abs(mu.b)
+        c = np.abs(mu.c)
+        farthest = np.maximum(np.abs(start), np.abs(stop))[:, None]
+        r = radius[:, None]
+        excess = tests.excess[chosen] + (1 - r**2)
+        side = np.where(excess + (start + stop)[:, None] / 2 * slope > 0, 1.0, -1.0)
+        bends = np.maximum(0, -side * tests.curve[chosen])
+        cubic = 2 * b * c + farthest * c**2
+        largest = tests.size[chosen] + farthest * b + farthest**2 * c + r
+        size_of_mu = np.abs(mu.w) + farthest * b + farthest**2 * c
+        reach = size_of_mu + (np.abs(excess) + farthest * np.abs(slope)) / largest
+        return _Rows(
+            mu,
+            tests.parts.take(chosen),
+            tests.KBK[chosen],
+            *(excess, slope, side, bends, cubic, largest),
+            reach[:, :, None],
+        )
+
+    def ratios(self, h: np.ndarray) -> np.ndarray:
+        """What is off the diagonal over what is left of it, at h; infinite if nothing is left."""
+        mu = self.mu
+        parts = self.parts
+        a = np.abs(h)[:, None]
+        slack = 1 - mu.k2 * a**2
+        safe = np.maximum(slack, 0.1)
+        if h.any():
+            off = _entries_at(a[:, :, None], parts, self.KBK, self.reach)
+        else:
+            off = parts.e0 + parts.C0 + self.reach * parts.G
+        off /= safe[:, :, None]
+        above = self.side * (self.excess + h[:, None] * self.slope)
+        distance = (above - a**2 * (self.bends + a * self.cubic)) / self.largest
+        d = distance - _diagonal(off)
+        # What dividing by 1 - h^2 k2 leaves of the powers of h beyond the second.
+        b = np.abs(mu.b)
+        last = np.abs(mu.w) + a * b + a**2 * mu.d2
+        d -= a**3 * mu.k2 * (b + a * mu.d2) + a**4 * mu.k2**2 * last / safe
+        d = np.where(slack > 0.1, d, -1.0)[:, :, None]
+        n = off.shape[1]
+        off[:, range(n), range(n)] = 0
+        with np.errstate(all="ignore"):
+            return np.where(d > 0, off / d, np.inf)
 
 
 def _entries_at(a: np.ndarray, parts: _Sizes, KBK: np.ndarray, reach: np.ndarray) -> np.ndarray:

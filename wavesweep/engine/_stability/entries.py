@@ -32,6 +32,7 @@ BETWEEN_PLACES = 4.0  # times the bounds at these places: that at any other poin
 # the largest
 ENTRY_RATIO = 1e3
 NARROWEST_PANEL = 1e-9  # of the span: a panel this narrow that is not followed is given up
+MOST_PANELS = 1024  # of a column, beyond which the rest is given up
 # Of columns at values of the number: frames; and frames less identity, `(values, n, n)`, with bounds
 # on the errors of their entries.
 FramesAt = Callable[[np.ndarray, np.ndarray], Frames]
@@ -161,16 +162,9 @@ def panels_of(
     """Return panels on which the frames are followed, and the parts of the spans that are not:
     column, low, high, overflown.
 
-    frames, errors, bounds: see `stable_along_any`. resolved(column, low, high): whether frames have
+    bounds: `(2, columns)`, between which frames are analytic. resolved(column, low, high): whether frames have
     no narrow features there. order: of the frames, by which panels are followed in portions. A
     panel that is not followed is halved.
-
-    The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided by
-    the polynomial q that vanishes there, is analytic where f is. So on the panel, where |q| <= 1,
-    it is at most as large as on the rim of an ellipse about it, where |q| > 10^5: entries are
-    computed there at complex p. What lies between the points of the rim is taken as at most twice
-    as large. This holds if f has no pole inside (`pole_inside`). Rounding of the values adds as
-    much as LEBESGUE allows; its bounds are taken at both ends and in the middle.
     """
     column = np.arange(columns)
     low, high = (np.full(columns, float(end)) for end in span)
@@ -181,16 +175,9 @@ def panels_of(
     done = []
     lost = []
     while column.size:
-        # A polynomial reaches beyond the part that it is for, as far as frames are analytic, and the
-        # ellipse about it has to be where they are.
-        over = OVERLAP * (high - low)
-        lowest = bounds[0][column]
-        highest = bounds[1][column]
-        low_ends = np.maximum(low - over, lowest)
-        high_ends = np.minimum(high + over, highest)
+        low_ends, high_ends, inside = _with_overlap(low, high, bounds[:, column])
         middle = (low_ends + high_ends) / 2
         half = (high_ends - low_ends) / 2
-        inside = (middle - EXTENT * half >= lowest) & (middle + EXTENT * half <= highest)
         good = np.zeros(column.size, bool)
         overflown = np.zeros(column.size, bool)
         hopeless = np.zeros(column.size, bool)
@@ -208,10 +195,8 @@ def panels_of(
             done += followed
         # What is not followed is given up, or halved.
         np.add.at(count, column[~good], 1)
-        narrow = hopeless | ~good & (
-            # Panels of a column, beyond which the rest is given up.
-            (high - low <= least) | (count[column] > 1024)
-        )
+        many = count[column] > MOST_PANELS
+        narrow = hopeless | ~good & ((high - low <= least) | many)
         lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
         again = ~good & ~narrow
         low = low[again]
@@ -220,10 +205,27 @@ def panels_of(
         column = np.tile(column[again], 2)
         low = np.append(low, cut_at)
         high = np.append(cut_at, high)
-    panels = Panels.joined(done) if done else None
-    if not lost:
-        return panels, tuple(np.zeros((4, 0)))
-    return panels, tuple(np.concatenate(facts) for facts in zip(*lost, strict=True))
+    parts_lost = tuple(np.concatenate(facts) for facts in zip(*lost, strict=True))
+    return Panels.joined(done) if done else None, parts_lost
+
+
+def _with_overlap(
+    low: np.ndarray, high: np.ndarray, bounds: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The ends of the panels for parts of the spans, and whether frames are analytic in the ellipses
+    about them.
+
+    A polynomial reaches beyond the part that it is for, as far as frames are analytic, from
+    bounds[0] to bounds[1].
+    """
+    lowest, highest = bounds
+    over = OVERLAP * (high - low)
+    low_ends = np.maximum(low - over, lowest)
+    high_ends = np.minimum(high + over, highest)
+    middle = (low_ends + high_ends) / 2
+    half = (high_ends - low_ends) / 2
+    inside = (middle - EXTENT * half >= lowest) & (middle + EXTENT * half <= highest)
+    return low_ends, high_ends, inside
 
 
 class _Spans(NamedTuple):
@@ -256,9 +258,14 @@ class _Spans(NamedTuple):
         themselves are off there, each `(spans, n, n)`, and the pivots on the rim; None if frames
         have other states on the rim.
 
-        A, c: frames at the nodes, and coefficients of what goes through them. The first is twice
-        the largest of `(f - f_n)/q` on the rim, see `panels_of`; the second is taken at both ends
-        and in the middle.
+        A, c: frames at the nodes, and coefficients of what goes through them.
+
+        The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided
+        by the polynomial q that vanishes there, is analytic where f is. So on the panel, where |q|
+        <= 1, it is at most as large as on the rim of an ellipse about it, where |q| > 10^5: entries
+        are computed there at complex p. What lies between the points of the rim is taken as at most
+        twice as large. This holds if f has no pole inside (`pole_inside`). Rounding of the values
+        adds as much as LEBESGUE allows; its bounds are taken at both ends and in the middle.
         """
         n = A.shape[-1]
         x, _ = nodes(degree)

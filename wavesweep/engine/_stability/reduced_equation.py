@@ -361,7 +361,7 @@ def tiles_by_lines(
     """Return the tiles of the spans of columns, as `covering.tiles_of` does.
 
     None if delay lines are short, or something is left open. points: of the span, at which frames
-    show their lines; errors, slack: see `stable_along_any`.
+    show their lines; errors, slack: see `tiles_of`.
     """
     if panels.error.shape[-1] < LONG_LINES:
         return None

@@ -3,6 +3,7 @@ worst point that a search finds, and proved box by box."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -147,38 +148,26 @@ def bracket_over(
     if above.word:
         # Of the way to the refuted number, at which a proof is begun.
         start = max(start, first.zero + 0.4 * (above.x - first.zero))
-    units = None
-    if not (first.zero or loops.gain):
-        units = units_of(loops.frames, _layer(loops, start / UNITS, start), loops.follows)
-    told: Report = report  # type: ignore[assignment]  # called if there is one
+    units = _units(loops, start)
     rounds = 3  # rounds of the search for refutations, after the proof has met one
     spent = 0.0
     open_ = None
 
-    def proved(
-        bottom: float, top: float, most_work: float, up: bool, words: Sequence[Word]
-    ) -> tuple[Covering, float]:
-        """What is proved from a number to another, and the number that is reached."""
-        nonlocal spent
-
-        def reached(side: float, share: float) -> None:
+    def tell(highest: float, side: float, share: float) -> None:
+        if report:
             end = float(first.number(side))
-            told(min(start, end), max(bottom if up else high, end), 100 * share)
-
-        layer = _layer(loops, bottom, top)
-        frames = replace(loops.frames, units=units, about=layer.mean(0))
-        tell = reached if report else None
-        gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
-        stretches = 1 if first.zero else _stretches(layer)
-        covering = loops.covered(frames, layer, most_work - spent, up, words, tell, gain, stretches)
-        spent += covering.used
-        return covering, float(first.number(covering.end - INWARD if up else covering.end + INWARD))
+            report(min(start, end), max(highest, end), 100 * share)
 
     def upwards(reached: float, goal: float, refuted: Refuted) -> tuple[float, Refuted]:
-        nonlocal open_, rounds
+        nonlocal open_, rounds, spent
         met = Refuted()
         if reached < goal and spent < UPWARD * work:
-            covering, end = proved(reached, goal, UPWARD * work, True, [below.word, refuted.word])
+            words = [below.word, refuted.word]
+            part = UPWARD * work - spent
+            covering, end = _proved(
+                loops, units, (reached, goal), part, True, words, partial(tell, reached)
+            )
+            spent += covering.used
             reached = max(reached, end)
             if covering.word and rounds:
                 met = _met(loops, covering, start, refuted)
@@ -191,7 +180,10 @@ def bracket_over(
         nonlocal below, open_
         goal = max(goal, lowest)
         if goal < reached < high:
-            covering, end = proved(goal, start, work, False, [below.word, above.word])
+            words = [below.word, above.word]
+            covering, end = _proved(
+                loops, units, (goal, start), work - spent, False, words, partial(tell, high)
+            )
             reached = min(reached, end)
             if covering.open and not below.word:
                 below = _worst(loops, start, least)
@@ -207,6 +199,33 @@ def bracket_over(
     if high == low:
         low, high = np.nan, np.nan
     return Bracket(low, high, below, above, open=open_)
+
+
+def _units(loops: LoopsOver, start: float) -> Any:
+    """Units of the states for a proof; None for one from zero, or of a gain."""
+    if loops.sides[0].zero or loops.gain:
+        return None
+    return units_of(loops.frames, _layer(loops, start / UNITS, start), loops.follows)
+
+
+def _proved(
+    loops: LoopsOver,
+    units: Any,
+    ends: tuple[float, float],
+    work: float,
+    up: bool,
+    words: Sequence[Word],
+    tell: Callable[[float, float], None],
+) -> tuple[Covering, float]:
+    """What is proved from a number to another, from the lower one up or from the upper one down, and
+    the number that is reached. tell: see `cover`."""
+    first = loops.sides[0]
+    layer = _layer(loops, *ends)
+    frames = replace(loops.frames, units=units, about=layer.mean(0))
+    gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
+    stretches = 1 if first.zero else _stretches(layer)
+    covering = loops.covered(frames, layer, work, up, words, tell, gain, stretches)
+    return covering, float(first.number(covering.end - INWARD if up else covering.end + INWARD))
 
 
 def _from_zero(limits: tuple[float, float], above: Refuted, zero: float) -> float:

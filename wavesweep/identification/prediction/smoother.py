@@ -178,20 +178,12 @@ def path_within_ticks(log, numbers, gains, speeds, turned=0.0, slope=0.0, walk=0
             late_on = np.clip(part - there / (first + change_before + jump), part, 1.0)
         before = np.where(turns_before, early, part)
         after = np.where(turns_after, late_on, part)
-    path = Path(
-        np.stack([before, part - before, after - part, 1 - after]),
-        np.stack(
-            [
-                speeds,
-                np.where(turns_before, 0.0, there),
-                there,
-                np.where(turns_after, 0.0, there),
-                then,
-            ]
-        ),
-        decay,
-        np.full((4, len(speeds)), np.nan),
-    )
+    durations = [before, part - before, after - part, 1 - after]
+    at_first = np.where(turns_before, 0.0, there)
+    at_second = np.where(turns_after, 0.0, there)
+    velocities = [speeds, at_first, there, at_second, then]
+    not_known = np.full((4, len(speeds)), np.nan)
+    path = Path(np.stack(durations), np.stack(velocities), decay, not_known)
     if log.model.friction:
         _stop(path, part, _forces(log, numbers, gains, walk), _rest(numbers, gains))
     return path

@@ -67,87 +67,100 @@ def export(
     """
     from wavesweep.program import results
     from wavesweep.program import spec as specs
-    from wavesweep.program.analyses.assumptions import model_in_words, over_preset
-    from wavesweep.program.analyses.claim_words import fact_of
     from wavesweep.program.atomic_files import made_folder
-    from wavesweep.program.cli.file_places import (
-        own_folder,
-        refuse_inputs,
-        refuse_other_things,
-        write_whole,
-    )
-    from wavesweep.program.cli.messages import say, show_json
-    from wavesweep.simulation.experiment import linear_loop
-    from wavesweep.simulation.export import dead_times_of, exported, floats_in_words, terms_of
+    from wavesweep.program.cli import file_places
+    from wavesweep.program.cli.messages import show_json
+    from wavesweep.simulation.export import exported
     from wavesweep.simulation.export.one_controller import exported_controller
-    from wavesweep.simulation.from_spec import claim_of, hand_force
-    from wavesweep.simulation.table import unstable
+    from wavesweep.simulation.from_spec import claim_of
 
     started = time.perf_counter()
     loaded = specs.load(spec, overrides)
-    if controller is None:
-        folder = Path(out or own_folder([loaded.name], overrides) / to)
-    else:
-        if floats:
-            raise click.UsageError("--controller: expected no --float beside it, found both")
-        folder = Path(out or own_folder([loaded.name], overrides) / f"{to}-{controller}")
+    if controller and floats:
+        raise click.UsageError("--controller: expected no --float beside it, found both")
+    name = f"{to}-{controller}" if controller else to
+    folder = Path(out or file_places.own_folder([loaded.name], overrides) / name)
     results.refuse_unusable(folder)
     told: list[str] = []
-    if controller is None:
+    if not controller:
         program = exported(loaded, floats=floats)
     else:
         told = _analysed_around(loaded, controller)
         program = exported_controller(loaded, controller, told)
     paths = [folder / name for name in program]
-    refuse_other_things(*paths)
-    refuse_inputs(loaded.files, *paths)
+    file_places.refuse_other_things(*paths)
+    file_places.refuse_inputs(loaded.files, *paths)
     expected = "another --out DIR, or --overwrite to replace the files"
     with made_folder(folder):
         files = zip(paths, program.values(), strict=True)
-        write_whole(*files, overwrite=overwrite, expected=expected)
-    simulated = loaded.asking("simulate")
-    linear = linear_loop(simulated)
-    wanted = len(hand_force(simulated).force)
-    outputs = {} if controller else terms_of(loaded)
+        file_places.write_whole(*files, overwrite=overwrite, expected=expected)
     claim = claim_of(loaded)
+    facts = _facts(loaded, claim, floats, controller, told)
+    facts["ticks"] = program["vectors.csv"].count("\n") - 1
+    facts["files"] = [str(path) for path in paths]
     seconds = time.perf_counter() - started
-    facts = {
-        "command": "export",
-        "specs": [loaded.name],
-        "spec_sha256": simulated.sha256,
-        "assumes": model_in_words(loaded, told=claim.scope.paths()),
-        "claims": {"spec": fact_of(claim)},
-        "notices": [
-            *([floats_in_words(loaded)] if floats else []),
-            *over_preset(loaded),
-            *(
-                f"dead time of {said}: the device's, so the C does not compute it"
-                for said in dead_times_of(loaded)
-            ),
-        ],
-        "computed": {port: made["sum"] for port, made in outputs.items()},
-        "terms": {port: made["terms"] for port, made in outputs.items()},
-        "ticks": program["vectors.csv"].count("\n") - 1,
-        "wanted_ticks": wanted,
-        "linear_loop": linear,
-        "files": [str(path) for path in paths],
-        "seconds": round(seconds, 3),
-    }
-    if controller:
-        facts["controller"] = told
+    facts["seconds"] = round(seconds, 3)
     if verbosity().as_json:
         show_json(facts)
     elif not verbosity().quiet:
-        if not linear["stable"]:
-            say(unstable(linear), warning=True)
         compares = "each tick with doubles, within its roundings" if floats else "every bit"
         compares += " of one inside the whole loop" if controller else ""
-        check = f"`make -C {quote(str(folder))} check` compares {compares}"
-        say(f"{loaded.name}, {loaded.kind}: vectors of {facts['ticks']} ticks; {check}")
-        for line, warning in _lines(facts, claim):
-            say(line, warning=warning)
-        names = [str(paths[0]), *(path.name for path in paths[1:])]
-        say(f"Wrote {', '.join(names)} in {seconds:.2f} s")
+        _say(facts, claim, f"{loaded.name}, {loaded.kind}", compares, paths, seconds)
+
+
+def _facts(
+    spec: Spec, claim: Claim, floats: bool, controller: str | None, told: list[str]
+) -> dict[str, Any]:
+    """What the summary says of the loop, as JSON; told: of the loop around one controller."""
+    from wavesweep.program.analyses.assumptions import model_in_words, over_preset
+    from wavesweep.program.analyses.claim_words import fact_of
+    from wavesweep.simulation.experiment import linear_loop
+    from wavesweep.simulation.export import dead_times_of, floats_in_words, terms_of
+    from wavesweep.simulation.from_spec import hand_force
+
+    simulated = spec.asking("simulate")
+    outputs = {} if controller else terms_of(spec)
+    notices = [floats_in_words(spec)] if floats else []
+    notices += over_preset(spec)
+    for said in dead_times_of(spec):
+        notices.append(f"dead time of {said}: the device's, so the C does not compute it")
+    facts = {
+        "command": "export",
+        "specs": [spec.name],
+        "spec_sha256": simulated.sha256,
+        "assumes": model_in_words(spec, told=claim.scope.paths()),
+        "claims": {"spec": fact_of(claim)},
+        "notices": notices,
+        "computed": {port: made["sum"] for port, made in outputs.items()},
+        "terms": {port: made["terms"] for port, made in outputs.items()},
+        "wanted_ticks": len(hand_force(simulated).force),
+        "linear_loop": linear_loop(simulated),
+    }
+    if controller:
+        facts["controller"] = told
+    return facts
+
+
+def _say(
+    facts: dict[str, Any],
+    claim: Claim,
+    loop: str,
+    compares: str,
+    paths: list[Path],
+    seconds: float,
+) -> None:
+    """Print the summary; loop: its name and kind."""
+    from wavesweep.program.cli.messages import say
+    from wavesweep.simulation.table import unstable
+
+    if not facts["linear_loop"]["stable"]:
+        say(unstable(facts["linear_loop"]), warning=True)
+    check = f"`make -C {quote(str(paths[0].parent))} check` compares {compares}"
+    say(f"{loop}: vectors of {facts['ticks']} ticks; {check}")
+    for line, warning in _lines(facts, claim):
+        say(line, warning=warning)
+    names = [str(paths[0]), *(path.name for path in paths[1:])]
+    say(f"Wrote {', '.join(names)} in {seconds:.2f} s")
 
 
 def _analysed_around(spec: Spec, controller: str) -> list[str]:
