@@ -312,9 +312,8 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
         if said:
             yield DETAIL, f"  and rounding moves the device by at most {' and '.join(said)}"
     if "holds_to" in found:
-        held = (
-            f"holds against the encoder's steps up to {rounded_down(found['holds_to'])} {unit} felt"
-        )
+        limit = rounded_down(found["holds_to"])
+        held = f"holds against the encoder's steps up to {limit} {unit} felt"
         yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"
         yield DETAIL, f"  after {source}"
         if not stable:

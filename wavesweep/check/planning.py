@@ -212,9 +212,8 @@ def _drawn_lines(spec):
     sums = [terms for _, terms, *_ in (*drawing.wires, *drawing.couplings, *drawing.outputs)]
     sums += filter(None, (drawing.hand or ())[1:])
     read = {signal.rpartition(".")[0] for terms in sums for signal, _ in terms}
-    if unread := [
-        block.name for block in drawing.blocks if block.name not in read
-    ]:  # which may be a slip
+    unread = [block.name for block in drawing.blocks if block.name not in read]
+    if unread:  # which may be a slip
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
     yield from _state_lines(drift, [labels[state] for state in drift.states])
     # a line per method, with the numbers that go this way

@@ -273,30 +273,19 @@ def _draw_admittances(
 
     frequency = np.array([f for f in spec.frequency_hz if f > 0])
     for (name, numbers), look in zip(designs.items(), looks, strict=True):
-        values = {
-            spec.names.find(name_varied).path: numbers[name_varied]
-            for name_varied in varied
-            if name != "nominal"
-        }
-        integers = {path for path in values if isinstance(spec.values.get(path), int)}
-        changed = spec.with_values(
-            {
-                path: int(value) if path in integers else float(value)
-                for path, value in values.items()
-            }
-        )
-        admittance, stable = (
-            respond(loop_at_hand(changed), frequency).admittance.ravel(),
-            bool(own_loop(changed).radii() < 1),
-        )
-        colour, said = (
-            (look.colour, name)
-            if stable
-            else (paler(look.colour, FAINT_COLOUR), f"{name}, unstable")
-        )
-        axes.loglog(
-            frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said
-        )
+        values = {}
+        for name_varied in varied if name != "nominal" else ():
+            path = spec.names.find(name_varied).path
+            kind = int if isinstance(spec.values.get(path), int) else float
+            values[path] = kind(numbers[name_varied])
+        changed = spec.with_values(values)
+        admittance = 1e3 * np.abs(respond(loop_at_hand(changed), frequency).admittance.ravel())
+        colour = look.colour
+        said = name
+        if not own_loop(changed).radii() < 1:
+            colour = paler(look.colour, FAINT_COLOUR)
+            said = f"{name}, unstable"
+        axes.loglog(frequency, admittance, color=colour, linestyle=look.line, label=said)
     tables = {"spec": spec.tables()}
     walls = [valued(path.rpartition(".")[2], spec.own(path), tables) for path in spec.wall]
     axes.set_title(f"with {', '.join(walls)}" if walls else "", fontsize=7)

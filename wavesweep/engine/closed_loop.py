@@ -350,17 +350,15 @@ class ClosedLoop:
 
         Notes
         -----
-        Accuracy: that of eigenvalues in double precision, computed as z - 1, so that slow poles
-        keep all digits of their distance from 1.
+        Accuracy: that of eigenvalues in doubles, computed as z - 1: slow poles keep their distance from 1.
         """
         loops = self._single(numbers).read
         drawn = loops.drawn()
         drift = loops.drift_of_frames()
         E, hidden = loops.frames_with_reliability(drift, drawn)
         if not np.isfinite(E).all():
-            raise UsageError(
-                "poles: expected a loop whose frame stays within doubles, found one that overflows"
-            )
+            expected = "expected a loop whose frame stays within doubles, found one that overflows"
+            raise UsageError(f"poles: {expected}")
         names, (delta, shares) = named_modes(E, drawn, drift)
         clear = bool(count_outside(E[None])[1].all() and not np.any(hidden))
         period = float(np.asarray(drawn.period)) * drawn.ticks

@@ -65,9 +65,8 @@ def loop_from_drawing(tables: Mapping[str, Any]) -> ClosedLoop:
     Parameters
     ----------
     tables : dict
-        `rates`, `numbers`, `block`, `signals`, `wire`, `ports` and `type`, as a spec has them, with
-        the same keys and expressions: docs/drawn-loops.md describes them, docs/blocks.md lists the
-        blocks.
+        `rates`, `numbers`, `block`, `signals`, `wire`, `ports` and `type`, with the keys and
+        expressions of a spec: docs/drawn-loops.md describes them, docs/blocks.md lists the blocks.
 
     Returns
     -------
@@ -82,8 +81,7 @@ def loop_from_drawing(tables: Mapping[str, Any]) -> ClosedLoop:
     --------
     >>> from wavesweep.engine import loop_from_drawing
     >>> loop = loop_from_drawing({
-    ...     "rates": {"tick_hz": 1000},
-    ...     "numbers": {"kp": 100.0},
+    ...     "rates": {"tick_hz": 1000}, "numbers": {"kp": 100.0},
     ...     "block": {"mass": {"type": "mass", "mass": 0.1, "damping": 1.0}},
     ...     "wire": {"mass.f": "-kp*mass.x"},
     ... })

@@ -129,12 +129,9 @@ def within(
     coarse = len(left) and every > 1 and not len(_outside(replace(run, every=every), allowed))
     first = None
     if len(left):
-        at = left[0]
-        first = {
-            "frame": int(at) + 1,
-            "begins_s": float(run.begins[at]),
-            "ticks": float(run.ticks[at]),
-        }
+        index = left[0]
+        first = {"frame": int(index) + 1, "begins_s": float(run.begins[index])}
+        first["ticks"] = float(run.ticks[index])
     return {
         "file": Path(path).name,
         "frames": len(run.ticks),

@@ -6,8 +6,8 @@ which every block runs is enough. A loop that drifts, or that conserves a combin
 has no unique state at rest; then that result is not known.
 
 A position that only adds up the states of a loop, and is read by none, depends on how it got there:
-a tick does not determine it, a frame does. `static_port_response` has loops that neither of the two
-determines.
+a tick does not determine it, a frame does. Loops that neither of the two determines have a
+`static_response`.
 """
 
 from dataclasses import dataclass

@@ -191,11 +191,9 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
     resonance = float(np.sqrt(numbers["k"] * (1 / numbers["Jm"] + 1 / numbers["Jl"])))
     bandwidth = min(resonance / 10, 0.1 / (numbers["tau"] + period))
     gain = float(f"{bandwidth * (numbers['Jm'] + numbers['Jl']):.3g}")
-    numbers |= {
-        "f": float(f"{resonance / 2 / np.pi:.4g}"),
-        "kp": gain,
-        "ki": float(f"{gain * bandwidth / 10:.3g}"),
-    }
+    numbers["f"] = float(f"{resonance / 2 / np.pi:.4g}")
+    numbers["kp"] = gain
+    numbers["ki"] = float(f"{gain * bandwidth / 10:.3g}")
     for name, value in numbers.items():
         text = re.sub(rf"(?m)^({name} *= {{ value = )[^,]*", rf"\g<1>{value!r}", text)
     text = re.sub(r"(?m)^tick_hz = \S+", f"tick_hz = {float(f'{1 / period:.9g}')!r}", text)

@@ -119,7 +119,7 @@ class FitOptions(TypedDict, total=False):
 
 def identify(path: str, **options: Unpack[FitOptions]) -> Table:
     """Fit mass, damping and more to a log or, if the file has frequencies, to a frequency response,
-    as `api.identify` says.
+    as `library.identify` says.
 
     Errors: UsageError for a log that cannot be used, or that does not tell the mass.
     """
@@ -142,19 +142,16 @@ def identify(path: str, **options: Unpack[FitOptions]) -> Table:
         )
     axes = options.get("axes")
     if axes and (two or options.get("spring") or "".join(axes) not in ("xy", "xyz")):
-        raise UsageError(
-            f"--axes: expected x,y or x,y,z without --spring and --two-masses, found {','.join(axes)}"
-        )
+        expected = "expected x,y or x,y,z without --spring and --two-masses"
+        raise UsageError(f"--axes: {expected}, found {','.join(axes)}")
     model = Model(
         options.get("spring", False), options.get("friction", False), options.get("delay"), load=two
     )
     columns = options.get("columns", {})
     if is_response(path, columns):
         if axes or two or options.get("resolution") is not None or options.get("friction"):
-            taken = "--rate, --spring, --delay, --column and --scale"
-            raise UsageError(
-                f"{path}: a frequency response takes {taken}; leave the other options out"
-            )
+            taken = "--rate, --spring, --delay, --column and --scale; leave the other options out"
+            raise UsageError(f"{path}: a frequency response takes {taken}")
         return _of_response(path, rate_hz, options.get("scales", {}), columns, model)
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")

@@ -329,14 +329,8 @@ class Ages:
         for index, number in enumerate(run[first + 1].astype(int).tolist()):
             age = self.computed[name][runs.index(number % ticks), 0]
             if np.isfinite(age):
-                lives.append(
-                    Life(
-                        number - float(age),
-                        number,
-                        starts_of_lives[index],
-                        starts_of_lives[index + 1],
-                    )
-                )
+                ends = starts_of_lives[index : index + 2]
+                lives.append(Life(number - float(age), number, *ends))
         return lives
 
     def _senses(self, carrier: Carrier) -> bool:

@@ -49,14 +49,13 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     values: flat numbers."""
     numbers = scalars(values)
     wires = _wires(drawing)
-    force = ""
+    force = drawing.hand[0] if drawing.hand else ""
     sources = []
     blocks = []
     sinks = []
     ticks = []
     for block in drawing.blocks:
         every = int(block.every.evaluate(numbers))
-        phase = int(block.phase.evaluate(numbers))
         runs_in_every = len(block.phases) if block.phases else 1
         inputs, outputs = block.ports
         blocks.append(
@@ -67,21 +66,20 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
                 outputs=tuple((port, f"{block.name}.{port}") for port in outputs),
                 type=block.type.replace("_", " "),
                 every=every / runs_in_every,
-                phase=phase,
+                phase=int(block.phase.evaluate(numbers)),
                 plant=block.plant,
             )
         )
         ticks.append(every)
-    if drawing.hand:
-        force, displacement, reaction = drawing.hand
-        sinks.append(_sink("displacement", displacement))
-        if reaction is not None:
-            sinks.append(_sink("reaction", reaction))
     for name, signal, _ in drawing.inputs:
         if signal != force:
             sources.append(_source(name, signal))
     if drawing.hand:
+        _, displacement, reaction = drawing.hand
         sources.append(_source(force, force))
+        sinks.append(_sink("displacement", displacement))
+        if reaction is not None:
+            sinks.append(_sink("reaction", reaction))
     for name, terms, _ in drawing.outputs:
         sinks.append(_sink(name, terms))
     return _read([*sources, *blocks, *sinks], 1 / drawing.rate(values), lcm(*ticks))

@@ -131,17 +131,10 @@ def _root_locus(
             said += f", {hz:.4g} Hz"
         if not certified:
             said += ", not certified"
-        axes.plot(
-            real,
-            imaginary,
-            _MARKS[n % len(_MARKS)],
-            label=said,
-            color="black" if certified else DOUBTFUL,
-            markerfacecolor="none",
-            markersize=7,
-            linestyle="none",
-            zorder=3,
-        )
+        colour = "black" if certified else DOUBTFUL
+        look = {"markerfacecolor": "none", "markersize": 7, "linestyle": "none", "zorder": 3}
+        mark = _MARKS[n % len(_MARKS)]
+        axes.plot(real, imaginary, mark, label=said, color=colour, **look)
     if facts["ends"]:
         _draw_legend(canvas, axes, title="ends of stable intervals", title_fontsize=7)
 

@@ -15,7 +15,7 @@ BallProver = Callable[[int, float, float], list[tuple[float, float, float, float
 
 
 def ball_prover(loops: Loops, path: str, period: np.ndarray) -> BallProver:
-    """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one
+    """Return what `tiles.proved_by_balls` asks about a stretch, for loops of a batch along one
     of their numbers.
 
     period: of the frames, s, `(loops,)`.

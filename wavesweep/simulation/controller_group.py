@@ -156,12 +156,8 @@ def assumed_of_rest(spec: Spec, group: ControllerGroup) -> Iterator[str]:
     inside = {name: port for port, name in group.drawing.inside.items()}
     inputs = ", ".join(inside.get(part, part) for part in group.inputs)
     yield f"  reads in the tick of its step: {inputs}; gives until its next: {', '.join(group.outputs)}"
-    own_wires = [
-        f"{port} = {sum_of(terms)}"
-        for port, terms in group.drawing.wires
-        if port in group.own_wires
-    ]
-    yield f"  its wires: {', '.join(own_wires)}"
+    own_wires = [wire for wire in group.drawing.wires if wire[0] in group.own_wires]
+    yield f"  its wires: {', '.join(f'{port} = {sum_of(terms)}' for port, terms in own_wires)}"
     yield "  assumes of the rest:"
     wires: dict[str, tuple] = {}
     for port, terms in (*group.drawing.wires, *group.drawing.couplings):

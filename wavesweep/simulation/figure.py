@@ -387,10 +387,8 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     curves = []
     for values, name, style in ((linear, "linear loop", line), (columns, "simulated", dots)):
         count = len(values["frequency_hz"])
-        marks = {
-            "omega_Ts": slow * values["frequency_hz"],
-            "admittance_abs": 1e3 * values["admittance_abs"],
-        }
+        marks = {"omega_Ts": slow * values["frequency_hz"]}
+        marks["admittance_abs"] = 1e3 * values["admittance_abs"]
         marks |= dict.fromkeys(("spec", "doubt"), np.full(count, "", object))
         marks |= dict.fromkeys(("admittance_error", "impedance_error"), np.zeros(count))
         curves.append(Curve({**values, **marks}, name, style))

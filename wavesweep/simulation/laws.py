@@ -162,14 +162,9 @@ def continuous(
     # All outputs of states and inputs from outside.
     through = np.linalg.solve(np.eye(len(shown)) - D @ K, np.hstack([C, D]))
     moved = np.hstack([A, B]) + B @ K @ through
-    into = [ports[name] for name in inputs]
-    out = [shown[name] for name in outputs]
-    matrices = LawMatrices(
-        moved[:, :order],
-        moved[:, order:][:, into],
-        through[out, :order],
-        through[out, order:][:, into],
-    )
+    through = through[[shown[name] for name in outputs]]
+    into = [order + ports[name] for name in inputs]
+    matrices = LawMatrices(moved[:, :order], moved[:, into], through[:, :order], through[:, into])
     names = [*inputs.values()], [*outputs.values()]
     if not (arriving or sensed):
         return ss(period, *(matrix.tolist() for matrix in matrices), *names, discrete=False)

@@ -143,19 +143,26 @@ def _conditions_of_type(
             tick,
         )
     if block.type == "local_model":
-        changed = "K"
-        divisor = "b + B + K h is not 0, h the time that its spring reads ahead"
-        if dict(block.keys)["integration"] == "explicit":
-            changed = "B"
-            divisor = "b + B is not 0"
-        yield Condition(
-            # A local model does not divide by less.
-            lambda _, total, b: abs(total) > 1e-12 * abs(b),
-            f"a number with which {divisor}",
-            by_name[changed],
-            ("", block.divisor(tick[1])),
-            by_name["b"],
-        )
+        yield _divides(block, by_name, tick[1])
+
+
+def _divides(
+    block: DrawnBlock, by_name: Mapping[str, tuple[str, Tree]], tick_hz: Tree
+) -> Condition:
+    """That a local model divides by a number that is not 0."""
+    changed = "K"
+    divisor = "b + B + K h is not 0, h the time that its spring reads ahead"
+    if dict(block.keys)["integration"] == "explicit":
+        changed = "B"
+        divisor = "b + B is not 0"
+    return Condition(
+        # A local model does not divide by less.
+        lambda _, total, b: abs(total) > 1e-12 * abs(b),
+        f"a number with which {divisor}",
+        by_name[changed],
+        ("", block.divisor(tick_hz)),
+        by_name["b"],
+    )
 
 
 def _below_half(_: float, rate: float, every: float, __: float) -> str:

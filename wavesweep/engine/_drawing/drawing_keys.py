@@ -3,6 +3,7 @@ its place."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -70,6 +71,13 @@ class KeyReader:
         self.periods: dict[str, Tree] = {}
         self.period: Tree | None = None
         self.refuse = self.mistakes.refuse
+
+    @contextmanager
+    def in_period(self, period: Tree) -> Iterator[None]:
+        """Read expressions in which `period` is that of a block (s)."""
+        self.period = period
+        yield
+        self.period = None
 
     def leaf(self, path: str) -> Leaf:
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
@@ -274,13 +282,13 @@ class KeyReader:
         keys = keys_of_block(kind)
         leaves = self.with_corrected_names(path, leaves, keys)
         every = self.read_key(f"{path}.every", keys.pop("every"), leaves.get("every"))
-        self.period = self.periods[name] = (every or ONE) / self.tick_hz
+        self.periods[name] = (every or ONE) / self.tick_hz
         if kind == "delay" and "seconds" in leaves and "steps" not in leaves:
             del keys["steps"]  # whose default is for a delay of steps
-        read = {
-            key: self.read_key(f"{path}.{key}", row, leaves.get(key)) for key, row in keys.items()
-        }
-        self.period = None
+        read = {}
+        with self.in_period(self.periods[name]):
+            for key, row in keys.items():
+                read[key] = self.read_key(f"{path}.{key}", row, leaves.get(key))
         if None not in [read.get(key, "") for key in (TYPES[kind].by, "inputs", "outputs", "axes")]:
             self.ports[name] = TYPES[kind].ports_of(read)
         if len(self.mistakes) > before:

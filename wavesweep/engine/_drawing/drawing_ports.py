@@ -263,10 +263,8 @@ class PortReader(KeyReader):
         """Return the terms of a port or of a name in [signals]; None if it is neither. block:
         whose port it is."""
         if block and name in wires:
-            self.period = self.periods[block.name]
-            terms = self.read_terms(f"wire.{name}", wires[name])
-            self.period = None
-            return terms
+            with self.in_period(self.periods[block.name]):
+                return self.read_terms(f"wire.{name}", wires[name])
         if block and name in self.signals:
             return ((name, ONE),)
         if name in self.meanings and name in self.signals:

@@ -368,12 +368,9 @@ class _TableReader(PortReader):
                 else "an input port of a block"
             )
             self.refuse(leaf, path, expected, text_found, nearest(port, self.inputs))
-        self.period = self.periods.get(block, ONE)
-        terms = self.read_terms(
-            path, leaf, partial(parted, plant=block, plants=plants if block in plants else {})
-        )
-        self.period = None
-        return terms
+        within = partial(parted, plant=block, plants=plants if block in plants else {})
+        with self.in_period(self.periods.get(block, ONE)):
+            return self.read_terms(path, leaf, within)
 
     def refuse_two_meanings(
         self, tables: Tables, plants: Mapping[str, str], values: Mapping[str, float]

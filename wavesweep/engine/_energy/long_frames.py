@@ -263,30 +263,32 @@ def _of_lemma(
     after = stored.high[ticks + 1]
     high = after - stored.high[ticks]
     low = stored.low[ticks + 1] - stored.low[ticks]
-
-    def terms(
-        E: np.ndarray,
-        B: np.ndarray,
-        after: np.ndarray,
-        gained: np.ndarray,
-        given: np.ndarray,
-        shown: np.ndarray,
-    ) -> np.ndarray:
-        """Their terms, of which the sizes are those of the sizes of all."""
-        of_E = after @ E
-        of_B = after @ B
-        sums = np.zeros((len(after), n + m, n + m))
-        sums[:, :n, :n] = gained + of_E + np.swapaxes(of_E, -1, -2) + E.T @ of_E
-        sums[:, :n, n:] = of_B + E.T @ of_B
-        sums[:, n:, :n] = np.swapaxes(sums[:, :n, n:], -1, -2)
-        sums[:, n:, n:] = given + B.T @ of_B
-        return sums + shown.T @ shown
-
     given = square * np.eye(m)
     gained = np.abs(high) + np.abs(low)
-    sizes = terms(np.abs(E), np.abs(B), np.abs(after), gained, given, np.abs(shown))
+    sizes = _gain_of_energy(np.abs(E), np.abs(B), np.abs(after), gained, given, np.abs(shown))
     error = (2 * n + len(C) + 8) * EPS / 2 * sizes
-    return -terms(E, B, after, high + low, -given, shown), error
+    return -_gain_of_energy(E, B, after, high + low, -given, shown), error
+
+
+def _gain_of_energy(
+    E: np.ndarray,
+    B: np.ndarray,
+    P: np.ndarray,
+    change: np.ndarray,
+    given: np.ndarray,
+    shown: np.ndarray,
+) -> np.ndarray:
+    """`[I + E, B]' P [I + E, B] - diag(P_0, 0) + diag(0, given) + shown' shown` of ticks, with `P -
+    P_0 = change`; of sizes of all it is the size of its terms."""
+    n, m = B.shape
+    of_E = P @ E
+    of_B = P @ B
+    sums = np.zeros((len(P), n + m, n + m))
+    sums[:, :n, :n] = change + of_E + np.swapaxes(of_E, -1, -2) + E.T @ of_E
+    sums[:, :n, n:] = of_B + E.T @ of_B
+    sums[:, n:, :n] = np.swapaxes(sums[:, :n, n:], -1, -2)
+    sums[:, n:, n:] = given + B.T @ of_B
+    return sums + shown.T @ shown
 
 
 def _row_sums(matrix: np.ndarray, units: np.ndarray) -> np.ndarray:

@@ -275,9 +275,8 @@ def _acted_on(cut: LinearFractional) -> LinearFractional | None:
     if not states.size:
         return None
     column = states[:, None]
-    acts = acts[
-        column, states
-    ]  # eigenvalues are 0 in every loop because of where entries of E are not zero
+    # Eigenvalues are 0 in every loop because of where entries of E are not zero.
+    acts = acts[column, states]
     poles_at_one = 0
     for block in blocks_of(acts):
         poles_at_one += block.size == 1 and not acts[block[0], block[0]]

@@ -98,9 +98,8 @@ def transfer(
             quantities, errors = _quantities(loop, points, good)
             signal = quantities[..., 0, :]
             error = errors[..., 0, :]
-            none = (
-                (np.abs(signal) <= error) & (error <= ZERO_OF_TERMS * terms) & (points.frame == 0)
-            )
+            small = (np.abs(signal) <= error) & (error <= ZERO_OF_TERMS * terms)
+            none = small & (points.frame == 0)
             signal = np.where(none, 0.0, signal)
             error = np.where(none, 0.0, error)
             relative = np.where(error == 0, 0.0, error / np.abs(signal)) + FEW_ROUNDINGS

@@ -42,8 +42,7 @@ def lines_at_ends(
     p: np.ndarray,
     omega: np.ndarray,
 ) -> np.ndarray:
-    """The strongest line (Hz) of the oscillation that starts at each end, `(2, n)`; NaN where no
-    mode starts.
+    """The strongest line (Hz) of the oscillation that starts at each end, `(2, n)`; NaN if none.
 
     Ends that a gain sets have an omega with a minus. opened: the loops without the number.
     """
@@ -57,8 +56,7 @@ def lines_at_ends(
         lines[end, row] = strongest_in_cut(loops.drawing, opened, place, omega, bound)
         return lines
     strongest = omega / (2 * np.pi)
-    # Modes that are followed through their frames at once.
-    few = 1 if name_of(question.along) in loops.drawing.timing else 256
+    few = 1 if name_of(question.along) in loops.drawing.timing else 256  # modes at once
     p = np.where(p == 0, NEXT_TO_ZERO, p)
     for first in range(0, place.size, few):
         batch = slice(first, first + few)

@@ -285,16 +285,11 @@ def _turns_of_meeting(
         for first in range(0, len(pairs), at_once):
             panel, mode = pairs[first : first + at_once].T
             part = frames.of_panels(panel, points)
-            plane, off = _plane_in_disc(
-                part.E, part.dE, delta[panel, mode], away[panel, mode, :circle], margin
-            )
+            disc = delta[panel, mode], away[panel, mode, :circle], margin
+            vectors = part.of_all_states(*_plane_in_disc(part.E, part.dE, *disc))
+            s_of_both = np.repeat(s[panel, mode, None, :circle], 2, axis=1)
             columns, differ = _shown_on_panels(
-                part,
-                rows,
-                part.of_all_states(plane, off),
-                np.repeat(s[panel, mode, None, :circle], 2, axis=1),
-                np.ones((panel.size, 2)),
-                margin,
+                part, rows, vectors, s_of_both, np.ones((panel.size, 2)), margin
             )
             told += map(_turns_of_pair, columns, differ, theta[panel, mode])
         turns = np.array(told).reshape(-1, 3)

@@ -427,11 +427,10 @@ def at_both_ends(
     sign_at_minus_one: np.ndarray,
     many: ManyStates | None = None,
 ) -> tuple[CrossingsAtEnds, np.ndarray]:
-    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E`
-    there; many: see `Crossings`.
+    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there.
 
-    sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of
-    the eigenvalue.
+    sign_at_one, sign_at_minus_one: of the polynomial, which are directions of the eigenvalue. many:
+    see `Crossings`.
     """
     cut = columns.cut
     owner = columns.owner

@@ -102,9 +102,8 @@ class _BesideOne:
     def of(
         cls, panels: Panels, panel: np.ndarray, errors: Callable[..., Any], low: float
     ) -> "_BesideOne":
-        exact = ExactFrames(
-            np.arange(panel.size), *errors(panels.column[panel], np.full(panel.size, low))
-        )
+        at_low = errors(panels.column[panel], np.full(panel.size, low))
+        exact = ExactFrames(np.arange(panel.size), *at_low)
         x = (low - panels.middle[panel]) / panels.half[panel]
         n = panels.error.shape[-1]
         D, sizes, error, drift = expansions(panels, panel, x, np.zeros(panel.size), exact)

@@ -148,6 +148,7 @@ class _Judged(NamedTuple):
 def _judged(
     functions: Functions, units: np.ndarray, boxes: np.ndarray, wide: np.ndarray
 ) -> _Judged:
+    """What polynomials on boxes prove, by their Bernstein coefficients; wide: numbers that vary."""
     series = _series(wide.size)
     t = series.t
     half = (boxes[:, 1] - boxes[:, 0]) / 2
@@ -178,11 +179,8 @@ def _judged(
     in_numbers = controls.reshape(*controls.shape[:2], *[DEGREE + 1] * wide.size)
     changes = []
     for number in range(wide.size):
-        of_terms = (
-            np.abs(np.diff(in_numbers, axis=2 + number))
-            .reshape(*controls.shape[:2], -1)
-            .max((0, 2))
-        )
+        steps = np.abs(np.diff(in_numbers, axis=2 + number))
+        of_terms = steps.reshape(*controls.shape[:2], -1).max((0, 2))
         of_pivots = np.nan_to_num(np.abs(slopes[:, number]).max(-1, initial=0.0), nan=1.0)
         changes.append(np.where(regular, of_terms, of_pivots))
     return _Judged(finite & regular & proved, np.any(negative, 0), np.argmax(changes, axis=0))

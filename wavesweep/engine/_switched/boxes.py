@@ -708,9 +708,8 @@ def _forms(
     if not isinstance(follows, np.ndarray):
         return follows.found(A), OF_OWN
     at_middle = A.terms[0]
-    repeated = at_middle[
-        np.diagonal(follows)
-    ]  # a message that may not be lost twice in a row keeps what it was meanwhile
+    # A message that may not be lost twice in a row keeps what it was meanwhile.
+    repeated = at_middle[np.diagonal(follows)]
     rates = [growth(at_middle, word) ** (1 / len(word)) for word in words]
     radius = max(np.abs(np.linalg.eigvals(repeated)).max(initial=0.5), *rates, 0.5)
     if not radius < 1:

@@ -142,9 +142,7 @@ class Growth:
             moves = step * rng.normal(size=(MOVES, len(points), wide.size))
             moves[::2] *= rng.random(moves[::2].shape) < 1 / wide.size
             moves[1] += LONGER * last  # on along a ridge
-            places = np.repeat(points[None], MOVES, 0)
-            units = _units(box[:, wide], places[..., wide]) + moves
-            places[..., wide] = _numbers(box[:, wide], np.clip(units, -1.0, 1.0))
+            places = _moved(points, moves, box, wide)
             reached = self.of(places.reshape(-1, box.shape[1])).reshape(MOVES, -1)
             best = reached.argmax(0), np.arange(len(points))
             better = reached[best] > values
@@ -210,6 +208,15 @@ def _numbers(box: np.ndarray, units: np.ndarray) -> np.ndarray:
     low, high = np.where(by_factors, box, 1.0)
     factors = low * (high / low) ** ((1 + units) / 2)
     return np.clip(np.where(by_factors, factors, middle + half * units), *box)
+
+
+def _moved(points: np.ndarray, moves: np.ndarray, box: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """Points after moves `(moves, points, numbers)` in halves of the ranges of the numbers `wide`,
+    held within the box."""
+    places = np.repeat(points[None], len(moves), 0)
+    units = _units(box[:, wide], places[..., wide]) + moves
+    places[..., wide] = _numbers(box[:, wide], np.clip(units, -1.0, 1.0))
+    return places
 
 
 def _units(box: np.ndarray, numbers: np.ndarray) -> np.ndarray:

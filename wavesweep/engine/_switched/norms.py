@@ -274,20 +274,10 @@ def advanced(
     if holds(step):
         reached = target
     else:
-        shortest = 1e-7 * abs(step)  # relative to the rest; below it the prediction has failed
-        while not holds(step):
-            step /= 4
-            if abs(step) < shortest:
-                return replace(centre, work=centre.work + newton.work), x
-        low = step
-        high = 4 * step
-        for _ in range(5):
-            middle = (low + high) / 2
-            if holds(middle):
-                low = middle
-            else:
-                high = middle
-        step = STEP_SHARE * low
+        longest = _longest(holds, step)
+        if not longest:
+            return replace(centre, work=centre.work + newton.work), x
+        step = STEP_SHARE * longest
         reached = x + step
     centre = replace(centre, P=P + step * tangent, work=centre.work + newton.work)
     return recentred(centre, matrices(reached)), reached
@@ -339,6 +329,24 @@ def finer(centre: Centre, A: np.ndarray, follows: np.ndarray) -> Centre | None:
             chosen[node] = late_edges
     graph, origin = graph.split(chosen, follows)
     return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)
+
+
+def _longest(holds: Callable[[float], bool], step: float) -> float:
+    """The longest part of a step that holds, by five bisections; 0 if less than 1e-7 of it does."""
+    shortest = 1e-7 * abs(step)
+    while not holds(step):
+        step /= 4
+        if abs(step) < shortest:
+            return 0.0
+    low = step
+    high = 4 * step
+    for _ in range(5):
+        middle = (low + high) / 2
+        if holds(middle):
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 def _shrinks(P: np.ndarray, A: np.ndarray, graph: Graph) -> bool:

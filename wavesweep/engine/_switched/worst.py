@@ -275,10 +275,8 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
             else:
                 best = _refuted_at(loops, point, start, limit, best)
                 searched.append(point)
-        if best is before or (
-            # A smaller gain of the search ends it.
-            before.word and abs(best.x - before.x) <= 1e-4 * abs(before.x - start)
-        ):
+        least_gain = 1e-4 * abs(before.x - start)
+        if best is before or (before.word and abs(best.x - before.x) <= least_gain):
             break
     if best.word and not loops.on_average:
         if best.word not in loops.known:

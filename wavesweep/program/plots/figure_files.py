@@ -18,16 +18,12 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
     """
     from matplotlib.lines import Line2D
 
+    words = {"Title": about["Title"], "Creator": about["Software"]}
     with style():
         if path.suffix == ".png":
             path.write_bytes(png(canvas, about))
         elif path.suffix == ".svg":
-            words = {
-                "Title": about["Title"],
-                "Creator": about["Software"],
-                "Date": None,
-                "Description": _lines(about),
-            }
+            words |= {"Date": None, "Description": _lines(about)}
             for line in canvas.findobj(Line2D):  # each mark would be an element: megabytes of them
                 line.set_rasterized(
                     # Marks of a line in an SVG; more are an image.
@@ -44,12 +40,8 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
                 re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1)
             )
         else:
-            words = {
-                "Title": about["Title"],
-                "Creator": about["Software"],
-                "Subject": _lines(about),
-            }
-            canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
+            words |= {"Subject": _lines(about), "CreationDate": None}
+            canvas.savefig(path, format="pdf", metadata=words)
 
 
 def save_all(

@@ -66,7 +66,7 @@ class Shown:
         return members_of(columns, self.facts, self.layout.bars, specs)
 
     def place(self, row: Mapping[str, Any], members: Sequence[Member]) -> tuple[float, float]:
-        """The coordinates of the best end of a row, see `layout.best_row`."""
+        """The coordinates of the best end of a row, see `best_row`."""
         if self.layout.x is not None:
             return row[self.layout.x], row["value"]
         if self.whose:
