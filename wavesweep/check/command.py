@@ -135,20 +135,8 @@ def check(
     if verbosity().as_json:
         from wavesweep.program.cli.messages import show_json
 
-        summary = {
-            "command": "check",
-            "specs": [loaded.name],
-            "spec_sha256": loaded.sha256,
-            "assumes": judged.verdict["assumes"],
-            "verdict": judged.verdict,
-            "plan": judged.plan,
-            "notices": judged.notices,
-        }
-        if files:
-            summary["files"] = files
-        if around:
-            summary["controller"] = around
-        show_json(summary)
+        further = {"files": files, "controller": around}
+        show_json(judged.summary(loaded) | {key: said for key, said in further.items() if said})
     if not _is_silent():  # some lines are computed as they are shown
         _show([*chain.from_iterable(map(folded, around)), *judged.lines(whole)])
     if files and not _is_silent():
@@ -178,6 +166,18 @@ class _Judged:
     plan: list[str]
     notices: list[str]
     steps: list[str]
+
+    def summary(self, spec: Spec) -> Facts:
+        """The same as JSON."""
+        return {
+            "command": "check",
+            "specs": [spec.name],
+            "spec_sha256": spec.sha256,
+            "assumes": self.verdict["assumes"],
+            "verdict": self.verdict,
+            "plan": self.plan,
+            "notices": self.notices,
+        }
 
     def lines(self, whole: bool) -> Iterable[str]:
         """The lines that follow: all of them, or the foremost."""

@@ -115,10 +115,7 @@ def _interval_lines(spec, command, along, estimated):
     from wavesweep.program.analyses.plane_columns import seconds_of_curves
 
     workers = choose(None, None, None, len(job.chunks), expected)
-    if workers.backend is None:
-        who = "no workers"
-    else:
-        who = f"{workers.count} worker processes"
+    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     chunks = _count(sum(len(stage.job.chunks) for stage in (own, *guaranteed)), "chunk")
     # A second to load what draws, and to draw.
     figure = 1.0 + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)

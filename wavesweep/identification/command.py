@@ -110,13 +110,7 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
     "--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."
 )
 def identify(
-    log: str | None,
-    out: str | None,
-    columns: tuple[str, ...],
-    scales: tuple[str, ...],
-    motor_constant: str | None,
-    frames: str | None,
-    **options: Any,
+    log: str | None, out: str | None, motor_constant: str | None, frames: str | None, **options: Any
 ) -> None:
     """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
 
@@ -161,7 +155,8 @@ def identify(
     from wavesweep.program.tables import kind_named
 
     started = time.perf_counter()
-    named = {"columns": pairs(columns, "--column"), "scales": factors(pairs(scales, "--scale"))}
+    named: dict[str, Any] = {"columns": pairs(options.pop("columns"), "--column")}
+    named["scales"] = factors(pairs(options.pop("scales"), "--scale"))
     if frames is not None:
         source, product = frames, "frames"
         find, text = _of_frames(frames, log, options, named)
@@ -188,16 +183,16 @@ def identify(
     write_whole((target, text(table.facts)))
     seconds = time.perf_counter() - started
     numbers = tally.numbers(table.facts)
-    lines = list(kind.lines(numbers))
     notices = table.facts["notices"]
+    lines = [*((notice, False) for notice in notices), *kind.lines(numbers)]
     if verbosity().as_json:
-        summary = {"command": "identify", "log": Path(source).name, "notices": notices, **numbers}
         files = [str(path) for path in (*paths, target)]
+        summary = {"command": "identify", "log": Path(source).name, "notices": notices, **numbers}
         show_json({**summary, "files": files, "seconds": round(seconds, 3)})
     elif not verbosity().quiet:
-        lines = [*((notice, False) for notice in notices), *lines]
-        for line, warning in [*lines, (f"{where(paths, seconds)}; the {product}: {target}", False)]:
+        for line, warning in lines:
             say(line, warning)
+        say(f"{where(paths, seconds)}; the {product}: {target}")
 
 
 def _refuse_places(source: str, directory: Path, target: Path, *, named: bool) -> None:

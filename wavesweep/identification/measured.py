@@ -111,14 +111,8 @@ def _limits(walls: MeasuredWalls, columns) -> dict[str, Any]:
         below = [interval for interval in intervals if interval[0] <= K]
         low, high, ends = below[-1] if below else (0.0, 0.0, True)
         hole = len(below) > 1 or low > 0
-        point = {
-            "B_VE": B,
-            "K_VE": K,
-            "computed": high,
-            "ratio": high / K,
-            "beyond": not ends,
-            "above_hole": hole,
-        }
+        point = {"B_VE": B, "K_VE": K, "computed": high, "ratio": high / K, "beyond": not ends}
+        point["above_hole"] = hole
         points.append(point if complete else point | {"computed": None, "ratio": None})
     complete = [point for point in points if point["ratio"] is not None]
     ratios = np.array([point["ratio"] for point in complete])

@@ -62,6 +62,25 @@ class Tick:
         return np.append(moved, np.zeros(len(self.A) - len(moved)))
 
 
+def _flow(model: Model, shape: Mapping[str, float]) -> np.ndarray:
+    """A of `x' = A x` for x = (x_1, v_1), or (x_1, v_1, x_1 - x_2, v_2) of two masses; shape: see
+    `tick_of`."""
+    rate = shape["rate"]
+    square = shape["square"]
+    if not model.load:
+        return np.array([[0, 1], [-square, -rate]])
+    loss = shape["coupling_rate"]
+    share = shape["share"]
+    return np.array(
+        [
+            [0, 1, 0, 0],
+            [0, -rate - loss, -square, loss],
+            [0, 1, 0, -1],
+            [0, loss / share, square / share, -loss / share - shape["load_rate"]],
+        ]
+    )
+
+
 def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
     """The tick of a model.
 
@@ -69,22 +88,7 @@ def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
     masses also `share`, the load over the first mass, `load_rate`, its damping over it, and of the
     spring `square` and `coupling_rate`, over the first mass.
     """
-    if model.load:
-        rate = shape["rate"]
-        square = shape["square"]
-        loss = shape["coupling_rate"]
-        share = shape["share"]
-        load_rate = shape["load_rate"]
-        flow = np.array(  # of x_1, v_1, x_1 - x_2, v_2
-            [
-                [0, 1, 0, 0],
-                [0, -rate - loss, -square, loss],
-                [0, 1, 0, -1],
-                [0, loss / share, square / share, -loss / share - load_rate],
-            ]
-        )
-    else:
-        flow = np.array([[0, 1], [-shape["square"], -shape["rate"]]])
+    flow = _flow(model, shape)
     size = len(flow)
     units = np.where(np.arange(size) % 2, 1 / period, 1.0)  # velocities are per tick
     wide = np.zeros((size + 1, size + 1))

@@ -55,15 +55,8 @@ def wiring(loop: Wiring, title: str) -> Any:
     legend = {every: f"{_when(every)}: {1 / (every * loop.tick_s):.6g} Hz" for every in rates}
     note = BETWEEN if _acts_continuously(loop) else ""
     head = 0.24 + 0.2 * (len(legend) + bool(note))
-    width = (
-        max(
-            routes.width,
-            _width(title, TITLE) + PICTURE_MARGIN,
-            _width(note, SMALL) + PICTURE_MARGIN,
-            4.5,  # inch
-        )
-        + 2 * PICTURE_MARGIN
-    )
+    of_texts = max(_width(title, TITLE), _width(note, SMALL)) + PICTURE_MARGIN
+    width = max(routes.width, of_texts, 4.5) + 2 * PICTURE_MARGIN  # inch
     height = routes.height + head + 2 * PICTURE_MARGIN
     with figure(width, height) as canvas:
         canvas.set_layout_engine("none")

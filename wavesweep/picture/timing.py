@@ -51,14 +51,8 @@ def timing(spec: Spec) -> Any:
             "the picture of time: expected a block that runs in ticks, found plants that act on each other alone"
         )
     width = max(_span(frames_shown) for frames_shown in frames)
-    oldest = max(
-        (
-            frames_shown.age * frames_shown.tick_ms
-            for frames_shown in frames
-            if frames_shown.age is not None
-        ),
-        default=0.0,
-    )
+    ages = [drawn.age * drawn.tick_ms for drawn in frames if drawn.age is not None]
+    oldest = max(ages, default=0.0)
     heights = []
     for frames_shown in frames:
         heights.append(LANE * min(len(frames_shown.lanes), MOST_LANES))
@@ -78,10 +72,8 @@ def timing(spec: Spec) -> Any:
             for axes in (lanes, below):
                 axes.set_xlim(*panel.edges)
         below.set_xlabel("time since the measurement (ms)" if frames_shown.shown else "time (ms)")
-        canvas.suptitle(
-            as_it_stands(f"{spec.name}, {spec.kind}: when it samples, computes and acts"),
-            fontsize=8,
-        )
+        title = f"{spec.name}, {spec.kind}: when it samples, computes and acts"
+        canvas.suptitle(as_it_stands(title), fontsize=8)
         note_below(canvas, *_notes(spec, frames))
     return canvas
 

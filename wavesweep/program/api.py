@@ -209,20 +209,17 @@ class Loop:
             intervals, interval, low, high (in the unit of the axis), low_omega, high_omega (rad/s),
             certified, residual (relative), doubt, felt_low, felt_high (N/m), low_hz, high_hz (Hz),
             open_places, open_low, open_high (in the unit of the axis). Of a spec with [for_all] the
-            rows that hold for all of it follow, as in the table (column `guarantee`). What rows say
-            of which loops is in `.attrs["claims"]`, as it is of the DataFrames of other methods.
+            rows that hold for all of it follow (column `guarantee`). What rows say of which loops is
+            in `.attrs["claims"]`, as of other DataFrames.
 
         Raises
         ------
-        UsageError
-            If a spec would not accept a name.
-        SpecError
-            If it would not accept a value or a combination.
+        UsageError, SpecError
+            If a spec would not accept a name; a value or a combination.
 
         Notes
         -----
-        Accuracy: ends usually to 1e-12 relative along K_VE and B_VE, 1e-9 along other axes, see
-        docs/accuracy.md.
+        Accuracy: ends usually to 1e-12 relative along K_VE and B_VE, 1e-9 along others, see docs/accuracy.md.
 
         Examples
         --------
@@ -243,8 +240,7 @@ class Loop:
         if answer is None:
             job = job_over(grid, axis, require=required)
             answer = self._table("zwidth", *intervals.of_calls(job, progress))
-            # Rows of an answer that is kept: some 2 MB.
-            if len(answer[0]["low"]) <= 10_000:
+            if len(answer[0]["low"]) <= 10_000:  # rows, some 2 MB
                 _ANSWERS[question] = answer
         if len(_ANSWERS) > MOST_ANSWERS:
             del _ANSWERS[next(iter(_ANSWERS))]

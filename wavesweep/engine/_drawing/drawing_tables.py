@@ -208,20 +208,8 @@ class _TableReader(PortReader):
         self.refuse_two_meanings(tables, plants, values | self.own)
         values |= self.own
         turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
-        drawing = Drawing(
-            self.tick_hz,
-            numbers,
-            frozenset(),
-            blocks,
-            wires,
-            hand,
-            wall,
-            turns,
-            couplings,
-            inputs,
-            outputs,
-            named,
-        )
+        around = (hand, wall, turns, couplings, inputs, outputs, named)
+        drawing = Drawing(self.tick_hz, numbers, frozenset(), blocks, wires, *around)
         return with_whole_numbers(drawing, values)
 
     def read_wires(

@@ -475,12 +475,9 @@ def equations_of(
             core = cores[block.name]
             _add_drawn(rest, core.type, keys_with(core, value), block)
             if core.type in SUMMING:
-                shown = [  # by registers that run with it, of which the first is a copy
-                    part.name
-                    for part in drawing.cores
-                    if part.name.startswith(f"prev({core.name}.sum)")
-                    and _clock(part) == _clock(core)
-                ]
+                together = [part.name for part in drawing.cores if _clock(part) == _clock(core)]
+                # By registers that run with it, of which the first is a copy.
+                shown = [name for name in together if name.startswith(f"prev({core.name}.sum)")]
                 for state in block.states:
                     rest.sums[f"{block.name}.{state}"] = shown[0] if shown else ""
     rest.wires, rest.outside = _wires_at_rest(drawing, rest.outputs.keys(), value, blocks)

@@ -215,6 +215,16 @@ class _AnyLoop:
         both = [[*row, *of_W] for row, of_W in zip((M - identity).tolist(), W, strict=True)]
         return len(self.registers) + n + shifts - _of_rows(both, n + shifts).rank()
 
+    def _port_row(self, port: str, shown: Mapping[str, Row]) -> Row:
+        """The sum that a port is, less the port, over the states and the ports; shown: that of each
+        signal."""
+        row = {port: PRIME - 1}
+        for signal, gain in self.wires[port].items():
+            _add(row, shown[signal], gain)
+        if port.endswith(f".{SENSED}"):  # a body is read while it moves
+            _add(row, self.moving, 1)
+        return row
+
     def _tick(self, running: set[str]) -> tuple[Any, Any]:
         """The states after a tick in which these blocks run, and what the hand's port reads:
         each a matrix over the states before it."""
@@ -229,15 +239,7 @@ class _AnyLoop:
             shown[signal] = output if runs else {_held(signal): 1}
         for impulse in self.registers:
             shown[f"{impulse}.sum"] = {f"{impulse}.u": 1} if impulse in running else {}
-        rows: list[Row] = []
-        for port in ports:
-            row = {port: PRIME - 1}
-            for signal, gain in self.wires[port].items():
-                _add(row, shown[signal], gain)
-            if port.endswith(f".{SENSED}"):  # a body is read while it moves
-                _add(row, self.moving, 1)
-            rows.append(row)
-        read, reads = self._matrices(rows, ports)
+        read, reads = self._matrices([self._port_row(port, shown) for port in ports], ports)
         of_ports = (-reads).solve(read) if ports else None
 
         def over_states(rows: list[dict[str, int]]) -> Any:

@@ -56,26 +56,12 @@ def cut_within(cut: LinearFractional, radius: np.ndarray) -> LinearFractional:
             x = x * grown
             v = v * grown
             D = D * grown
-            rounding = sum_rounding(
-                cut.late + 3
-            )  # of the power, which is not more than a product's
+            rounding = sum_rounding(cut.late + 3)  # of the power, not more than a product's
             dx = dx * grown + rounding * np.abs(x)
             dv = dv * grown + rounding * np.abs(v)
             dD = dD * grown + rounding * np.abs(D)
     C, dC = (np.concatenate([w, np.zeros_like(w), p], axis=-2) for w, p in ((v, x), (dv, dx)))
     names = (*cut.states, *(["integrator"] if cut.integrates else []))
-    return replace(
-        cut,
-        E=E,
-        B=B,
-        C=C,
-        D=D,
-        dE=dE,
-        dB=dB,
-        dC=dC,
-        dD=dD,
-        integrates=False,
-        states=names,
-        poles_at_one=0,
-        uncontrolled=tuple(within(block, radius) for block in cut.uncontrolled),
-    )
+    free = tuple(within(block, radius) for block in cut.uncontrolled)
+    ordinary = replace(cut, integrates=False, states=names, poles_at_one=0, uncontrolled=free)
+    return replace(ordinary, E=E, B=B, C=C, D=D, dE=dE, dB=dB, dC=dC, dD=dD)

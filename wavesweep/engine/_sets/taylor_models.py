@@ -869,7 +869,6 @@ class Polynomials:
         ratio = units[..., None, :] / units[..., :, None]
         scaled = self.times(ratio)
         norm = scaled.whole.sum(-1).max(-1, initial=0.0)
-        # The series is summed for norms up to a quarter.
         halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, NEXT_TO_ZERO) / 0.25)))
         self.refuse(halvings > BALL_BITS)  # the norm is above 2^BALL_BITS: squares overflow
         squarings = int(halvings.max())
@@ -880,18 +879,13 @@ class Polynomials:
         largest = powers.pop()  # X^4, and I to X^3 are left
         total = largest.times(1 / factorial(SERIES_TERMS))
         for begin in range(SERIES_TERMS - SERIES_BLOCK, -1, -SERIES_BLOCK):
-            total = total + _combined(
-                powers, [1 / factorial(begin + k) for k in range(SERIES_BLOCK)]
-            )
+            weights = [1 / factorial(begin + k) for k in range(SERIES_BLOCK)]
+            total = total + _combined(powers, weights)
             if begin:
                 total = total @ largest
         size = scaled.whole
-        left_out = (
-            np.linalg.matrix_power(size, SERIES_TERMS + 1)
-            @ _series_of(size)
-            / factorial(SERIES_TERMS + 1)
-        )
-        total = self._like(total.terms, total.rest + left_out)
+        tail = np.linalg.matrix_power(size, SERIES_TERMS + 1) @ _series_of(size)
+        total = self._like(total.terms, total.rest + tail / factorial(SERIES_TERMS + 1))
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(squarings):
                 total = total @ total

@@ -171,8 +171,7 @@ def _is_clear_next_to_one(
     late: _Late | None,
     bound: Callable[..., np.ndarray],
 ) -> np.ndarray:
-    """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there,
-    `(columns,)`.
+    """Whether no crossing is within END_BIT of z = 1, whatever poles are there, `(columns,)`.
 
     With m eigenvalues that are 1 by the pattern of E, H has a pole of order m at most there. Its
     imaginary part is odd in theta, so `f = Im K/sin(theta) |H|^2` has one of an even order q <= m +
@@ -184,17 +183,15 @@ def _is_clear_next_to_one(
     """
     m = poles_at_one(E)
     away = np.sort(np.abs(poles), axis=-1)
+    radius = np.full(len(E), WIDEST)
     if m < away.shape[-1]:
-        radius = np.minimum(WIDEST, away[:, m] / 4)
-    else:
-        radius = np.full(len(E), WIDEST)
+        radius = np.minimum(radius, away[:, m] / 4)
     longest = max(late.frames if late else 1, lines.steps.max(initial=1))
     radius = np.minimum(radius, 1 / (4 * longest))  # of a part of a turn
     count, clear = count_outside(E / (3 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
-    value, off_in_roundings, _, _ = _boundary(
-        StateSpace(*(matrix[:, None] for matrix in condensed)), lines, theta, late=late
-    )
+    at_angles = StateSpace(*(matrix[:, None] for matrix in condensed))
+    value, off_in_roundings, _, _ = _boundary(at_angles, lines, theta, late=late)
     q = m + m % 2
     if late and late.fixed is not None:
         q = 2 * m

@@ -512,9 +512,7 @@ class _Round:
         is proved.
         """
         m = self.half.size
-        of = np.tile(
-            np.arange(m), 2
-        )  # the test that each side belongs to: those below, then those above
+        of = np.tile(np.arange(m), 2)  # the test of each side: those below, then those above
         sign = np.repeat([-1.0, 1.0], m)
         edge = np.concatenate([self.open.low, self.open.high])
         begin = np.concatenate(self.begin)

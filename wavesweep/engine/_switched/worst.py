@@ -135,16 +135,11 @@ def bracket_over(
     every order of frames.
 
     work: operations of the proofs. begins: share of the highest number that is proved, below which it
-    does not go, nor below FROM_ZERO of what is refuted. report: is called with
-    the lowest and the highest number that are proved so far, and the percentage of the way up or
-    down at which the proof is.
+    does not go, nor below FROM_ZERO of what is refuted. report: is called with the lowest and the
+    highest number that are proved so far, and the percentage of the way up or down.
     """
     first = loops.sides[0]
-    above = _worst(loops, start, limits[1])
-    lowest = _from_zero(limits, above, first.zero)
-    below = Refuted()
-    if (loops.growth.of(np.insert(loops.starts, 0, lowest, axis=1)) >= 1).any():
-        below = _worst(loops, start, lowest)
+    above, below, lowest = _refuted_at_first(loops, start, limits)
     if above.word:
         # Of the way to the refuted number, at which a proof is begun.
         start = max(start, first.zero + 0.4 * (above.x - first.zero))
@@ -199,6 +194,18 @@ def bracket_over(
     if high == low:
         low, high = np.nan, np.nan
     return Bracket(low, high, below, above, open=open_)
+
+
+def _refuted_at_first(
+    loops: LoopsOver, start: float, limits: tuple[float, float]
+) -> tuple[Refuted, Refuted, float]:
+    """What is refuted above and below a start before a proof, and the lowest number to go to."""
+    above = _worst(loops, start, limits[1])
+    lowest = _from_zero(limits, above, loops.sides[0].zero)
+    below = Refuted()
+    if (loops.growth.of(np.insert(loops.starts, 0, lowest, axis=1)) >= 1).any():
+        below = _worst(loops, start, lowest)
+    return above, below, lowest
 
 
 def _units(loops: LoopsOver, start: float) -> Any:

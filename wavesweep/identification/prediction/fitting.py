@@ -227,16 +227,10 @@ def _resonances(log, found, skip):
                 pairs.append((share, tone, gains[1] / gains[0], filtered))
     starts = []
     for _, tone, share, filtered in sorted(pairs, key=itemgetter(0)):
-        if len(starts) < 2 and all(  # resonances from which two masses are searched
-            # Logarithm of their ratio, at least.
-            abs(np.log(tone / near)) > 0.3
-            for near, _ in starts
-        ):
+        # Two resonances from which two masses are searched, whose logarithms are so far apart.
+        if len(starts) < 2 and all(abs(np.log(tone / near)) > 0.3 for near, _ in starts):
             numbers = of_modes(1.0 + share, filtered["rate"], tone, RINGING, share)
-            shape = {
-                "share": share,
-                "load_rate": filtered["rate"],
-                "square": np.exp(numbers["log_coupling"]),
-            }
+            shape = {"share": share, "load_rate": filtered["rate"]}
+            shape["square"] = np.exp(numbers["log_coupling"])
             starts.append((tone, filtered | shape | {"coupling_rate": numbers["coupling_damping"]}))
     return [begun for _, begun in starts]

@@ -454,10 +454,8 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     for hands, each of which takes from tenths of a second to some seconds.
     """
     spec, rows = spec_of(facts), members[0]
-    if (whose := whose_column(rows)) not in ("", "spec"):
-        hand = str(rows[whose][0])
-    else:
-        hand = ""
+    whose = whose_column(rows)
+    hand = "" if whose in ("", "spec") else str(rows[whose][0])
     if spec is None or hand not in ("", *COMPUTED):
         return None
     from wavesweep.program.analyses.interval_jobs import Way, cost_of
@@ -468,11 +466,8 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     if not is_plain(spec, path):
         return None
     if hand == "free":
-        spec = spec.with_values(
-            dict.fromkeys(
-                (f"operator.{number}" for number in ("mass", "damping", "stiffness")), 0.0
-            )
-        )
+        numbers = ("mass", "damping", "stiffness")
+        spec = spec.with_values({f"operator.{number}": 0.0 for number in numbers})
     axis, axes = sweep_axes(spec, str(rows["along"][0]))
     used = make_grid(spec, axes, axis.path).loop_axes
     keys = [
@@ -484,12 +479,5 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     dear = method is not Way.CUT
     if dear:
         cost = BUDGET / sum(len(np.unique(columns[x])) for columns in members)
-    return _Source(
-        spec,
-        axis,
-        path if any(swept.path == path for swept in used) else None,
-        keys,
-        designs,
-        cost,
-        dear,
-    )
+    place = path if any(swept.path == path for swept in used) else None
+    return _Source(spec, axis, place, keys, designs, cost, dear)

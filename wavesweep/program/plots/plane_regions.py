@@ -72,19 +72,6 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
         unproved += [_outline(piece) for piece in _unproved(chain)]
         felt += _felt(chain)
         edges += _edges(chain)
-    # what is not known: columns that are known in part, half way to their neighbours, and gaps. A
-    # gap counts only where others are known.
-    places = sorted(curve.columns)
-    middles = [view.between(begin, end, 2)[0] for begin, end in pairwise(places)]
-    begins = [places[0], *middles]
-    ends = [*middles, places[-1]]
-    unknown: list[tuple[float, float, float, float]] = []
-    for x, begin, end in zip(places, begins, ends, strict=True):
-        _, open_spans = curve.columns[x]
-        unknown += [(begin, end, low, high) for low, high in open_spans]
-    if curve.gaps:
-        gaps = [gap for gap in pairwise(places) if gap not in curve.gaps]
-        unknown += [(begin, end, -np.inf, np.inf) for begin, end in gaps]
     return Region(
         areas=areas,
         unproved=unproved,
@@ -92,8 +79,25 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
         doubtful=_joined([line for line, certified in edges if not certified]),
         felt=_joined(felt),
         bars=followed.bars,
-        unknown=unknown,
+        unknown=_unknown(curve, view),
     )
+
+
+def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, float]]:
+    """Rectangles (begin, end, low, high) that are not known: columns that are known in part, half way
+    to their neighbours, and gaps. A gap counts only where others are known."""
+    places = sorted(curve.columns)
+    middles = [view.between(begin, end, 2)[0] for begin, end in pairwise(places)]
+    begins = [places[0], *middles]
+    ends = [*middles, places[-1]]
+    unknown = []
+    for x, begin, end in zip(places, begins, ends, strict=True):
+        _, open_spans = curve.columns[x]
+        unknown += [(begin, end, low, high) for low, high in open_spans]
+    if curve.gaps:
+        gaps = [gap for gap in pairwise(places) if gap not in curve.gaps]
+        unknown += [(begin, end, -np.inf, np.inf) for begin, end in gaps]
+    return unknown
 
 
 def _followed(curve: PlaneCurve, view: View) -> _Followed:

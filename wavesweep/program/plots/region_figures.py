@@ -71,20 +71,7 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
 
-    columns = []
-    places = []
-    for begin, end, low, high in region.unknown:
-        if np.isinf(low):
-            columns.append((begin, end))
-        else:
-            places.append([(begin, low), (end, low), (end, high), (begin, high)])
-    for column in columns:
-        axes.axvspan(*column, **UNKNOWN)
-    if columns:  # no hatching under what is known
-        white = {"facecolor": "white", "linewidth": 0, "zorder": 0.5}
-        axes.add_collection(PolyCollection(region.areas, **white))
-    if places:
-        axes.add_collection(PolyCollection(places, **UNKNOWN | {"zorder": 0.8}))
+    _draw_unknown(axes, region)
     if filled:
         # With a hairline, so that no seam shows between two outlines.
         pale = paler(look.colour, 0.22)  # share of its colour that an area has
@@ -104,6 +91,26 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
     doubtful = LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line)
     axes.add_collection(certain)
     axes.add_collection(doubtful)
+
+
+def _draw_unknown(axes: Any, region: Region) -> None:
+    """Hatch what is not known."""
+    from matplotlib.collections import PolyCollection
+
+    columns = []
+    places = []
+    for begin, end, low, high in region.unknown:
+        if np.isinf(low):
+            columns.append((begin, end))
+        else:
+            places.append([(begin, low), (end, low), (end, high), (begin, high)])
+    for column in columns:
+        axes.axvspan(*column, **UNKNOWN)
+    if columns:  # no hatching under what is known
+        white = {"facecolor": "white", "linewidth": 0, "zorder": 0.5}
+        axes.add_collection(PolyCollection(region.areas, **white))
+    if places:
+        axes.add_collection(PolyCollection(places, **UNKNOWN | {"zorder": 0.8}))
 
 
 @dataclass(frozen=True)

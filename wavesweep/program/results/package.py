@@ -42,19 +42,7 @@ def package_text(
 
     stem: the CSV and the Parquet file, or the folder of Parquet files, without their suffixes.
     """
-    of_booleans = {"trueValues": ["1"], "falseValues": ["0"]}
-    described = []
-    for field in fields:
-        column: dict[str, Any] = {
-            "name": field.name,
-            "type": field.kind,
-            "unit": field.unit,
-            "description": field.description,
-        }
-        if field.kind == "boolean":
-            column |= of_booleans
-        described.append(column)
-    schema = {"fields": described, "missingValues": [""]}
+    schema = {"fields": [*map(_described, fields)], "missingValues": [""]}
     package = {
         "profile": "data-package",
         "name": kind,
@@ -72,6 +60,19 @@ def package_text(
         "wavesweep": facts,
     }
     return _as_text(package)
+
+
+def _described(field: Field) -> dict[str, Any]:
+    """A column, as the schema of a table has it."""
+    column: dict[str, Any] = {
+        "name": field.name,
+        "type": field.kind,
+        "unit": field.unit,
+        "description": field.description,
+    }
+    if field.kind == "boolean":
+        column |= {"trueValues": ["1"], "falseValues": ["0"]}
+    return column
 
 
 def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -50,13 +50,8 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
             )
         else:
             blocks = _names_under("block", leaves)
-            mistakes.refuse(
-                place,
-                name,
-                expected,
-                "an unknown table",
-                f"block.{name}" if name in blocks else near,
-            )
+            hint = f"block.{name}" if name in blocks else near
+            mistakes.refuse(place, name, expected, "an unknown table", hint)
     # return the leaves with new names of their tables; a table whose new name is empty is left out
     named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
     return {

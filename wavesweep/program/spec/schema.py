@@ -104,19 +104,10 @@ def _drawn(definitions: Schema) -> Schema:
         "ports": _tables(ports),
     }
     shapes |= _studies(Shapes(True, definitions))
-    of_program = {
-        "properties": {
-            "block": {
-                "additionalProperties": {
-                    "properties": {"type": {"enum": [*TYPES, *shipped_classes()]}}
-                }
-            }
-        }
-    }
-    classes = {
-        "if": {"required": ["type"]},
-        "else": of_program,
-    }  # whose names are types of blocks too
+    # Without classes of its own, whose names are types of blocks too.
+    types = {"type": {"enum": [*TYPES, *shipped_classes()]}}
+    blocks = {"block": {"additionalProperties": {"properties": types}}}
+    classes = {"if": {"required": ["type"]}, "else": {"properties": blocks}}
     return _tables(shapes, title="drawn loop", required=["rates", "block"]) | classes
 
 

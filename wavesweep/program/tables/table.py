@@ -83,8 +83,7 @@ def facts_of(
     """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
 
     specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of
-    the table. claims: what its rows say of which loops, by their word, or by the names of several
-    specs.
+    the table. claims: what rows say of which loops, by word, or by the names of several specs.
     """
     from wavesweep.program.analyses.assumptions import solved_within_ticks
     from wavesweep.program.analyses.claim_words import fact_of
