@@ -85,6 +85,12 @@ class Evolution:
     seed: int
 
 
+def _latin_hypercube(designs: int, genes: int, rng: np.random.Generator) -> np.ndarray:
+    """Random designs `(designs, genes)`: each of equal parts of the range of a gene has one."""
+    parts = rng.permuted(np.tile(np.arange(designs), (genes, 1)), axis=1).T
+    return (parts + rng.random((designs, genes))) / designs
+
+
 def generations(
     judge: Callable[[int, np.ndarray], Judged],
     evolution: Evolution,
@@ -103,7 +109,6 @@ def generations(
     differently from then on. Then one generation judges the population again, and the best designs
     are taken from that generation.
     """
-    genes = len(choices)
     population = evolution.population
     count = evolution.generations
     rng = np.random.default_rng(evolution.seed)
@@ -117,10 +122,7 @@ def generations(
         chosen = np.flatnonzero(choices)
         values = [(np.arange(choices[gene]) + 0.5) / choices[gene] for gene in chosen]
         places = _Places.of(np.array(list(product(*values))), population // kinds, chosen)
-    # A Latin hypercube: each part of the range of a gene has one design.
-    parts = rng.permuted(np.tile(np.arange(population), (genes, 1)), axis=1).T
-    hypercube = (parts + rng.random((population, genes))) / population
-    beginning = hypercube[: len(places.near)]
+    beginning = _latin_hypercube(population, len(choices), rng)[: len(places.near)]
     beginning[:, places.chosen] = places.fixed
     beginning[: len(first)] = first[: len(beginning)]
     alive = judge(0, beginning)

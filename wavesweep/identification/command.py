@@ -146,23 +146,12 @@ def identify(
       wavesweep identify log.csv --axes x,y,z --friction --out device.toml
       wavesweep identify --frames times.csv --fast-hz 1000
     """
-    from wavesweep.identification.device_spec import spec_text
-    from wavesweep.identification.table import identify
     from wavesweep.program import results
     from wavesweep.program.cli.file_places import write_whole
     from wavesweep.program.cli.messages import WRITING, progress, say, show_json, where
-    from wavesweep.program.csv_files import factors, pairs
-    from wavesweep.program.tables import kind_named
 
     started = time.perf_counter()
-    named: dict[str, Any] = {"columns": pairs(options.pop("columns"), "--column")}
-    named["scales"] = factors(pairs(options.pop("scales"), "--scale"))
-    if frames is not None:
-        source, product = frames, "frames"
-        find, text = _of_frames(frames, log, options, named)
-    else:
-        source, product, text = _log_alone(log, options), "device", spec_text
-        find = partial(identify, source, **named, **_fit_options(options, motor_constant))
+    source, product, find, text = _asked(log, frames, motor_constant, options)
     directory = Path("results", Path(source).stem)
     target = Path(out) if out else directory / f"{product}.toml"
     _refuse_places(source, directory, target, named=bool(out))
@@ -172,27 +161,52 @@ def identify(
     facts = {**table.facts, "spec_place": results.place_of([source], directory)}
     table = replace(table, facts=facts)
     progress(WRITING)
-    if options["plot"]:
-        from wavesweep.program import plots
-
-        plots.refuse_settings()
-        table = plots.drawn(table)
-    kind = kind_named(table.kind)
-    tally = kind.tally(table)
-    paths = results.publish(table.watched(tally.add), directory, options["overwrite"])
+    paths, numbers, lines = _published(table, directory, options)
     write_whole((target, text(table.facts)))
     seconds = time.perf_counter() - started
-    numbers = tally.numbers(table.facts)
     notices = table.facts["notices"]
-    lines = [*((notice, False) for notice in notices), *kind.lines(numbers)]
     if verbosity().as_json:
         files = [str(path) for path in (*paths, target)]
         summary = {"command": "identify", "log": Path(source).name, "notices": notices, **numbers}
         show_json({**summary, "files": files, "seconds": round(seconds, 3)})
     elif not verbosity().quiet:
-        for line, warning in lines:
+        for line, warning in [*((notice, False) for notice in notices), *lines]:
             say(line, warning)
         say(f"{where(paths, seconds)}; the {product}: {target}")
+
+
+def _asked(
+    log: str | None, frames: str | None, motor_constant: str | None, options: dict[str, Any]
+) -> tuple[str, str, Callable[[], Any], Callable[..., str]]:
+    """The file that is read, a word for its spec, what finds the table, and what writes the spec."""
+    from wavesweep.identification.device_spec import spec_text
+    from wavesweep.identification.table import identify
+    from wavesweep.program.csv_files import factors, pairs
+
+    named: dict[str, Any] = {"columns": pairs(options.pop("columns"), "--column")}
+    named["scales"] = factors(pairs(options.pop("scales"), "--scale"))
+    if frames is not None:
+        return frames, "frames", *_of_frames(frames, log, options, named)
+    source = _log_alone(log, options)
+    find = partial(identify, source, **named, **_fit_options(options, motor_constant))
+    return source, "device", find, spec_text
+
+
+def _published(
+    table: Any, directory: Path, options: dict[str, Any]
+) -> tuple[list[Path], dict[str, Any], list[tuple[str, bool]]]:
+    """Write a table with its figure; gives the paths, and the summary as numbers and as lines."""
+    from wavesweep.program import plots, results
+    from wavesweep.program.tables import kind_named
+
+    if options["plot"]:
+        plots.refuse_settings()
+        table = plots.drawn(table)
+    kind = kind_named(table.kind)
+    tally = kind.tally(table)
+    paths = results.publish(table.watched(tally.add), directory, options["overwrite"])
+    numbers = tally.numbers(table.facts)
+    return paths, numbers, list(kind.lines(numbers))
 
 
 def _refuse_places(source: str, directory: Path, target: Path, *, named: bool) -> None:

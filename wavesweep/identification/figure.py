@@ -40,39 +40,22 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
         panels[0].plot(*extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
         panels[0].set_ylabel(force)
-        panels[1].plot(
-            *extremes(times, columns[measured]),
-            color=distinct_colour(0),
-            linewidth=1.6,
-            label="measured",
-        )
-        panels[1].plot(
-            *extremes(times, columns["fitted"]),
-            color=IDEAL,
-            linewidth=0.8,
-            linestyle="--",
-            label="fitted",
-        )
+        look = {"color": distinct_colour(0), "linewidth": 1.6, "label": "measured"}
+        panels[1].plot(*extremes(times, columns[measured]), **look)
+        look = {"color": IDEAL, "linewidth": 0.8, "linestyle": "--", "label": "fitted"}
+        panels[1].plot(*extremes(times, columns["fitted"]), **look)
         panels[1].set_ylabel(place)
-        panels[2].plot(
-            *extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7
-        )
+        residual = extremes(times, columns["residual"])
+        panels[2].plot(*residual, color=distinct_colour(1), linewidth=0.7)
+        look = {"color": "0.6", "linewidth": 0.7, "linestyle": ":"}
         for side in (-0.5, 0.5) if facts["resolution"] else ():
             said = "half a step" if side > 0 else None
-            panels[2].axhline(
-                side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":", label=said
-            )
+            panels[2].axhline(side * facts["resolution"], label=said, **look)
         panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
         hertz, density, white = _spectrum(columns, facts)
         panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
-        panels[3].loglog(
-            hertz,
-            white,
-            color="0.5",
-            linewidth=0.8,
-            linestyle="--",
-            label="encoder and\nwhite noise",
-        )
+        look = {"color": "0.5", "linewidth": 0.8, "linestyle": "--"}
+        panels[3].loglog(hertz, white, label="encoder and\nwhite noise", **look)
         panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
         _legends(panels, [1, 2, 3] if facts["resolution"] else [1, 3])
         for axes in panels:

@@ -156,9 +156,8 @@ def read_log(
     """
     file = read_csv(path, 1_000_000_000)  # bytes
     if not any(file.names):
-        raise UsageError(
-            f"{path}: expected a header and rows of numbers below it, found an empty file"
-        )
+        expected = "expected a header and rows of numbers below it"
+        raise UsageError(f"{path}: {expected}, found an empty file")
     turning = {**PUSHES, **MOTIONS}
     column_names = dict.fromkeys(["time", *turning, *turning.values()])
     _refuse_unknown(columns, scales, column_names)
@@ -186,20 +185,9 @@ def read_log(
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
     force = readings[push] * (1.0 if constant is None else constant)
     first = float(readings["time"][0])
-    return Log(
-        force,
-        readings[motion],
-        measured,
-        period,
-        first,
-        turns,
-        jitter,
-        file.sha256,
-        tuple(scales),
-        tuple(filter(None, taken)),
-        tuple(rows[:, len(used) :].T),
-        period_half,
-    )
+    of_file = file.sha256, tuple(scales), tuple(filter(None, taken)), tuple(rows[:, len(used) :].T)
+    times = period, first, turns, jitter
+    return Log(force, readings[motion], measured, *times, *of_file, period_half)
 
 
 def _places_of(

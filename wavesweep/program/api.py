@@ -205,12 +205,11 @@ class Loop:
         Returns
         -------
         DataFrame
-            A row per interval, with the columns of `wavesweep zwidth`: each axis given, along,
-            intervals, interval, low, high (in the unit of the axis), low_omega, high_omega (rad/s),
-            certified, residual (relative), doubt, felt_low, felt_high (N/m), low_hz, high_hz (Hz),
-            open_places, open_low, open_high (in the unit of the axis). Of a spec with [for_all] the
-            rows that hold for all of it follow (column `guarantee`). What rows say of which loops is
-            in `.attrs["claims"]`, as of other DataFrames.
+            A row per interval, with the columns of `wavesweep zwidth`: each axis given, along, intervals,
+            interval, low, high, open_low, open_high (in the unit of the axis), low_omega, high_omega (rad/s),
+            certified, residual (relative), doubt, felt_low, felt_high (N/m), low_hz, high_hz (Hz), open_places.
+            Of a spec with [for_all] the rows that hold for all of it follow (column `guarantee`). What rows say
+            of which loops is in `.attrs["claims"]`, as of other DataFrames.
 
         Raises
         ------

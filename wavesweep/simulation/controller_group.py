@@ -60,15 +60,7 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
     """
     drawing = replace(drawing_of(spec, amplifier=True), wall=None)
     loop = loop_of(drawing, spec.values)
-    amplifier = {block.name for block in drawing.blocks}
-    amplifier -= {block.name for block in drawing_of(spec).blocks}
-    known = {
-        block.name: block
-        for block in loop.blocks
-        if not block.plant and block.type not in ("dead time", "channel")
-    }
-    for block_name in amplifier:
-        known.pop(block_name, None)
+    known = _run_by_programs(spec, drawing, loop)
     named = [block_name.strip() for block_name in name.split(",") if block_name.strip()]
     for block_name in named or [name]:
         if block_name not in known:
@@ -83,16 +75,8 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
     _refuse_uneven(spec, drawing, named)
     phases = sorted(phase for block in blocks for phase in block.rhythm.phases)
     apart = [phase - phases[0] for phase in phases]
-    reached = ControllerGroup(
-        name=name,
-        drawing=drawing,
-        loop=loop,
-        blocks=blocks,
-        first=phases[0],
-        every=gcd(*apart, *(block.rhythm.every for block in blocks)),
-        inputs=(),
-        outputs=(),
-    )
+    every = gcd(*apart, *(block.rhythm.every for block in blocks))
+    reached = ControllerGroup(name, drawing, loop, blocks, phases[0], every, (), ())
     read = {signal: None for terms in reached.own_wires.values() for _, signal in terms}
     text = {
         signal
@@ -111,6 +95,19 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
             "between are that alone"
         )
     return replace(reached, inputs=inputs, outputs=outputs)
+
+
+def _run_by_programs(spec: Spec, drawing: Drawing, loop: MarchedLoop) -> dict[str, RunningBlock]:
+    """The blocks that a program runs, by name: no plants, channels and dead times, and none of the
+    amplifier."""
+    amplifier = {block.name for block in drawing.blocks}
+    amplifier -= {block.name for block in drawing_of(spec).blocks}
+    blocks = {}
+    for block in loop.blocks:
+        of_rest = block.plant or block.type in ("dead time", "channel")
+        if not of_rest and block.name not in amplifier:
+            blocks[block.name] = block
+    return blocks
 
 
 def _connected(loop: MarchedLoop, blocks: dict[str, RunningBlock], name: str) -> list[str]:

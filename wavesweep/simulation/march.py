@@ -271,12 +271,8 @@ class March:
         for name, column in zip(names, columns, strict=True):
             signals[name] = column.copy()
         if "f_m" in signals:
-            max_force = self.effects.max_force
-            signals["f_device"] = (
-                signals["f_m"]
-                if max_force is None
-                else np.clip(signals["f_m"], -max_force, max_force)
-            )
+            limit = np.inf if self.effects.max_force is None else self.effects.max_force
+            signals["f_device"] = np.clip(signals["f_m"], -limit, limit)
         signals["touching"] = np.array(touched, dtype=bool)
         moved = np.diff(signals["x"], append=last) if loop.hand else np.zeros(count)
         late = np.array(late, int)
@@ -555,49 +551,23 @@ def refuse(loop: MarchedLoop, effects: Effects) -> None:
     late = [name for name in ("late", "dropped") if getattr(effects, name)]
     plants = [block.name for block in loop.blocks if block.plant and block.name != loop.device]
     slow = [result for result in results_of(loop) if not result.channel]
+    uneven = ["jitter" if effects.jitter else "ticks"] * effects.uneven
+    limited = effects_asked[:1] * bool(effects.max_force)
+    pushes = ["pulls"] * (not effects.pulls)
+    device = "a device, the only block of type mass that the hand's force acts on"
     linear = "a wall in [ports] whose numbers only multiply signals of wires"
+    slow_blocks = "slow blocks (every > 1) that others read, or a wall"
+    between = "none"
     if any(block.type == "dead time" for block in loop.blocks):
         between = "one that dead times read or move between ticks"
-    else:
-        between = "none"
     for names, met, expected, problem in (
-        (
-            effects_asked,
-            loop.device,
-            "a device, the only block of type mass that the hand's force acts on",
-            between,
-        ),
-        (
-            effects_asked[:1] * bool(effects.max_force),
-            REACTION in loop.wires,
-            "ports.hand.reaction, the force of the motors",
-            "none",
-        ),
-        (
-            ["jitter" if effects.jitter else "ticks"] * effects.uneven,
-            not plants,
-            "no plant besides the device",
-            ", ".join(plants),
-        ),
-        (
-            ["jitter" if effects.jitter else "ticks"] * effects.uneven,
-            not loop.late[0],
-            "forces that change at ticks",
-            f"the dead time {loop.late[0]}",
-        ),
+        (effects_asked, loop.device, device, between),
+        (limited, REACTION in loop.wires, "ports.hand.reaction, the force of the motors", "none"),
+        (uneven, not plants, "no plant besides the device", ", ".join(plants)),
+        (uneven, not loop.late[0], "forces that change at ticks", f"the dead time {loop.late[0]}"),
         (wall, loop.wall, linear, "none"),
-        (
-            ["pulls"] * (not effects.pulls),
-            wall,
-            "simulate.wall, where a one-sided wall begins",
-            "none",
-        ),
-        (
-            late + ["frames"] * loop.waits,
-            slow,
-            "slow blocks (every > 1) that others read, or a wall",
-            "none",
-        ),
+        (pushes, wall, "simulate.wall, where a one-sided wall begins", "none"),
+        (late + ["frames"] * loop.waits, slow, slow_blocks, "none"),
     ):
         if names and not met:
             raise UsageError(f"option {', '.join(names)}: expected {expected}, found {problem}")

@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.columns import run_column
-from wavesweep.program.csv_files import option, read_csv, seconds
+from wavesweep.program.csv_files import Csv, option, read_csv, seconds
 from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.columns import signals_of
@@ -40,6 +40,27 @@ class MeasuredRun:
     sha256: str
 
 
+def _places(
+    path: str | Path, file: Csv, units: Mapping[str, str], columns: Mapping[str, str]
+) -> dict[str, tuple[str, str]]:
+    """Column and its unit of each name that a file has; columns: those that the user names."""
+    places = {}
+    for name, unit in units.items():
+        wanted = columns.get(name)
+        if wanted in file.names:
+            places[name] = (wanted, unit_in(wanted, unit))
+            continue
+        usual = dict.fromkeys((name, *TIME)) if name == "time" else (name,)
+        place = column_named(file.names, (wanted,) if wanted else usual, unit)
+        if place:
+            places[name] = place
+        elif wanted:
+            meant = nearest(wanted, file.names)
+            hint = f"; did you mean {option(name, meant)}?" if meant else ""
+            raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
+    return places
+
+
 def read_run(
     path: str | Path, columns: Mapping[str, str], scales: Mapping[str, float], spec: Spec
 ) -> MeasuredRun:
@@ -62,20 +83,7 @@ def read_run(
                     f"{flag} {name}: expected one of {', '.join(known_units)}, found {name}{meant}"
                 )
     file = read_csv(path, 1_000_000_000)  # bytes
-    places = {}
-    for name, unit in known_units.items():
-        wanted = columns.get(name)
-        if wanted in file.names:
-            places[name] = (wanted, unit_in(wanted, unit))
-            continue
-        usual = dict.fromkeys((name, *TIME)) if name == "time" else (name,)
-        place = column_named(file.names, (wanted,) if wanted else usual, unit)
-        if place:
-            places[name] = place
-        elif wanted:
-            meant = nearest(wanted, file.names)
-            hint = f"; did you mean {option(name, meant)}?" if meant else ""
-            raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
+    places = _places(path, file, known_units, columns)
     taken = {"input": set(entries) & set(places), "output": set(shown) & set(places)}
     for role, names in (("time", {"time"}), ("input", entries), ("output", shown)):
         if not names & places.keys():

@@ -138,11 +138,11 @@ def bracket_over(
     does not go, nor below FROM_ZERO of what is refuted. report: is called with the lowest and the
     highest number that are proved so far, and the percentage of the way up or down.
     """
-    first = loops.sides[0]
+    zero = loops.sides[0].zero
     above, below, lowest = _refuted_at_first(loops, start, limits)
     if above.word:
         # Of the way to the refuted number, at which a proof is begun.
-        start = max(start, first.zero + 0.4 * (above.x - first.zero))
+        start = max(start, zero + 0.4 * (above.x - zero))
     units = _units(loops, start)
     rounds = 3  # rounds of the search for refutations, after the proof has met one
     spent = 0.0
@@ -150,7 +150,7 @@ def bracket_over(
 
     def tell(highest: float, side: float, share: float) -> None:
         if report:
-            end = float(first.number(side))
+            end = float(loops.sides[0].number(side))
             report(min(start, end), max(highest, end), 100 * share)
 
     def upwards(reached: float, goal: float, refuted: Refuted) -> tuple[float, Refuted]:
@@ -159,9 +159,8 @@ def bracket_over(
         if reached < goal and spent < UPWARD * work:
             words = [below.word, refuted.word]
             part = UPWARD * work - spent
-            covering, end = _proved(
-                loops, units, (reached, goal), part, True, words, partial(tell, reached)
-            )
+            ends = reached, goal
+            covering, end = _proved(loops, units, ends, part, True, words, partial(tell, reached))
             spent += covering.used
             reached = max(reached, end)
             if covering.word and rounds:
@@ -176,9 +175,9 @@ def bracket_over(
         goal = max(goal, lowest)
         if goal < reached < high:
             words = [below.word, above.word]
-            covering, end = _proved(
-                loops, units, (goal, start), work - spent, False, words, partial(tell, high)
-            )
+            part = work - spent
+            ends = goal, start
+            covering, end = _proved(loops, units, ends, part, False, words, partial(tell, high))
             reached = min(reached, end)
             if covering.open and not below.word:
                 below = _worst(loops, start, least)
@@ -188,12 +187,11 @@ def bracket_over(
 
     share = TOLERANCE_SHARE * BRACKET_TOLERANCE
     high, above = driven(start, limits[1], share, above, upwards)
-    least = _from_zero(limits, above, first.zero)  # of what the proof has met on its way up
-    lowest = max(least, first.zero + begins * (high - first.zero))
+    least = _from_zero(limits, above, zero)  # of what the proof has met on its way up
+    lowest = max(least, zero + begins * (high - zero))
     low, _ = driven(start, lowest, share, below, downwards)
-    if high == low:
-        low, high = np.nan, np.nan
-    return Bracket(low, high, below, above, open=open_)
+    ends = (np.nan, np.nan) if high == low else (low, high)
+    return Bracket(*ends, below, above, open=open_)
 
 
 def _refuted_at_first(

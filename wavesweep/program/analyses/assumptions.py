@@ -36,14 +36,7 @@ def model_in_words(spec: Spec, swept: Collection[str] = (), told: Collection[str
     linear.
     """
     if spec.drawing:
-        # which numbers of a drawn loop act continuously, and within which limits it is linear
-        said = [*_continuous(spec), *_read_between_ticks(spec)]
-        if spec.tick:
-            said.append(NOMINAL_STEPS)
-        limits = ", ".join(_limits(spec, swept))
-        if limits:
-            said.append(f"linear while {limits}; simulate keeps to these limits")
-        return "; ".join(said)
+        return _drawn_in_words(spec, swept)
     read = keys_of_page(spec.values) - {*told}
     values = spec.values
     phrases = [assumption_of_page(values)]
@@ -67,15 +60,23 @@ def model_in_words(spec: Spec, swept: Collection[str] = (), told: Collection[str
     by_default = [path for path in deciding if path not in said_elsewhere]
     if not by_default:
         return assumed
-    usual = {
-        INTEGRATION: '"explicit"',
-        DELAY: '"frame"' if spec.uneven else str(values["rates.ratio"]),
-        VELOCITY: '"difference"',
-    }
+    delay = '"frame"' if spec.uneven else str(values["rates.ratio"])
+    usual = {INTEGRATION: '"explicit"', DELAY: delay, VELOCITY: '"difference"'}
     plural = "s" if len(by_default) > 1 else ""
     defaults = f"{FAVOURABLE}{plural} of {_listed(by_default)}"
     practice = _listed([usual[path] for path in by_default])
     return f"{assumed}; {defaults}: engines usually have {practice}"
+
+
+def _drawn_in_words(spec: Spec, swept: Collection[str]) -> str:
+    """Which numbers of a drawn loop act continuously, and within which limits it is linear."""
+    said = [*_continuous(spec), *_read_between_ticks(spec)]
+    if spec.tick:
+        said.append(NOMINAL_STEPS)
+    limits = ", ".join(_limits(spec, swept))
+    if limits:
+        said.append(f"linear while {limits}; simulate keeps to these limits")
+    return "; ".join(said)
 
 
 def _delay(spec: Spec, swept: Collection[str], *, vary: bool) -> str:

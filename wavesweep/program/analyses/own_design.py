@@ -65,9 +65,8 @@ def own_design(spec: Spec, loop=None) -> dict:
     missing number is None.
 
     stable, radius_without_wall (of a stable loop, see `free_space`), spectral_radius (per frame;
-    missing after overflow or if rounding hides it, and then it
-    is not known to be stable), only_oscillates (of a radius of 1: whether all modes are pairs on
-    the circle, as those of a loop that conserves energy), stays (of a radius of 1: the states of a
+    missing after overflow or if rounding hides it, and then it is not known to be stable),
+    only_oscillates (of a radius of 1: whether all modes are pairs on the circle), stays (of a radius of 1: the states of a
     mode that neither grows nor decays nor oscillates, empty if there is none), period_s (of the
     frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as
     the hand feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has
@@ -87,27 +86,19 @@ def own_design(spec: Spec, loop=None) -> dict:
     numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
     numbers["assumes"] = model_in_words(spec)
     numbers["radius_without_wall"] = radius_without_wall(spec) if numbers["stable"] else None
-    if radius == 1:
-        names, (delta, shares) = named_modes(E, drawn, drift)
-        numbers["stays"] = next(
-            (
-                leading(names, share)
-                for mode, share in zip(delta, shares, strict=True)
-                if abs(mode) <= SAME_EIGENVALUE
-            ),
-            [],
-        )
-        numbers["only_oscillates"] = only_oscillates(delta)
     modes = []
+    if radius <= 1:
+        names, (delta, shares) = named_modes(E, drawn, drift)
+        for mode, share in zip(delta, shares, strict=True):
+            modes.append((complex(mode), leading(names, share)))
+        modes = modes or [(-1 + 0j, [])]  # without a state
+    if radius == 1:
+        staying = [states for mode, states in modes if abs(mode) <= SAME_EIGENVALUE]
+        numbers["stays"] = staying[0] if staying else []
+        numbers["only_oscillates"] = only_oscillates(delta)
+        modes = []
     if loop is None and not (spec.drawing and spec.drawing.hand is None):
         loop = loop_at_hand(spec)
-    if numbers["stable"]:
-        names, (delta, shares) = named_modes(E, drawn, drift)
-        modes = [
-            (complex(mode), leading(names, share))
-            for mode, share in zip(delta, shares, strict=True)
-        ]
-        modes = modes or [(-1 + 0j, [])]  # without a state
     named = {"slowest": modes[0] if modes else None, "least_damped": _least_damped(nominal, modes)}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
     return numbers | {"felt": felt_at_rest(spec, loop), **described}

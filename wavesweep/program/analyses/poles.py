@@ -50,6 +50,26 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
     return joined(blocks[index] for index in sorted(blocks))
 
 
+def _columns(
+    delta: np.ndarray, s: np.ndarray, hz: np.ndarray, doubted: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The numbers of modes z = 1 + delta with the logarithms `s` (1/s) and the lines `hz`."""
+    return {
+        "z_re": 1 + delta.real,
+        "z_im": delta.imag,
+        "radius": np.abs(1 + delta),
+        "s_re": s.real,
+        "s_im": s.imag,
+        "frequency_hz": np.abs(s.imag) / (2 * np.pi),
+        "damping_ratio": damping_ratio(delta),
+        "time_constant_s": -1 / s.real,
+        "shown_hz": hz,
+        "shown_damping_ratio": -s.real / np.abs(s.real + 2j * np.pi * hz),
+        "stable": (np.abs(1 + delta) < 1) & ~doubted,
+        "doubt": np.where(doubted, "rounding", "").astype(object),
+    }
+
+
 def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
     drawn = loops.drawn()
@@ -78,22 +98,10 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
         s = np.log1p(delta) / period[index]
         lines_here = np.array([line[index] for line in lines]).reshape(-1, 2)
         hz, second = lines_here[: delta.size].T
-        numbers = {
-            "z_re": 1 + delta.real,
-            "z_im": delta.imag,
-            "radius": np.abs(1 + delta),
-            "s_re": s.real,
-            "s_im": s.imag,
-            "frequency_hz": np.abs(s.imag) / (2 * np.pi),
-            "damping_ratio": damping_ratio(delta),
-            "time_constant_s": -1 / s.real,
-            "states": np.array([", ".join(leading(names, array)) for array in shares], object),
-            "shown_hz": hz,
-            "second_hz": second,
-            "shown_damping_ratio": -s.real / np.abs(s.real + 2j * np.pi * hz),
-            "stable": (np.abs(1 + delta) < 1) & ~doubted,
-            "doubt": np.where(doubted, "rounding", "").astype(object),
-        }
+        numbers = _columns(delta, s, hz, doubted)
+        numbers["second_hz"] = second
+        leaders = [", ".join(leading(names, array)) for array in shares]
+        numbers["states"] = np.array(leaders, object)
         if states and not finite[index]:
             numbers = {name: np.full(1, np.nan) for name in numbers}
             numbers["states"] = np.array([""], object)

@@ -205,6 +205,23 @@ def _refuse_to_overwrite(
     refuse_inputs((file for spec in specs for file in spec.files), *written)
 
 
+def _of_specs(
+    command: str, specs: Sequence[Spec], options: Options, facts: Mapping[str, Any]
+) -> Iterator[str]:
+    """Yield what is unusual about specs, not covered by the claims, or without effect."""
+    from wavesweep.program.analyses.assumptions import unusual
+    from wavesweep.program.analyses.claims import Claim
+
+    claims: dict[str, list[Claim]] = {spec.name: [] for spec in specs}
+    for word, fact in facts.get("claims", {}).items():
+        name = word.split("/")[0] if len(specs) > 1 else specs[0].name
+        claims[name].append(Claim.read(fact))
+    for spec in specs:
+        yield from unusual(spec)
+        yield from _uncovered(spec, claims[spec.name])
+        yield from _without_effect(command, spec, options.overrides)
+
+
 def _report(
     command: str,
     specs: Sequence[Spec],
@@ -215,18 +232,7 @@ def _report(
     seconds: float,
 ) -> None:
     """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
-    from wavesweep.program.analyses.assumptions import unusual
-    from wavesweep.program.analyses.claims import Claim
-
-    claims: dict[str, list[Claim]] = {spec.name: [] for spec in specs}
-    for word, fact in facts.get("claims", {}).items():
-        name = word.split("/")[0] if len(specs) > 1 else specs[0].name
-        claims[name].append(Claim.read(fact))
-    said: list[str] = []
-    for spec in specs:
-        said += unusual(spec)
-        said += _uncovered(spec, claims[spec.name])
-        said += _without_effect(command, spec, options.overrides)
+    said = [*_of_specs(command, specs, options, facts)]
     notices = [*dict.fromkeys(said), *(notice for done in finished for notice in done.notices)]
     if options.as_json:
         show_json(

@@ -84,9 +84,8 @@ def publish(
     rows = _Rows.of(table)
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):
         if not overwrite:
-            refuse_other_spec(
-                table.kind, directory, facts["spec_sha256"], facts.get("spec_place", "")
-            )
+            place = facts.get("spec_place", "")
+            refuse_other_spec(table.kind, directory, facts["spec_sha256"], place)
         folder = directory / f".{table.kind}.new-{random_part()}"
         folder.mkdir(0o700)
         try:
@@ -94,21 +93,15 @@ def publish(
             _write_all(stem, table, rows, formats)
             if table.extra_files is not None:
                 table.extra_files(folder)
-            package = package_text(
-                table.kind,
-                rows.fields,
-                facts,
-                stem,
-                _figures(stem, directory, facts["spec_sha256"]),
-            )
+            figures = _figures(stem, directory, facts["spec_sha256"])
+            package = package_text(table.kind, rows.fields, facts, stem, figures)
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             return put_in_place(table.kind, folder, directory)
         except OSError as error:
             raise _of_folder(error, directory) from error
         finally:
-            rmtree(
-                folder, ignore_errors=True
-            )  # what was not put in place, as far as that is possible now
+            # What was not put in place, as far as that is possible now.
+            rmtree(folder, ignore_errors=True)
 
 
 def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:

@@ -98,6 +98,24 @@ def with_late_device(loop: MarchedLoop) -> MarchedLoop:
     return replace(loop, blocks=blocks, wires=apart(loop.wires), away=apart(loop.away))
 
 
+def _cut_off(loop: MarchedLoop, unforced: set[str]) -> MarchedLoop:
+    """The loop with the wires that a controller computes: those of ports, without the ports of
+    plants that it does not push."""
+    wires = {}
+    away = {}
+    for port, terms in loop.wires.items():
+        if port in loop.ports and port not in unforced:
+            wires[port] = terms
+    for port, terms in loop.away.items():
+        if port not in unforced:
+            away[port] = terms
+    cut = replace(loop, wires=wires, away=away)
+    if cut.wall_rhythm != loop.wall_rhythm:
+        # The force against the hand reads the wall's in every tick.
+        return replace(loop, wires={**wires, REACTION: loop.wires[REACTION]})
+    return cut
+
+
 def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     """Return the controller of a loop, and what it reads of its device and puts there.
 
@@ -113,20 +131,7 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     ports, sensed = _ports_of(plants)
     pushed = [port for port in ports if _is_pushed(loop, port, outside)]
     unforced = set(ports).difference(pushed)
-    # the wires that a controller computes: those of ports, without the ports of plants that it does
-    # not push
-    wires = {}
-    away = {}
-    for port, terms in loop.wires.items():
-        if port in loop.ports and port not in unforced:
-            wires[port] = terms
-    for port, terms in loop.away.items():
-        if port not in unforced:
-            away[port] = terms
-    cut = replace(loop, wires=wires, away=away)
-    if cut.wall_rhythm != loop.wall_rhythm:
-        # the force against the hand reads the wall's in every tick
-        cut = replace(loop, wires={**wires, REACTION: loop.wires[REACTION]})
+    cut = _cut_off(loop, unforced)
     delayed = [signal for result in late_results for signal in result.signals]
     ticks = TickSums(cut, [block.name for block in plants], delayed)
     programs, table = _programs(ticks, late_results, one_sided and loop.gated)
