@@ -102,22 +102,15 @@ def records_for_ticks(
         bracket_found = bracket(ticks_with, about)
         if bracket_found and bracket_found.low < bracket_found.high:
             on_time = f"ticks of {1e3 / float(loop.rate):.6g} ms"
-            rows.append(
-                _row(
-                    bracket_found,
-                    about,
-                    span,
-                    along,
-                    on_time if interval_on_time["certified"] else "",
-                )
-            )
+            if not interval_on_time["certified"]:
+                on_time = ""
+            rows.append(_row(bracket_found, about, span, along, on_time))
             continue
         within = f"within {name_of(along)} {span_around(*about, 4)}"
         if bracket_found and bracket_found.above.text:
-            refuted.append(bracket_found.above)
-            within += (
-                f", refuted at {in_all_digits(bracket_found.above.x)} by {bracket_found.above.text}"
-            )
+            above = bracket_found.above
+            refuted.append(above)
+            within += f", refuted at {in_all_digits(above.x)} by {above.text}"
         unproved.append(within)
     nowhere = not nominal["intervals"].any()
     records = rules.recorded(rows, certified, agreed=True, none=nowhere)
@@ -125,11 +118,9 @@ def records_for_ticks(
         records["fails_from"] = refuted[0].x
         records["counterexample"] = shorten(refuted[0].text, TEXT, placeholder=" ...")
     for number, record in enumerate(records):
-        interval_on_time = [rows[number].left_open] if rows and rows[number].left_open else []
-        # 160 characters of the column.
-        record["left_open"] = shorten(
-            "; ".join([*interval_on_time, *unproved]), 160, placeholder=" ..."
-        )
+        open_parts = [rows[number].left_open] if rows and rows[number].left_open else []
+        text = "; ".join([*open_parts, *unproved])
+        record["left_open"] = shorten(text, 160, placeholder=" ...")  # characters of the column
     return records
 
 

@@ -82,9 +82,8 @@ def response_job(
     # raise SpecError for frequencies beyond half the fast rate, which a force that is held over a
     # tick does not have
     name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
-    axis_of_bode = Axis(
-        "frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False
-    )
+    highest = frequency.max(initial=0.0)
+    axis_of_bode = Axis("frequency_hz", "bode.frequency_hz", (), 0.0, highest, False)
     beyond = Mistakes()
     refuse_beyond_half(axis_of_bode, grid.axes, grid.spec.tick_hz, name, beyond)
     if beyond:
@@ -95,23 +94,14 @@ def response_job(
         ticks = _ticks_drawn(spec, at_hand=route is None)
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in grid.resolved.values())
+    curves = 1
     if 0 < points <= FREQUENCIES_OF_CHUNK:
-        curves = RESPONSES_OF_CHUNK // ticks // points
-    else:
-        curves = 1
-    chunks, query = (
-        Chunks(grid.loops, points, max(1, curves), min(points, FREQUENCIES_OF_CHUNK)),
-        ResponseQuery(frequency, names, read, route),
-    )
+        curves = max(1, RESPONSES_OF_CHUNK // ticks // points)
+    chunks = Chunks(grid.loops, points, curves, min(points, FREQUENCIES_OF_CHUNK))
+    query = ResponseQuery(frequency, names, read, route)
     if route:
-        return Job(
-            TRANSFERS,
-            grid,
-            chunks,
-            TRANSFER,
-            {"records": "transfer", "route": list(route)},
-            query,
-        )
+        identity = {"records": "transfer", "route": list(route)}
+        return Job(TRANSFERS, grid, chunks, TRANSFER, identity, query)
     return Job(RESPONSES, grid, chunks, RESPONSE, {"records": "responses"}, query)
 
 

@@ -97,23 +97,18 @@ def verify(
 
 
 def _of_package(
-    package: Path,
-    rows: int,
-    seed: int,
-    progress: Callable[[int, int], None],
+    package: Path, rows: int, seed: int, progress: Callable[[int, int], None]
 ) -> Iterator[tuple[str, bool]]:
     """Yield (sentence, whether it is about a difference) for one table."""
+    cannot_be_read = f"{package}: cannot be read as a data package of this program"
     try:
         loaded(package)
     except (ValueError, OSError) as error:
-        yield f"{package}: cannot be read as a data package of this program: {error}", True
+        yield f"{cannot_be_read}: {error}", True
         return
     facts = packaged_facts(package)
     if not facts:
-        yield (
-            f"{package}: cannot be read as a data package of this program: no facts of a run",
-            True,
-        )
+        yield f"{cannot_be_read}: no facts of a run", True
         return
     damaged = list(_files(package)) or list(_described(package))
     csv = package.with_name(package.name.replace(PACKAGE, ".csv"))
@@ -136,11 +131,10 @@ def _of_package(
     if again is None:
         yield f"{package}: its rows cannot be computed again from a spec", False
         return
-    if again.sha256 != facts["spec_sha256"]:
-        yield (
-            f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…",
-            True,
-        )
+    digest = facts["spec_sha256"]
+    if again.sha256 != digest:
+        ours = f"{again.sha256[:12]}…"
+        yield f"{package}: the digest of the spec in it is {ours}, not {str(digest)[:12]}…", True
     yield from _rows(package, facts, again, rows, seed, progress)
 
 
@@ -228,25 +222,20 @@ def _rows(
     progress: Callable[[int, int], None],
 ) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
-    parquet, exact = (
-        package.with_name(package.name.replace(PACKAGE, ".parquet")),
-        versions().items() <= facts.items(),
-    )
+    parquet = package.with_name(package.name.replace(PACKAGE, ".parquet"))
+    exact = versions().items() <= facts.items()
     if exact:
         how = "to the bit"
     else:
         how = f"to {SAME_NUMBER:g}, since another version of this program or of numpy made them"
     if exact and again.of_combinations is not None:
-        exact, how = (
-            False,
-            f"to {SAME_NUMBER:g}, since what is computed together decides the last digits",
-        )
+        exact = False
+        how = f"to {SAME_NUMBER:g}, since what is computed together decides the last digits"
     try:
-        if again.rows not in (
-            0,
-            rows_there := rows_in(parquet),
-        ):  # before a foreign package has millions of them computed
-            difference, extent = f"{rows_there} rows and not {again.rows}", ""
+        # Before a foreign package has millions of them computed.
+        count = rows_in(parquet)
+        if again.rows not in (0, count):
+            difference = f"{count} rows and not {again.rows}"
         elif again.of_combinations is None:
             difference = _compared(parquet, again.all_blocks(), exact)
             extent = "all rows"

@@ -337,9 +337,8 @@ def _build(
 
             leaves = with_matrices(leaves, path, mistakes)
         leaves = expanded(with_corrected_names(leaves, mistakes), mistakes)
-        drawing, values, of_loop, names = read_drawing(
-            leaves, place, mistakes, beside_drawing(leaves)
-        )
+        beside = beside_drawing(leaves)
+        drawing, values, of_loop, names = read_drawing(leaves, place, mistakes, beside)
         given = Given(of_loop, place)
         belongs = sort_leaves(leaves, mistakes, names)
         hz = drawing.rate(values) if drawing else values.get(RATE)
@@ -348,17 +347,12 @@ def _build(
         given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
         values, wrong = resolve(given)
         mistakes += wrong
-        if any(mistake.key.startswith("rates.") for mistake in wrong):
-            hz = None
-        else:
-            hz = values["rates.fast_hz"]
+        wrong_rate = any(mistake.key.startswith("rates.") for mistake in wrong)
+        hz = None if wrong_rate else values["rates.fast_hz"]
     facts = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
     studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **facts))
     if mistakes:
         raise SpecError(mistakes.in_order())
-    request_values = {
-        table_field.name: getattr(studies, table_field.name) for table_field in fields(Studies)
-    }
-    return Spec(
-        name=name, source=path, _values=values, _given=given, drawing=drawing, **request_values
-    )
+    tables_read = {field.name: getattr(studies, field.name) for field in fields(Studies)}
+    loop = {"_values": values, "_given": given, "drawing": drawing}
+    return Spec(name=name, source=path, **loop, **tables_read)

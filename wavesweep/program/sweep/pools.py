@@ -139,24 +139,17 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
             # Arrays are never mapped: with this folder named, joblib makes none of its own, which a
             # kill would leave.
             shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
-            run = Parallel(
-                count,
-                return_as="generator_unordered",
-                batch_size=1,
-                pre_dispatch=AHEAD * count,
-                **shared,
-            )
+            order = {"return_as": "generator_unordered", "batch_size": 1}
+            run = Parallel(count, pre_dispatch=AHEAD * count, **order, **shared)
             answers = run(tasks)
     except OSError as error:  # no processes, no /dev/shm
-        raise WavesweepError(
-            f"no worker processes can be started here ({error}); --jobs 1 needs none"
-        ) from error
+        fault = f"no worker processes can be started here ({error})"
+        raise WavesweepError(f"{fault}; --jobs 1 needs none") from error
     try:
         with warnings.catch_warnings(), closing(answers):
             # Closing the iterator says so of the tasks that it ends.
-            warnings.filterwarnings(
-                "ignore", ".* tasks which were still being processed", UserWarning
-            )
+            said = ".* tasks which were still being processed"
+            warnings.filterwarnings("ignore", said, UserWarning)
             yield from answers
     except BrokenExecutor as error:
         raise WavesweepError(DIED) from error
