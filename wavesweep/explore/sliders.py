@@ -64,8 +64,11 @@ def sliders_of(spec: Spec) -> list[Slider]:
 
 
 def _paths(spec):
-    # Of a filter that is given by the edges of its bands these, and not its order and cutoff, which
-    # follow from them.
+    """Paths of the numbers that have sliders: those that the loop reads.
+
+    Of a filter that is given by the edges of its bands these, and not its order and cutoff, which
+    follow from them.
+    """
     if spec.drawing:
         return [path for path in spec.names.numeric if path in spec.values]
     # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.

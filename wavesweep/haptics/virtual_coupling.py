@@ -56,16 +56,20 @@ class SlowAvatar(NamedTuple):
 
 
 def _slow_avatar(values: Mapping[str, Any], *signals: str) -> SlowAvatar:
-    slow, (blocks, wires, velocity) = Slow.of(values), device(values)
-    massless, of_own, x = _massless(
-        "avatar", values["environment.integration"], velocity, "wall.y", slow.block()
-    )
+    """Device, avatar without mass and wall, which run at the slow rate; signals: x_s, v_s or F_s,
+    which are shown when their delay is over."""
+    slow = Slow.of(values)
+    blocks, wires, velocity = device(values)
+    integration = values["environment.integration"]
+    massless, of_avatar, x = _massless("avatar", integration, velocity, "wall.y", slow.block())
     blocks |= {**massless, "wall": slow.block(type="hold")}
-    wires |= {**of_own, "wall.u": F_S.format(x=x, v="avatar_speed.y")}
-    sources, shown = {"x_s": "avatar.y", "v_s": "avatar_speed.y", "F_s": "wall.y"}, {}
+    wires |= {**of_avatar, "wall.u": F_S.format(x=x, v="avatar_speed.y")}
+    sources = {"x_s": "avatar.y", "v_s": "avatar_speed.y", "F_s": "wall.y"}
+    shown = {}
     for name in signals:
         held_blocks, through, shown[name] = slow.in_place(name, sources[name])
-        blocks, wires = blocks | held_blocks, wires | through
+        blocks |= held_blocks
+        wires |= through
     return SlowAvatar(blocks, wires, velocity, shown)
 
 

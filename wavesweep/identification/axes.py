@@ -73,6 +73,21 @@ def identified_axes(
     return numbers, alone
 
 
+def _names(axis: str, axes: Sequence[str], model: Model) -> list[str]:
+    """The numbers of a fit of one axis, in the order of `Prediction.theta`: those of its own motion,
+    and mass and damping of its coupling to each other axis."""
+    names = [f"mass_{axis}{axis}", f"damping_{axis}{axis}"]
+    if model.friction:
+        names.append(f"friction_{axis}")
+    if model.delay is None:
+        names.append("delay")
+    for second in axes:
+        if second != axis:
+            pair = "".join(sorted(axis + second))
+            names += [f"mass_{pair}", f"damping_{pair}"]
+    return names
+
+
 def _numbers(
     axes: Sequence[str], predictions: Sequence[Prediction]
 ) -> dict[str, tuple[float, float]]:
@@ -81,20 +96,17 @@ def _numbers(
     pairs = [*map("".join, combinations_with_replacement(axes, 2))]
     told = {f"{matrix}_{pair}": [] for matrix in ("mass", "damping") for pair in pairs}
     for axis, prediction in zip(axes, predictions, strict=True):
-        pairs = ["".join(sorted(axis + second)) for second in axes if second != axis]
-        names = [
-            f"{matrix}_{pair}" for pair in (axis + axis, *pairs) for matrix in ("mass", "damping")
-        ]
-        names[2:2] = [f"friction_{axis}"] * prediction.model.friction + ["delay"] * (
-            prediction.model.delay is None
-        )
-        mass = np.exp(prediction.theta[0])
-        told |= {name: told.get(name, []) for name in names}
-        half = prediction.half * [mass, *np.ones(len(prediction.half) - 1)]
+        names = _names(axis, axes, prediction.model)
+        for name in names:
+            told.setdefault(name, [])
+        values = prediction.theta.copy()
+        values[0] = np.exp(values[0])
+        half = prediction.half.copy()
+        half[0] *= values[0]
         if prediction.place.log.one_way:
             half[2] = np.inf
-        for name, *number in zip(names, [mass, *prediction.theta[1:]], half, strict=False):
-            told[name].append(number)
+        for name, value, width in zip(names, values, half, strict=False):
+            told[name].append((value, width))
     told["delay"] = told.pop("delay", [(predictions[0].searched["delay"], 0.0)])
     return {
         name: tuple(np.mean(prediction or [(0.0, 0.0)], axis=0).tolist())

@@ -158,30 +158,30 @@ def two_masses(numbers, force: np.ndarray, period: float, skip: int) -> np.ndarr
     """Velocity and position of the first mass, and position minus that of the second one, at each
     tick, `(3, ticks - skip)`.
 
-    The motion without the position of both masses has three modes, each of which is a filter of the
-    first order.
+    Both velocities and the twist are `s[k+1] = A s[k] + B (f[k-1], f[k])`, which has three modes,
+    each of which is a filter of the first order; the position adds up.
     """
     whole_ticks = int(np.floor(numbers["delay"]))
     fraction = numbers["delay"] - whole_ticks
-    pushes = np.stack(
-        [late(force, ticks)[skip:] + numbers["offset"] for ticks in (whole_ticks + 1, whole_ticks)]
-    )
+    before = late(force, whole_ticks + 1)[skip:]
+    now = late(force, whole_ticks)[skip:]
+    pushes = np.stack([before, now]) + numbers["offset"]
+    unknown = np.full((3, len(force) - skip), np.nan)
     A, B = tick_of_two(numbers, period, fraction)
-    modes, V = np.linalg.eig(A[:3, :3]) if np.isfinite(A).all() else (None, np.full((3, 3), np.nan))
+    if not np.isfinite(A).all():
+        return unknown
+    modes, V = np.linalg.eig(A[:3, :3])
     if not 0 < np.abs(np.linalg.det(V)) < np.inf:
-        return np.full((3, len(force) - skip), np.nan)
-    first = np.array(
-        [numbers["velocity"], numbers["velocity"] - numbers["slip"], numbers["twist"]],
-        dtype=complex,
-    )
+        return unknown
+    velocity = numbers["velocity"]
+    first = np.array([velocity, velocity - numbers["slip"], numbers["twist"]], dtype=complex)
     driven = np.linalg.solve(V, np.column_stack([first, B[:3] @ pushes[:, :-1]]))
-    moved = np.stack(
-        [lfilter([1.0], [1.0, -mode], row) for mode, row in zip(modes, driven, strict=True)]
-    )
-    states = (V @ moved).real
-    place = numbers["start"] + np.append(
-        0.0, np.cumsum(A[3, :3] @ states[:, :-1] + B[3] @ pushes[:, :-1])
-    )
+    in_modes = []
+    for mode, row in zip(modes, driven, strict=True):
+        in_modes.append(lfilter([1.0], [1.0, -mode], row))
+    states = (V @ np.stack(in_modes)).real
+    steps = A[3, :3] @ states[:, :-1] + B[3] @ pushes[:, :-1]
+    place = numbers["start"] + np.append(0.0, np.cumsum(steps))
     return np.stack([states[0], place, states[2]])
 
 

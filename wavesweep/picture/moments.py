@@ -169,9 +169,8 @@ def _lanes(flow: DataFlow) -> tuple[Lane, ...]:
     rates = sorted({carrier.every for carrier in flow.carriers.values()})
     lanes = {}
     for name, carrier in flow.carriers.items():
-        lanes.setdefault(
-            carrier.every, Lane(carrier.every, name, carrier.block, "", (), carrier.runs)
-        )
+        empty = Lane(carrier.every, name, carrier.block, "", (), carrier.runs)
+        lanes.setdefault(carrier.every, empty)
     if flow.ticks * len(flow.carriers) ** 2 > MOST:
         return tuple(lanes[every] for every in rates)
     up_to = {every: Ages(flow.up_to(every)) for every in rates}
@@ -180,16 +179,12 @@ def _lanes(flow: DataFlow) -> tuple[Lane, ...]:
             lives = up_to[rates[-1]].lives(name, port)
             if not lives:
                 continue
-            without_slower = (
-                every
-                for every in rates
-                if every >= carrier.every and up_to[every].lives(name, port) == lives
-            )
-            every = next(without_slower)
+            # The slowest block on its way: blocks up to its rate make the same lives as all.
+            slower = (rate for rate in rates if rate >= carrier.every)
+            every = next(rate for rate in slower if up_to[rate].lives(name, port) == lives)
             lane = Lane(every, name, carrier.block, port, tuple(lives), carrier.runs)
-            if _rank(lane, carrier.every) > _rank(
-                lanes[every], flow.carriers[lanes[every].signal].every
-            ):
+            before = lanes[every]
+            if _rank(lane, carrier.every) > _rank(before, flow.carriers[before.signal].every):
                 lanes[every] = lane
     return tuple(lanes[every] for every in rates)
 

@@ -357,6 +357,9 @@ def _twins(
     out: str,
     beside: str,
 ) -> tuple[MultirateLoop, MultirateLoop]:
+    """The loops of a drawing with two sets of numbers, paths and values; one loop twice if these are
+    equal. What is exact in them holds for all values of the numbers that differ. out, beside: see
+    `assembled`."""
     varied = set()
     for (path, value), (_, twin) in zip(first_numbers, second_numbers, strict=True):
         if value != twin:

@@ -47,10 +47,13 @@ def cut_within(cut: LinearFractional, radius: np.ndarray) -> LinearFractional:
     r = np.asarray(radius)[..., None, None]
     D = cut.D.copy()
     dD = cut.dD.copy()
-    D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
+    D[..., ADVANCE, :] = 0.0
+    dD[..., ADVANCE, :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        E, dE = within(E, radius), errors_within(E, dE, radius)
-        B, dB = B / r, (dB + sum_rounding(1) * np.abs(B)) / r
+        dE = errors_within(E, dE, radius)
+        E = within(E, radius)
+        dB = (dB + sum_rounding(1) * np.abs(B)) / r
+        B = B / r
         if cut.late:
             grown = r**-cut.late
             x = x * grown
@@ -60,7 +63,9 @@ def cut_within(cut: LinearFractional, radius: np.ndarray) -> LinearFractional:
             dx = dx * grown + rounding * np.abs(x)
             dv = dv * grown + rounding * np.abs(v)
             dD = dD * grown + rounding * np.abs(D)
-    C, dC = (np.concatenate([w, np.zeros_like(w), p], axis=-2) for w, p in ((v, x), (dv, dx)))
+    # The rows VELOCITY, ADVANCE and OFFSET: an ordinary state has no advance.
+    C = np.concatenate([v, np.zeros_like(v), x], axis=-2)
+    dC = np.concatenate([dv, np.zeros_like(dv), dx], axis=-2)
     names = (*cut.states, *(["integrator"] if cut.integrates else []))
     free = tuple(within(block, radius) for block in cut.uncontrolled)
     ordinary = replace(cut, integrates=False, states=names, poles_at_one=0, uncontrolled=free)

@@ -53,9 +53,9 @@ def ports_by_rate(
         yield np.arange(size), port_of_loops(loops if size > 1 else loops.one(0), route)
         return
     first, label = distinct_rows(rates, size)
-    for number, at in enumerate(first.tolist()):
+    for number, row in enumerate(first.tolist()):
         members = np.flatnonzero(label == number)
-        values = {path: rate[at].item() for path, rate in rates.items()}
+        values = {path: rate[row].item() for path, rate in rates.items()}
         batch = loops.some(members).changed(values)
         yield members, port_of_loops(batch if members.size > 1 else batch.one(0), route)
 

@@ -434,7 +434,9 @@ class TaylorModel:
         return centre, np.where(share * OUTWARD**2 < 1, tail, np.inf)
 
     def inverse(self) -> TaylorModel:
-        """Return 1 over it: `1/(c + d) = sum_k (-d)^k/c^(k+1)`, a geometric series.
+        """Return 1 over it: `1/(c + d) = sum_k (-d)^k/c^(k+1)`, a geometric series to the order of
+        the model, with a bound on the terms beyond it (`_shares`), within `1/high` to `1/low` of its
+        ends.
 
         Errors: UnresolvedError if it may be 0.
         """

@@ -222,7 +222,7 @@ def spikes(reading, resolution):
     around = np.abs(np.pad(change, 1))
     alone = np.maximum(np.abs(before - after), np.maximum(around[:-3], around[3:])) < 0.5 * height
     # Standard deviations of a second difference, beyond which a single reading is an outlier.
-    spikes = np.pad(alone & (height > max(20.0 * usual, 3 * resolution)), 1)
-    if spikes.mean() < OUTLIER_SHARE:
-        return spikes
+    outliers = np.pad(alone & (height > max(20.0 * usual, 3 * resolution)), 1)
+    if outliers.mean() < OUTLIER_SHARE:
+        return outliers
     return np.zeros(len(reading), bool)

@@ -27,8 +27,9 @@ def fault_of_cut(drawing: Drawing, cut: str) -> tuple[str, str, str] | None:
 def signals_at_ticks(drawing: Drawing) -> set[str]:
     """The signals that wires read at a tick, where a factor can be put in.
 
-    Those that dead times read of plants, or bring to them, between two ticks are left out: a factor
-    there would be in the tick. What a dead time reads of plants alone arrives at a tick.
+    Left out are those that act between two ticks, as a factor there would: outputs of plants that
+    dead times read, and outputs of dead times that a plant reads. The latter are at a tick if all that
+    the dead time reads are outputs of the former kind.
     """
     sensed = {name for plant in drawing.plants for name, _ in plant.sensed}
     read = set()

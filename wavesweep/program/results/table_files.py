@@ -43,21 +43,16 @@ class ParquetFile:
         import pyarrow.parquet
 
         types = _types()
-        columns = [
-            pyarrow.field(
-                f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}
-            )
-            for f in fields
-        ]
-        text, units = (
-            json.dumps(facts, allow_nan=False),
-            json.dumps({"units": {f.name: f.unit for f in fields}}),
-        )
+        columns = []
+        for field in fields:
+            about = {"unit": field.unit, "description": field.description}
+            columns.append(pyarrow.field(field.name, types[field.kind], metadata=about))
+        text = json.dumps(facts, allow_nan=False)
+        units = json.dumps({"units": {field.name: field.unit for field in fields}})
         # pandas puts what it finds under its own key into `.attrs`.
-        self._path, self._schema = (
-            path,
-            pyarrow.schema(columns, metadata={"wavesweep": text, "PANDAS_ATTRS": units}),
-        )
+        about_table = {"wavesweep": text, "PANDAS_ATTRS": units}
+        self._schema = pyarrow.schema(columns, metadata=about_table)
+        self._path = path
         self._writer: Any = None
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:

@@ -111,9 +111,8 @@ def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
         for file in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
             sync(file)
         sync(folder / name)
-    for name in sorted(
-        files, key=lambda name: not name.endswith(".parquet")
-    ):  # it has the facts of the run as well
+    # The Parquet file first, which has the facts of the run as well.
+    for name in sorted(files, key=lambda name: not name.endswith(".parquet")):
         _replace(folder / name, directory / name, folder / f"{REPLACED}-{name}")
     listed = packaged_files(folder / package)
     for suffix in (".csv", *FIGURES, ".proof"):

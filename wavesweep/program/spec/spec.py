@@ -464,14 +464,8 @@ def _axis_or_default(spec: Spec, name: str, path: str, swept: bool) -> Axis | No
     if path in spec.wall[:1]:
         return Axis(name, path, (), *K_VE_SPAN, structural, "linear")
     if value and not swept and not structural:
-        return Axis(
-            name,
-            path,
-            (),
-            *sorted((value / FARTHEST_FACTOR, value * FARTHEST_FACTOR)),
-            structural,
-            "linear",
-        )
+        ends = sorted((value / FARTHEST_FACTOR, value * FARTHEST_FACTOR))
+        return Axis(name, path, (), *ends, structural, "linear")
     return None
 
 
