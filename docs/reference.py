@@ -33,7 +33,10 @@ README = HERE.parent / "README.md"
 GALLERY = HERE / "gallery.md"
 MARK = re.compile(r"^<!-- from the code: (\w+) -->$", re.MULTILINE)
 # modules of the checker, in the order of reading
-CHECKER = "file coverage frame drifts reader.for_all reader.controllers reader.drawings reader.filters form contact gain factor"
+CHECKER = (
+    "file coverage frame drifts reader.for_all reader.controllers reader.drawings reader.filters form contact gain port channel"
+)
+CHECKER += " factor"
 SHARED = 3  # commands: an option that so many have is explained once, for all of them
 
 

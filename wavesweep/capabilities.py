@@ -142,7 +142,7 @@ CAPABILITIES = (
     ),
     Capability("require", tables=("sweep.require",), offers=("bound", "keys", "on_check", "wish")),
     Capability("axes", offers=("classes",)),
-    Capability("proofs", offers=("of_margins", "of_table")),
+    Capability("proofs", offers=("of_margins", "of_ports", "of_table")),
     Capability("prove", offers=("prover", "ticks")),
     Capability(
         "picture",

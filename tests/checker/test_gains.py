@@ -11,7 +11,7 @@ from support.proofs import checked
 pytest.importorskip("wavesweep.proofs", reason="its forms are those that are proved")
 from wavesweep.checker import balls, file
 from wavesweep.checker.gain import Gain
-from wavesweep.proofs.gains import claims_of_gain
+from wavesweep.proofs.gains import claims_of_energy
 
 # x+ = a x + (1 - a) u in every second tick, whose output is held: y = (x, x)
 SMOOTHED = """
@@ -47,7 +47,7 @@ ROOT = 2**0.5  # an input of every second tick, shown in both
 
 
 def claim(spec: str, gain: Gain, name="", span=(0.0, 0.0)) -> list[dict]:
-    found = claims_of_gain(tomllib.loads(spec, parse_float=Fraction), {}, name, span, gain)
+    found = claims_of_energy(tomllib.loads(spec, parse_float=Fraction), {}, name, span, gain)
     return [line for lines in found for line in lines]
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from . import VERSION, coverage
+from .channel import SENT
 from .coverage import gain_in_words, plain, shares_in_words
 from .file import LONGEST_SPEC, OF_WALLS, Claim, read
 from .reader.loops import Unreadable
@@ -33,6 +34,7 @@ SCOPES = {
     "contact": "any wall that pushes and never pulls",
     "goes on": "a wall that pushes and never pulls",
     "gain": "the spec's own loop",
+    "port": "the spec's own loop",
 }
 WALLS = "function of stiffness times depth plus damping times speed that is 0 at 0 and has slopes from 0 to 1, the same in all frames"
 
@@ -65,8 +67,10 @@ def in_words(claim: Claim) -> str:
     elif claim.claim == "goes on":
         forces = ", ".join(map(plain, claim.forces))
         words += f"its forces are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
+    elif claim.claim == "port":
+        words += "stable, and the hand's port is passive if its force is held over a tick"
     elif claim.gain:
-        words += f"stable, and {gain_in_words(claim.gain)}"
+        words += "stable, and " * (claim.gain.source != SENT) + gain_in_words(claim.gain)
     elif claim.outside:
         modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
         words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"

@@ -18,6 +18,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from .balls import exact
+from .channel import SENT
 from .factor import FACTOR, PHASE
 from .gain import Gain
 from .reader import for_all, path_of
@@ -31,8 +32,11 @@ SCOPES = {
     "for all": " for all of [for_all] and channels",
     "mean square": " for the chances of [for_all] and channels",
     "contact": " for any wall that pushes and never pulls",
+    "port": " for a passive port of the hand",
 }
+OWN = {"modes", "port"}  # of the spec's own loop, and not of [for_all]
 STATES = ("stable", "unstable"), ("within", "not within")
+ENERGIES = {"gain": "below", "port": "passive"}
 COUNTS = {None: "open", 0: "stable"}  # of modes outside, in a map
 DIGITS = 10  # of an end
 ROWS = 4  # that are told one by one
@@ -86,11 +90,8 @@ class Claims:
         """The pieces of all claims that answer what is asked along a number, by the values of other numbers.
 
         What refutes a member of a set has numbers of the set as well."""
-        ranges = (
-            for_all.read(self.tables, exact).ranges
-            if ask.claim in SCOPES.keys() - {"modes"}
-            else {}
-        )
+        of_set = ask.claim in SCOPES.keys() - OWN
+        ranges = for_all.read(self.tables, exact).ranges if of_set else {}
         pieces: dict[Numbers, list[Piece]] = {}
         for claim in self.claims:
             answers = ANSWERS.get(claim.claim, claim.claim), claim.radius, claim.gain, claim.cut
@@ -106,7 +107,7 @@ class Claims:
             exceeds = len(values) > len(numbers) and claim.claim != "refuted"
             if not span or len(numbers) < len(names) or exceeds:
                 continue
-            state = "below" if ask.gain else STATES[ask.radius != 1][bool(claim.outside)]
+            state = ENERGIES.get(ask.claim) or STATES[ask.radius != 1][bool(claim.outside)]
             piece = Piece(*span, "refuted" if claim.claim in ANSWERS else state)
             pieces.setdefault(numbers, []).append(piece)
         return pieces
@@ -241,7 +242,7 @@ def _less(tables: dict, ran: str, question: Sequence[Ask]) -> Iterator[str]:
     kinds = {ask.claim for ask in question}
     sets = for_all.read(tables, exact)
     messages = any(for_all.MESSAGES & keys.keys() for keys in tables.get("block", {}).values())
-    if ran != "map" and (sets.asked or messages) and kinds <= {"modes", "contact"}:
+    if ran != "map" and (sets.asked or messages) and kinds <= {"contact", *OWN}:
         yield f"{LESS}: nothing of [for_all] and channels"
     if ran != "map" and sets.contact and "contact" not in kinds:
         yield f"{LESS}: nothing of walls that let go"
@@ -279,6 +280,8 @@ def _axis(axis) -> tuple[Fraction, Fraction, int]:
 
 def gain_in_words(gain: Gain, verb: str = "is ") -> str:
     level = plain(gain.at_most)
+    if gain.source == SENT:
+        return f"the norm of the wave channel {verb}below {level}"
     if gain.cut:
         less = f" - {plain(gain.less)}" if gain.less else ""
         return f"|1/(1 + L){less}| at {gain.cut} {verb}below {level} at all frequencies"

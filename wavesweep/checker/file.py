@@ -9,7 +9,7 @@ whose question `coverage.py` has, and then each claim, a line, followed by the l
 
     claim     "modes": of the spec's own loop; "for all": of all that [for_all] and channels say; "refuted": a member of this is
               unstable; "mean square": of [for_all] with chances; "contact": of any wall that pushes and never pulls;
-              "goes on": at such a wall a motion goes on for ever, which has no cells; "gain": see `gain.py`
+              "goes on": at such a wall a motion goes on for ever, which has no cells; "gain": see `gain.py`; "port": see `port.py`
     numbers   {name: value} that the claim sets, by their names in [sweep]; all others are those of the spec
     sides     {name: [low, high]}: for all values of these; with [for_all] the swept number, and then its ranges; of contact
               the stiffness and the damping of the wall
@@ -19,7 +19,8 @@ whose question `coverage.py` has, and then each claim, a line, followed by the l
 open      true in place of it: a map, whose cells have any counts or none
     drifts    [[name, ...]]: what takes part in a drift, which every equation keeps; first a memory that no other drift has
     states    names of the memory that is left, sorted: rows and columns of all forms. It is what some kind of frame reads
-    gain      of gain: {"from", "to", "at_most"} or {"cut", "less", "at_most"}, and forms without signs
+    gain      of gain: {"from", "to", "at_most"} or {"cut", "less", "at_most"}, that of the wave channel from "waves sent"
+              to "waves received"; forms of gain and port have no signs
     rest      of contact: what drifts besides while the wall is not touched, as a drift; none if nothing does
     forces    of what goes on: those of the wall, frame by frame, which are repeated for ever
     word      of refuted: frames that are repeated for ever, by their letters; of [for_all] tick the times of ticks (s) from the first
@@ -65,8 +66,9 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import IO, Any
 
-from . import balls, contact, form
+from . import balls, channel, contact, form, port
 from .balls import Cell, Refused, decimal
+from .channel import between_ends
 from .coverage import Ask
 from .drifts import Form, drifts_of, reduced
 from .factor import FACTOR, PHASE, with_factor
@@ -84,7 +86,7 @@ LONGEST_FILE = 1 << 30  # once it is unpacked
 CELLS = 1 << 20  # lines of a claim, and claims
 SIDES = 6
 NODES = 256
-KINDS = ("modes", "for all", "refuted", "mean square", "contact", "goes on", "gain")
+KINDS = ("modes", "for all", "refuted", "mean square", "contact", "goes on", "gain", "port")
 OF_WALLS = "contact", "goes on"
 FIELDS = {
     "claim",
@@ -211,9 +213,8 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     if any(contact.FORCE in drift for drift in (*drifts, rest or ())):
         raise Refused("a drift that takes a force of the wall")
     states = states_of(frames, [*drifts, rest] if rest else drifts)
-    states = [
-        name for name in states if name != contact.FORCE and not name.startswith((INPUT, OUTPUT))
-    ]
+    outside = INPUT, OUTPUT, contact.FORCE, port.PUSH
+    states = [name for name in states if not name.startswith(outside)]
     return Family(frames, drifts, states, moves, start, word, claim.radius, rest, has_force)
 
 
@@ -235,11 +236,17 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     for name, value in factors.items():
         schedules = {"": with_factor(schedules[""], name, value)}
     if claim.gain:
-        schedules = {"": opened(tables, schedules[""], claim.gain)}
+        of_waves = (claim.gain.source, claim.gain.signal) == (channel.SENT, channel.RECEIVED)
+        schedule = schedules[""]
+        schedules[""] = (
+            between_ends(loop, schedule) if of_waves else opened(tables, schedule, claim.gain)
+        )
+    if claim.claim == "port":
+        schedules = {"": port.opened(tables, schedules[""])}
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker, or nothing reads it")
-    if claim.claim in ("modes", "gain"):
+    if claim.claim in ("modes", "gain", "port"):
         return schedules, {None: {"": ("", None, None)}}, None
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
@@ -614,8 +621,8 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
             boxes += [{**box, name: (cut, high)}, {**box, name: (low, cut)}]
         elif claim.claim == "contact":
             _rests(family, line, box)
-        elif claim.gain:
-            _stays_below(family, claim.gain, Cell(box), line, box)
+        elif claim.claim in ("gain", "port"):
+            _keeps_energy(family, claim.gain, Cell(box), line, box)
         elif "nodes" in line:
             if claim.claim not in ("for all", "mean square"):
                 raise Refused("a graph is for frames in any order, or at random")
@@ -659,12 +666,16 @@ def _rests(family: Family, line: dict, box):
             raise Refused(f"there may be a motion that does not come to rest {_in_words(box)}")
 
 
-def _stays_below(family: Family, gain: Gain, cell: Cell, line: dict, box):
-    """Refused, unless a form shows that a gain stays below its level; see `gain.py`."""
+def _keeps_energy(family: Family, gain: Gain | None, cell: Cell, line: dict, box):
+    """Refused, unless a form shows that a gain stays below its level, or without one that the hand's port is passive."""
     if line.keys() - {"L", "Q"}:
-        raise Unreadable("what stays below has L and Q alone")
+        raise Unreadable("a form of a gain or of a port has L and Q alone")
     P = form_from(line, cell, [1] * len(family.states))
-    if not stays_below(cell, family.rows("", cell), family.states, P, gain.at_most):
+    rows = family.rows("", cell)
+    if not gain:
+        if not port.is_passive(cell, rows, family.states, P, port.stiffness(family.drifts)):
+            raise Refused(f"the hand's port may not be passive {_in_words(box)}")
+    elif not stays_below(cell, rows, family.states, P, gain.at_most):
         raise Refused(f"the gain may be {float(gain.at_most)!r} or more {_in_words(box)}")
 
 

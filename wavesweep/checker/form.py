@@ -175,6 +175,19 @@ def control_points(A: Matrix) -> list[Matrix]:
     return points
 
 
+def bordered(P: Matrix, entries: list[int]) -> Matrix:
+    """P, and after it these entries of the diagonal."""
+    size = len(P.error) + len(entries)
+    parts = {}
+    for m, part in P.parts.items():
+        parts[m] = [[*row, *[0] * len(entries)] for row in part]
+        parts[m] += [[0] * size for _ in entries]
+    still = parts[min(parts, key=sum)]
+    for place, entry in enumerate(entries, len(P.error)):
+        still[place][place] = entry
+    return Matrix(parts, [[0] * size for _ in range(size)])
+
+
 def _symmetric(rows: Rows) -> Rows:
     """(M + M')/2, rounded down by less than 1."""
     return [

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from . import balls, form
 from .balls import Cell, Refused
-from .reader.loops import INPUT, OUTPUT, Instant, Schedule, Unreadable
+from .reader.loops import INPUT, OUTPUT, Instant, Schedule, Unreadable, scaled
 
 CUT = "cut"  # the signal at a cut, and the input there
 
@@ -48,8 +48,8 @@ def opened(tables: dict, schedule: Schedule, gain: Gain) -> Schedule:
         time, kind = times[place]
         instant = kinds[kind]
         into = f"{INPUT}{tick}"
-        equations = {name: _renamed(row, source, into) for name, row in instant.equations.items()}
-        writes = {name: _renamed(row, source, into) for name, row in instant.writes.items()}
+        equations = renamed(instant.equations, source, {into: 1})
+        writes = renamed(instant.writes, source, {into: 1})
         reads = equations != instant.equations or writes != instant.writes
         read |= reads
         if reads or not gain.cut:
@@ -63,10 +63,15 @@ def opened(tables: dict, schedule: Schedule, gain: Gain) -> Schedule:
         raise Refused(f"nothing reads the input {gain.source or gain.cut}")
     present = {kind for _, kind in times}
     kinds = {kind: instant for kind, instant in kinds.items() if kind in present}
-    for instant in (*(kinds[kind] for kind in present), schedule.motion):
+    found = replace(schedule, kinds=kinds, times=times)
+    refuse_between_ticks(found, source)
+    return found
+
+
+def refuse_between_ticks(schedule: Schedule, source: str) -> None:
+    for instant in (*schedule.kinds.values(), schedule.motion):
         if any(source in row for row in (*instant.equations.values(), *instant.writes.values())):
             raise Refused(f"the input {source[1:]} is read between ticks")
-    return replace(schedule, kinds=kinds, times=times)
 
 
 def source_of(tables: dict, name: str) -> str:
@@ -80,8 +85,14 @@ def source_of(tables: dict, name: str) -> str:
     return port["signal"] if isinstance(port, dict) else port
 
 
-def _renamed(row: dict, source: str, into: str) -> dict:
-    return {into if name == source else name: c for name, c in row.items()}
+def renamed(rows: dict, source: str, fed: dict) -> dict:
+    """Equations with a form in the place of an input."""
+    found = {}
+    for name, row in rows.items():
+        found[name] = {term: c for term, c in row.items() if term != source}
+        if source in row:
+            found[name] |= scaled(row[source], fed)
+    return found
 
 
 def _signal(schedule: Schedule, equations: dict, gain: Gain) -> str:
@@ -98,19 +109,21 @@ def stays_below(cell: Cell, rows: dict, states: list[str], P: form.Matrix, level
     into = sorted({name for row in rows.values() for name in row if name.startswith(INPUT)})
     out = sorted(name for name in rows if name.startswith(OUTPUT))
     M = form.matrix_of(cell, rows, [*states, *out], [*states, *into])
-    stored = _bordered(P, len(out), balls.ONE)
-    allowed = _bordered(P, len(into), balls.ball(level * level)[1])
-    return form.decreases(allowed, [(None, M, stored)])
+    shown, allowed = (weights(names, out) for names in (out, into))
+    stored = form.bordered(P, [balls.ball(weight)[1] + 1 for weight in shown])
+    limit = form.bordered(P, [balls.ball(level * level * weight)[1] for weight in allowed])
+    return form.decreases(limit, [(None, M, stored)])
 
 
-def _bordered(P: form.Matrix, count: int, entry: int) -> form.Matrix:
-    """P, and after it so many times the same entry of the diagonal."""
-    size = len(P.error) + count
-    parts = {}
-    for m, part in P.parts.items():
-        parts[m] = [[*row, *[0] * count] for row in part]
-        parts[m] += [[0] * size for _ in range(count)]
-    still = parts[min(parts, key=sum)]
-    for place in range(len(P.error), size):
-        still[place][place] = entry
-    return form.Matrix(parts, [[0] * size for _ in range(size)])
+def weights(names: list[str], out: list[str]) -> list[Fraction]:
+    """Of the squares of what comes in or out: 1, of waves the time between the runs of their end, in frames.
+
+    out: of all that is shown, once in each run of an end.
+    """
+    runs = [_end(name) for name in out]
+    return [Fraction(1, runs.count(end) if (end := _end(name)) else 1) for name in names]
+
+
+def _end(name: str) -> list[str]:
+    """The end of a wave; nothing of other signals."""
+    return name.split(" ", 2)[2:]

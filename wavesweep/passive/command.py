@@ -2,8 +2,9 @@
 
 import click
 
+from wavesweep.capabilities import offered
 from wavesweep.program.cli.options import Options, run_options
-from wavesweep.program.cli.study_commands import one_spec
+from wavesweep.program.cli.study_commands import one_spec, with_proof
 
 
 @click.command("passivity")
@@ -14,8 +15,9 @@ from wavesweep.program.cli.study_commands import one_spec
     help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel. "
     "[sweep] gives its range.",
 )
+@with_proof
 @run_options("workers")
-def passivity(spec: str, options: Options, along: str | None) -> None:
+def passivity(spec: str, options: Options, along: str | None, proof: bool) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
     A passive loop gives out no energy, so it is stable with every passive hand that holds its force
@@ -43,15 +45,22 @@ def passivity(spec: str, options: Options, along: str | None) -> None:
       wavesweep passivity mine.toml --along K_VE --set 'sweep.K_VE={start = 0, stop = 2000}'
     """
     from wavesweep.passive import table as tables
-    from wavesweep.program.cli.output import produce
+    from wavesweep.program.cli.output import produce, refuse_proof, unless_quiet
+
+    refuse_proof(proof, options)
 
     def compute(specs, **work):
         (loaded,) = specs
         if along:
-            return [tables.passive_along(loaded, along, **work)]
-        found = [tables.passivity(loaded, **work)]
-        if loaded.drawing and loaded.drawing.environment:
-            found.append(tables.over_frequency(loaded))
+            found = [tables.passive_along(loaded, along, **work)]
+            write = proof and offered("of_table").with_proof
+        else:
+            found = [tables.passivity(loaded, **work)]
+            write = proof and offered("of_ports").of_passivity
+            if loaded.drawing and loaded.drawing.environment:
+                found.append(tables.over_frequency(loaded))
+        if write:
+            found[0] = write(found[0], loaded, spec, options.overrides, unless_quiet)
         return found
 
     kinds = ["passivity-along"] if along else ["passivity", "passivity-ports"]

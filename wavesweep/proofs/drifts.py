@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.checker import balls, contact, drifts, file, frame
+from wavesweep.checker import balls, contact, drifts, file, frame, port
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import wall_of
 from wavesweep.checker.reader.loops import INPUT
@@ -26,7 +26,13 @@ def drifts_of(
     """Return what takes part in each drift of the loops of a claim, first a memory of its own. member:
     values of listed numbers."""
     kinds = file.schedules_of(tables, claim, member or {})[0]
-    return _directions(kinds, claim.sides)
+    found = []
+    for names in _directions(kinds, claim.sides):
+        if port.PUSH not in names:
+            found.append(names)
+        elif port.PLACE in names:
+            found.append(sorted(names, key=lambda name: name != port.PLACE))
+    return found
 
 
 def drifts_and_rest(

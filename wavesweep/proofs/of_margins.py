@@ -15,7 +15,7 @@ from wavesweep.checker.file import ask_of
 from wavesweep.checker.gain import Gain
 from wavesweep.proofs.cells import exactly
 from wavesweep.proofs.claims import claims_along
-from wavesweep.proofs.gains import claims_of_gain
+from wavesweep.proofs.gains import ABOVE, claims_of_energy
 from wavesweep.proofs.of_table import (
     SAME_END,
     Proofs,
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.table import Table
 
-ABOVE = 1 + 1e-6  # a level that is proved, of the peak that a row has
 LESS = {"sensitivity": "0", "complementary": "1", "disk": "1/2"}  # of 1/(1 + L), of peaks
 IN_DISK = "disk_gain", "disk_phase"  # what follows from the disk
 HALF_TURN = 180.0  # deg
@@ -64,7 +63,7 @@ def of_margins(
         elif part.gain:
             proofs.ask("gain", numbers, {}, gain=part.gain)
             with proofs.telling(f"level of {part.name}"):
-                proofs.claims += claims_of_gain(proofs.tables, numbers, "", (0.0, 0.0), part.gain)
+                proofs.claims += claims_of_energy(proofs.tables, numbers, "", (0.0, 0.0), part.gain)
         else:
             proofs.unproved[f"no proof file for {part.name} at {cut}"] += 1
             proofs.ask(f"{part.name} at {cut}", numbers, {})

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import product
+from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +40,7 @@ from wavesweep.proofs.claims import (
     times_of,
     write,
 )
-from wavesweep.proofs.gains import claims_of_gain, gain_of, in_file
+from wavesweep.proofs.gains import claims_of_energy, gain_of, in_file, of_waves
 from wavesweep.proofs.planes import Part
 from wavesweep.proofs.sets import LEFT_OPEN, decimals
 from wavesweep.proofs.walls import claim_of_motion, claim_of_walls
@@ -54,6 +55,7 @@ UNCLAIMED = {
     "passive": "every passive hand",
     "box": "the hands of a range",
     "free": "nobody at the device",
+    "ports": "both ports",
 }  # kinds of rows
 UNCLAIMED_FACTS = {"every_hand": "every passive hand"}
 FACTS = "for_all", "at_random", "tick"  # of `check`
@@ -114,6 +116,7 @@ def with_proof(
     along, _ = sweep_axes(spec, str(table.columns["along"][0]))
     span = float(along.start), float(along.stop)
     proofs = Proofs(spec, text, "sweep", along.name, checked_name(along.path), span)
+    proofs.tolerance = float(table.facts.get("tolerance", 0.0))
     for kind, own, rows in _slices(spec, table.columns):
         proofs.of_rows(kind, numbers | own, rows)
     for line in proofs.in_words(f"{table.kind}.proof"):
@@ -220,7 +223,7 @@ class Proofs:
     """A proof file: what is asked, the claims, and what has none.
 
     text: of the spec, as its file has it. ran: the kind of question. axis, number: along which rows are, and its name for the
-    checker; span: its range. unproved: why some claims are not there.
+    checker; span: its range. tolerance: J per J sent that a wave channel may add. unproved: why some claims are not there.
     """
 
     spec: Spec
@@ -231,6 +234,7 @@ class Proofs:
     span: tuple[float, float] = (0.0, 0.0)
     question: list[dict[str, Any]] = field(default_factory=list)
     claims: list[Lines] = field(default_factory=list)
+    tolerance: float = 0.0
     unproved: Counter[str] = field(default_factory=Counter)
 
     @property
@@ -266,7 +270,7 @@ class Proofs:
             for gain in gains:
                 self.ask("gain", numbers, sides, gain=gain)
                 first = len(self.claims)
-                self._of_gain(numbers, rows, gain)
+                self._of_energy(numbers, rows, gain)
                 self._close("gain", numbers, rows, self.claims[first:])
             return
         if kind in OWN:
@@ -274,6 +278,14 @@ class Proofs:
             radius = radius_of(self.spec, self.tables, numbers) if self.spec.require else 1.0
             self.ask(kind, numbers, sides, radius)
             self._of_slice(numbers, rows, radius)
+        elif kind == "port":
+            self.ask(kind, numbers, sides)
+            self._of_energy(numbers, rows, None)
+        elif kind == "channel":
+            kind = "gain"
+            gain = of_waves(sqrt(1 + self.tolerance))
+            self.ask(kind, numbers, sides, gain=gain)
+            self._of_energy(numbers, rows, gain)
         elif kind == "contact":
             walls = {
                 name: decimals(low) for name, (low, _) in wall_with(self.spec, numbers).items()
@@ -300,12 +312,12 @@ class Proofs:
             found = claims_along(self.tables, numbers, self.number, self.span, ends, radius)
             self.claims += [lines for _, lines in found]
 
-    def _of_gain(self, numbers: dict[str, str], rows: Columns, gain: Gain) -> None:
-        """Add the claims that a gain stays below its level in the intervals of a slice."""
+    def _of_energy(self, numbers: dict[str, str], rows: Columns, gain: Gain | None) -> None:
+        """Add the claims of a gain, or without one of the hand's port, in the intervals of a slice."""
         ends = _within(rows)
         for span in zip(ends[::2], ends[1::2], strict=True):
             with self.telling("row"):
-                self.claims += claims_of_gain(self.tables, numbers, self.number, span, gain)
+                self.claims += claims_of_energy(self.tables, numbers, self.number, span, gain)
 
     def _of_set(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
         """Add the claims of rows of all that [for_all] says, and of what refutes the values beyond."""
@@ -502,7 +514,7 @@ def contradicted(line: Sequence[coverage.Piece], rows: Columns) -> str:
     for piece in line:
         low, high = float(piece.low), float(piece.high)
         near = NO_CONTRADICTION * max(abs(low), abs(high))
-        if piece.state in ("stable", "within", "below"):
+        if piece.state in ("stable", "within", *coverage.ENERGIES.values()):
             agrees = any(begin <= low + near and high - near <= end for begin, end in intervals)
         else:
             agrees = all(high <= begin + near or end - near <= low for begin, end in intervals)
@@ -523,7 +535,9 @@ def _slices(spec: Spec, columns: Columns) -> Iterator[tuple[str, dict[str, str],
         kind = str(columns[whose][row]) if whose else ""
         values = tuple(columns[name][row].item() for name in axes)
         of_slices.setdefault((kind, *values), []).append(row)
-    for (kind, *own), rows in of_slices.items():
+    operated = any(kind == "operator" for kind, *_ in of_slices)
+    for (row_kind, *own), rows in of_slices.items():
+        kind = "spec" if row_kind == "free" and not operated else row_kind
         numbers = {}
         for name, value in zip(axes, own, strict=True):
             numbers[checked_name(key_named(spec, name).path)] = repr(value)
@@ -556,7 +570,7 @@ def of_design(
     for gain in gains_alone(spec):
         proofs.ask("gain", numbers, {}, gain=gain)
         with proofs.telling("what is required"):
-            proofs.claims += claims_of_gain(tables, numbers, "", (0.0, 0.0), gain)
+            proofs.claims += claims_of_energy(tables, numbers, "", (0.0, 0.0), gain)
     others = [words for kind, words in UNCLAIMED_FACTS.items() if found.get(kind)]
     if spec.require and not (sizes_alone(spec) or gains_alone(spec)):
         others.append(REQUIRED)
@@ -615,6 +629,10 @@ def checked(proof: Path, facts: Mapping[str, Any], columns: Columns) -> Iterator
             ]
         elif columns and "cut" in facts:
             rows = offered("of_margins").missing(of_spec.question, columns, facts)
+            contradictions += [f"{proof}: {words}" for words in rows]
+        elif columns and "port_passive" in columns:
+            spec = load(facts["spec"])
+            rows = offered("of_ports").missing(of_spec.tables, of_spec.question, spec, columns)
             contradictions += [f"{proof}: {words}" for words in rows]
     except (Unreadable, OSError) as error:
         yield f"{proof}: cannot be checked: {error}", True
