@@ -115,7 +115,7 @@ def test_a_form_that_is_no_energy_is_refused(tmp_path):
 def test_a_cell_has_a_form_alone(tmp_path):
     head, cell = claim(LOOP, at("gain.y", "0", 1.6))
     for change in ({"signs": "+"}, {"open": True}):
-        assert "what stays below has L and Q alone" in checked(tmp_path, LOOP, [head, cell | change])[1]
+        assert "a form of a gain or of a port has L and Q alone" in checked(tmp_path, LOOP, [head, cell | change])[1]
 
 
 CONTROLLED = """

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 from checker.test_gains import LOOP
-from support.proofs import checked_file, written
+from support.proofs import changed, checked_file, lines_of, written
+
+from wavesweep.checker.factor import FACTOR
+from wavesweep.program import cli
 
 pytest.importorskip("wavesweep.require", reason="[sweep] require is its key")
 
@@ -23,6 +26,34 @@ def test_rows_are_proved_up_to_what_they_leave_open(tmp_path):
             f"K from 0.1 to 1.5 for {function} at gain.y below {level} at all frequencies: proved below to 0.7"
         )
         assert line.endswith("(53.57 %)")
+
+
+# Stable with factors up to 2/K, and phases up to 90 deg - arcsin(K/2); |y/ref| is 0.01/K at rest, 0.01/(2 - K) at z = -1
+FACTORS = 'margins = { cut = "gain.y", gain = 2, phase_deg = 60 }'
+PEAK = 'peak = { from = "ref", to = "y", at_most = 0.02 }'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("asked", "ends"), [(FACTORS, [(0.1, 1), (0.1, 1)]), (PEAK, [(0.5, 1.5)])])
+def test_rows_of_factors_and_of_peaks_are_proved_to_closed_forms(tmp_path, asked, ends):
+    spec, proof = written(tmp_path, f"{LOOP}\nrequire.{asked}\n", "stability-region", "--no-plot")
+    code, words = checked_file(spec, proof)
+    assert (code, words.count("proved: ")) == (0, len(ends)), words
+    heads = [line for line in lines_of(proof) if "claim" in line]
+    for head, (low, high) in zip(heads, ends, strict=True):
+        assert [float(end) for end in head["sides"]["K"]] == pytest.approx([low, high], rel=1e-4)
+        assert float(head["sides"]["K"][1]) <= high
+    assert not cli.main(["verify", str(proof.parent)])
+
+
+@pytest.mark.slow
+def test_a_factor_beyond_a_row_is_refused(tmp_path):
+    spec, proof = written(tmp_path, f"{LOOP}\nrequire.{FACTORS}\n", "stability-region", "--no-plot")
+    wider = {FACTOR: ["0.5", "2.001"]}
+    changed(proof, lambda line: line | {"sides": line["sides"] | wider} if FACTOR in line.get("sides", {}) else line)
+    code, words = checked_file(spec, proof)
+    assert code == 1
+    assert "does not decrease" in words
 
 
 @pytest.mark.slow

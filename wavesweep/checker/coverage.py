@@ -253,7 +253,7 @@ def _less(tables: dict, ran: str, question: Sequence[Ask]) -> Iterator[str]:
     if (
         sweep.get("require")
         and "require" not in axes
-        and all(ask.claim == "modes" and ask.radius == 1 for ask in question)
+        and all(ask.claim == "modes" and ask.radius == 1 and not ask.cut for ask in question)
     ):
         yield f"{LESS}: nothing of [sweep] require"
     for name, axis in axes.items():

@@ -27,7 +27,7 @@ from wavesweep.proofs.cells import (
     tree,
 )
 from wavesweep.proofs.drifts import drifts_of
-from wavesweep.proofs.planes import Part, lines_of
+from wavesweep.proofs.planes import Part, lines_of, lines_within
 from wavesweep.proofs.refuted import word_of
 from wavesweep.proofs.sets import Cells, decimals, lines_over
 
@@ -187,6 +187,17 @@ def claim_refuted(tables: dict, numbers: Mapping[str, str], text: str) -> Lines:
         raise Refused(f"no form is found of what refutes it: {text}")
     head = {"claim": "refuted", "numbers": whole, "outside": found.outside, "word": claim.word}
     return [head | _coordinates(claim), found.line]
+
+
+def claim_of_factors(
+    tables: dict, numbers: Mapping[str, str], sides: Mapping[str, tuple[float, float]], cut: str
+) -> Lines:
+    """Return the lines of a claim of stability all over a number and factors at a cut. Errors: Refused, Unreadable."""
+    exact = {name: (exactly(low), exactly(high)) for name, (low, high) in sides.items()}
+    family, head = _family(tables, numbers, exact, cut=cut)
+    written = {name: [decimals(low), decimals(high)] for name, (low, high) in exact.items()}
+    cells = lines_within(family, [*sides], np.array([*sides.values()]).T)
+    return [head | {"sides": written, "outside": 0}, *cells]
 
 
 def claim_of_plane(

@@ -32,12 +32,12 @@ Ball = dict[str, tuple[float, float]]
 
 
 def gain_of(bound: Any) -> Gain | None:
-    """Return what the checker knows a bound of [sweep] require by; None of one that is not of a gain
-    over a frame at all frequencies."""
+    """Return what the checker knows a bound of [sweep] require by, of a peak the gain over a frame, which is no
+    less; None of one that is not of all frequencies."""
     level = exactly(bound.at_most) if hasattr(bound, "at_most") else None
     if hasattr(bound, "centre"):
         return Gain("", "", bound.cut, exactly(bound.centre), level)
-    if bound.word == "gain" and level and bound.band_hz is None:
+    if bound.word in ("gain", "peak") and level and bound.band_hz is None:
         return Gain(bound.source, bound.signal, "", Fraction(0), level)
     return None
 

@@ -11,17 +11,13 @@ import numpy as np
 
 from wavesweep.checker.coverage import Ask
 from wavesweep.checker.factor import FACTOR, PHASE
-from wavesweep.checker.file import ask_of
 from wavesweep.checker.gain import Gain
 from wavesweep.proofs.cells import exactly
-from wavesweep.proofs.claims import claims_along
 from wavesweep.proofs.gains import ABOVE, claims_of_energy
 from wavesweep.proofs.of_table import (
-    SAME_END,
+    Factors,
     Proofs,
-    covered,
     numbers_set,
-    openings,
     text_of,
 )
 
@@ -59,7 +55,8 @@ def of_margins(
     proofs.hold_loop(numbers, {})
     for part in _parts(table.columns, table.facts):
         if part.sides:
-            _prove_factors(proofs, numbers, cut, part)
+            ((name, span),) = part.sides.items()
+            proofs.of_factors(numbers, Factors(cut, name, span), part.limits)
         elif part.gain:
             proofs.ask("gain", numbers, {}, gain=part.gain)
             with proofs.telling(f"level of {part.name}"):
@@ -113,17 +110,3 @@ def _gain(name: str, value: float, facts: Mapping[str, Any]) -> Gain | None:
         return None
     peak = 1 / value if name == "disk" else value
     return Gain("", "", str(facts["cut"]), Fraction(LESS[name]), exactly(peak * ABOVE))
-
-
-def _prove_factors(proofs: Proofs, numbers: Mapping[str, str], cut: str, part: Part) -> None:
-    """Ask for stability with all factors, and add the claims, up to a window about each limit."""
-    ((name, span),) = part.sides.items()
-    proofs.ask("modes", numbers, {name: [*map(repr, span)]}, cut=cut)
-    first = len(proofs.claims)
-    with proofs.telling(f"margin of {part.name}"):
-        runs = claims_along(proofs.tables, numbers, name, span, part.limits, cut=cut)
-        proofs.claims += [lines for (*_, outside), lines in runs if not outside]
-    question = proofs.question[-1]
-    low, high = map(exactly, span)
-    line = covered(proofs.tables, ask_of(question), proofs.claims[first:])
-    question["open"] = openings(line, [(low, high, exactly(SAME_END) * max(high, high - low))])

@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import product
 from math import sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from wavesweep.capabilities import offered
 from wavesweep.checker import balls, coverage
 from wavesweep.checker.__main__ import in_words, limited
 from wavesweep.checker.balls import Refused
+from wavesweep.checker.factor import FACTOR, PHASE
 from wavesweep.checker.file import Proof, ask_of, claim_of, read, spec_of
 from wavesweep.checker.gain import Gain
 from wavesweep.checker.reader import for_all, path_of
@@ -32,6 +33,7 @@ from wavesweep.proofs.cells import WINDOW, exactly
 from wavesweep.proofs.claims import (
     Lines,
     claim_at,
+    claim_of_factors,
     claim_of_plane,
     claim_of_set,
     claim_refuted,
@@ -132,14 +134,31 @@ def sizes_alone(spec: Spec) -> bool:
     return not (bound.gains or bound.damped or bound.bounded)
 
 
-def gains_alone(spec: Spec) -> list[Gain]:
-    """Return the gains that a spec requires to stay below a level; none if it requires more than such
-    at all frequencies."""
+class Factors(NamedTuple):
+    """Factors of the signal at a cut, or its phases, with which a loop has to be stable; name: FACTOR or PHASE."""
+
+    cut: str
+    name: str
+    span: tuple[float, float]
+
+
+def gains_alone(spec: Spec) -> list[Gain | Factors]:
+    """Return the gains that a spec requires to stay below a level, and factors at cuts; none if it requires
+    more than such at all frequencies."""
     required: Any = spec.require
-    gains = [gain_of(bound) for bound in required.bound.gains] if required else []
-    if None in gains or (required and required.bound.of_modes):
+    if not required or required.bound.of_modes:
         return []
-    return [gain for gain in gains if gain]
+    found = [_factors_of(bound) or gain_of(bound) for bound in required.bound.gains]
+    return [] if None in found else [gain for gain in found if gain]
+
+
+def _factors_of(bound: Any) -> Factors | None:
+    """What a bound of [sweep] require asks of factors; None of another one."""
+    if not hasattr(bound, "margin"):
+        return None
+    if bound.word.startswith("phase"):
+        return Factors(bound.cut, PHASE, (0.0, bound.size))
+    return Factors(bound.cut, FACTOR, (1 / bound.size, bound.size))
 
 
 def radius_of(spec: Spec, tables: dict, numbers: Mapping[str, str]) -> float:
@@ -268,9 +287,14 @@ class Proofs:
         gains = gains_alone(self.spec)
         if kind in OWN and gains:
             for gain in gains:
-                self.ask("gain", numbers, sides, gain=gain)
                 first = len(self.claims)
-                self._of_energy(numbers, rows, gain)
+                if isinstance(gain, Factors):
+                    both = sides | {gain.name: [*map(repr, gain.span)]}
+                    self.ask("modes", numbers, both, cut=gain.cut)
+                    self._of_planes(numbers, rows, gain)
+                else:
+                    self.ask("gain", numbers, sides, gain=gain)
+                    self._of_energy(numbers, rows, gain)
                 self._close("gain", numbers, rows, self.claims[first:])
             return
         if kind in OWN:
@@ -318,6 +342,32 @@ class Proofs:
         for span in zip(ends[::2], ends[1::2], strict=True):
             with self.telling("row"):
                 self.claims += claims_of_energy(self.tables, numbers, self.number, span, gain)
+
+    def _of_planes(self, numbers: dict[str, str], rows: Columns, factors: Factors) -> None:
+        """Add the claims of stability with all factors in the intervals of a slice, without what is next to ends."""
+        ends = _within(rows)
+        for low, high in zip(ends[::2], ends[1::2], strict=True):
+            away = LEFT_OPEN / 2 * (high - low)
+            begin = low + away * (low > self.span[0])
+            end = high - away * (high < self.span[1])
+            sides = {self.number: (begin, end), factors.name: factors.span}
+            with self.telling("row"):
+                self.claims.append(claim_of_factors(self.tables, numbers, sides, factors.cut))
+
+    def of_factors(
+        self, numbers: Mapping[str, str], factors: Factors, limits: Sequence[float] = ()
+    ) -> None:
+        """Ask for stability with all factors, and add the claims, up to a window about each limit."""
+        cut, name, span = factors
+        self.ask("modes", numbers, {name: [*map(repr, span)]}, cut=cut)
+        first = len(self.claims)
+        with self.telling(f"margin, {name}"):
+            runs = claims_along(self.tables, numbers, name, span, limits, cut=cut)
+            self.claims += [lines for (*_, outside), lines in runs if not outside]
+        question = self.question[-1]
+        low, high = map(exactly, span)
+        line = covered(self.tables, ask_of(question), self.claims[first:])
+        question["open"] = openings(line, [(low, high, exactly(SAME_END) * max(high, high - low))])
 
     def _of_set(self, kind: str, numbers: dict[str, str], rows: Columns) -> None:
         """Add the claims of rows of all that [for_all] says, and of what refutes the values beyond."""
@@ -568,6 +618,9 @@ def of_design(
             proofs.ask("modes", numbers, {}, radius)
             proofs.claims.append(claim_at(tables, "modes", numbers, radius))
     for gain in gains_alone(spec):
+        if isinstance(gain, Factors):
+            proofs.of_factors(numbers, gain)
+            continue
         proofs.ask("gain", numbers, {}, gain=gain)
         with proofs.telling("what is required"):
             proofs.claims += claims_of_energy(tables, numbers, "", (0.0, 0.0), gain)
@@ -649,16 +702,20 @@ def _contradictions(
     tables = of_spec.tables
     claims = coverage.Claims(tables, proved)
     for kind, own, rows in _slices(spec, columns):
-        own_claim = "gain" if gains_alone(spec) else "modes"
-        claim = own_claim if kind in OWN else CLAIMED.get(kind, kind)
+        answers = {CLAIMED.get(kind, kind)}
+        if kind in OWN:
+            answers = {
+                "modes" if isinstance(gain, Factors) else "gain" for gain in gains_alone(spec)
+            }
+            answers = answers or {"modes"}
         where = ", ".join(f"{name} = {value}" for name, value in own.items()) or "own numbers"
         numbers = {path_of(tables, name): Fraction(value) for name, value in own.items()}
-        if claim not in coverage.SCOPES.keys() | {"gain"} or (spec.require and claim != own_claim):
+        if not answers & (coverage.SCOPES.keys() | {"gain"}) or (spec.require and kind not in OWN):
             continue
         answered = False
         for ask in of_spec.question:
             asked = {path_of(tables, name): value for name, value in ask.numbers.items()}
-            if ask.claim == claim and numbers.items() <= asked.items():
+            if ask.claim in answers and numbers.items() <= asked.items():
                 answered = True
                 line, _ = coverage.with_holes(ask, claims.pieces_of(ask))
                 if words := contradicted(line, rows):

@@ -11,6 +11,8 @@ from wavesweep.engine.switched import inertia_of_cells
 from wavesweep.proofs.cells import exactly, written
 from wavesweep.proofs.sets import DIGITS, Ends, Leaf, exponents_of, polynomials_of, tree
 
+DEEPEST = 40  # times a part that has to be proved is halved
+MOST_CELLS = 1000  # of such a part
 SMALLER = 5  # times a part of a map is halved before it stays open
 
 
@@ -33,6 +35,21 @@ def lines_of(
     sizes = np.array([np.ptp(leaf.box, 0).prod() for leaf in leaves])
     proved = np.array(["L" in leaf.line for leaf in leaves])
     return float(sizes[proved].sum() / sizes.sum()), list(tree(names, leaves))
+
+
+def lines_within(
+    family: file.Family, names: Sequence[str], box: np.ndarray
+) -> list[dict[str, Any]]:
+    """Return the tree of cells of a box all over which no mode is outside. Errors: Refused."""
+    leaves: list[Leaf] = []
+    for leaf in _leaves(family, names, Part(box, 0), DEEPEST):
+        if "L" not in leaf.line or len(leaves) == MOST_CELLS:
+            places = ", ".join(
+                f"{name} = {x:.6g}" for name, x in zip(names, leaf.box[0], strict=True)
+            )
+            raise Refused(f"no forms are found next to {places}")
+        leaves.append(leaf)
+    return list(tree(names, leaves))
 
 
 def _leaves(family, names, part: Part, halvings: int) -> Iterator[Leaf]:
