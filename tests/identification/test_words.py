@@ -16,67 +16,42 @@ RESIDUAL |= dict.fromkeys(("static_friction", "frequency_hz", "resonance_hz"))
 EXPLAINED, NOT = "the model explains the log", "the model does not explain the log"
 
 
-@pytest.mark.parametrize(
-    ("residual", "facts", "said"),
-    [
-        (
-            {},
-            {},
-            ["each reading is within half a step of the model: the intervals are those of an encoder without noise", EXPLAINED],
-        ),
-        ({"beyond_half_step": 2}, {}, ["all but 2 readings are within half a step of the model", EXPLAINED]),
-        ({"white_noise": 3e-6}, {}, ["white noise of 3e-06 m in addition to the rounding", EXPLAINED]),
-        (
-            {"white_noise": 3e-6, "walked": 1.0},
-            {"explained": True},
-            ["white noise", "friction and damping are a line", EXPLAINED],
-        ),
-        (
-            {"static_friction": 0.4, "stribeck_speed": 0.03, "white_noise": 3e-6},
-            {},
-            [
-                "white noise",
-                "friction falls with speed, from 0.4 N at rest to the number above, by exp(-(v/0.03 m/s)^2)",
-                EXPLAINED,
-            ],
-        ),
-        (
-            {"white_noise": 3e-6, "resonance_hz": (20.0, 90.0)},
-            {},
-            ["white noise", EXPLAINED, "a resonance of a quarter of the mass would show from 20 to 90 Hz"],
-        ),
-        (
-            {"white_noise": 3e-6},
-            {"explained": False, "missing": "noise"},
-            [f"{NOT}, and the intervals are wider by what is left: {table.MISSING.get('noise', '')}"],
-        ),
-        (
-            {"white_noise": 3e-6, "lacking": 0.05, "lacking_share": 0.126, "frequency_hz": 40.0, "withheld": True},
-            {"explained": False, "missing": "resonance"},
-            [
-                f"{NOT}, so no number has an interval: it lacks a resonance near 40 Hz; --two-masses fits a load on a spring",
-                "what it lacks is a force of 0.05 N rms, 13 % of that of the log; this effect explains 50 % of it",
-            ],
-        ),
-        (
-            {"white_noise": 3e-6, "lacking": 0.05, "lacking_share": 0.126, "frequency_hz": 2.0},
-            {"explained": False, "missing": "resonance"},
-            [
-                f"{NOT}, but the numbers above are those beside what it lacks: it lacks a slow motion near 2 Hz, 1.73 um rms",
-                "what it lacks is a force of 0.05 N rms",
-            ],
-        ),
-        (
-            {"white_noise": 3e-6, "lacking": 0.05, "lacking_share": 0.126},
-            {"explained": False, "missing": "force", "turns": True},
-            [
-                f"{NOT}, and the intervals are wider by it: it lacks a force",
-                "what it lacks is a force of 0.05 N*m rms, 13 % of that of the log",
-            ],
-        ),
-        ({"white_noise": 3e-6}, {"explained": False, "missing": "unseen"}, ["the log cannot tell", "push harder"]),
-    ],
+NOISY, WHITE = {"white_noise": 3e-6}, "white noise of 3e-06 m in addition to the rounding"
+LACKS = NOISY | {"lacking": 0.05, "lacking_share": 0.126}
+FALLS = "friction falls with speed, from 0.4 N at rest to the number above, by exp(-(v/0.03 m/s)^2)"
+RESONANCE, FORCE = (
+    {"explained": False, "missing": "resonance"},
+    "what it lacks is a force of 0.05 N rms, 13 % of that of the log",
 )
+SLOW = f"{NOT}, but the numbers above are those beside what it lacks: it lacks a slow motion near 2 Hz, 1.73 um rms"
+JUDGED = [
+    ({}, {}, ["each reading is within half a step of the model", EXPLAINED]),
+    ({"beyond_half_step": 2}, {}, ["all but 2 readings are within half a step of the model", EXPLAINED]),
+    (NOISY, {}, [WHITE, EXPLAINED]),
+    (NOISY | {"walked": 1.0}, {}, [WHITE, "friction and damping are a line over the speeds of the log", EXPLAINED]),
+    (NOISY | {"static_friction": 0.4, "stribeck_speed": 0.03}, {}, [WHITE, FALLS, EXPLAINED]),
+    (
+        NOISY | {"resonance_hz": (20, 90)},
+        {},
+        [WHITE, EXPLAINED, "a resonance of a quarter of the mass would show from 20 to 90 Hz"],
+    ),
+    (NOISY, {"explained": False, "missing": "noise"}, [f"{NOT}, and the intervals are wider by what is left: "]),
+    (NOISY, {"explained": False, "missing": "unseen"}, ["the log cannot tell", "push harder"]),
+    (LACKS | {"frequency_hz": 2.0}, RESONANCE, [SLOW, f"{FORCE}; this effect explains 50 % of it"]),
+    (
+        LACKS | {"frequency_hz": 40.0, "withheld": True},
+        RESONANCE,
+        [f"{NOT}, so no number has an interval: it lacks a resonance near 40 Hz; --two-masses fits a load on a spring", FORCE],
+    ),
+    (
+        LACKS,
+        {"explained": False, "missing": "force", "turns": True},
+        [f"{NOT}, and the intervals are wider by it: it lacks a force", FORCE.replace("N rms", "N*m rms")],
+    ),
+]
+
+
+@pytest.mark.parametrize(("residual", "facts", "said"), JUDGED)
 def test_a_fit_is_judged_in_words(residual, facts, said):
     found = {"samples": 4000, "duration_s": 4.0, "rate_hz": 1000.0, "turns": False, "measured": "position", "resolution": 1e-5}
     found |= {"parameters": DEVICE, "explained": True, "missing": "", "unusual": ""} | facts

@@ -35,21 +35,6 @@ def test_a_row_for_each_margin_in_files_with_a_figure(wavesweep, arm):
     assert wavesweep("verify", "results/arm")[0] == 0
 
 
-@pytest.mark.slow
-def test_a_name_in_signals_is_a_cut(wavesweep, tmp_path, monkeypatch):
-    """All of the loop goes through the error of the drive, as through its controller, but the error is read as seldom."""
-    monkeypatch.chdir(tmp_path)
-    drive = DOCS.parent / "sweeps/templates/drive.toml"
-    found = []
-    for cut in ("error", "control.y"):
-        code, out, _ = wavesweep("margins", str(drive), "--cut", cut, "--json", "--no-plot", "--overwrite")
-        assert code == 0
-        found.append(json.loads(out)["tables"]["margins"])
-    assert [each["times"] for each in found] == [1, 1]
-    for name, margin in found[0]["margins"].items():
-        assert margin["value"] == pytest.approx(found[1]["margins"][name]["value"], rel=1e-8)
-
-
 def test_one_margin_in_doubt_leaves_the_others_certified(arm, monkeypatch):
     """A report said "not known" above gain and phase that are certified."""
     from wavesweep.engine.doubts import Doubt

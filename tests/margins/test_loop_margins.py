@@ -140,12 +140,11 @@ def test_a_gain_may_fall_without_limit_if_its_limit_is_below_a_millionth(pole, l
     assert down.value == (pytest.approx(pole, rel=1e-8) if limited else 0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0])
-def test_margins_of_random_loops(seed):
+@pytest.mark.parametrize(("seed", "many"), [(1, 2), pytest.param(0, 30, marks=pytest.mark.slow)])
+def test_margins_of_random_loops(seed, many):
     """Against the grid to 1e-9; whole frames that last less than the delay margin leave the loop stable."""
     rng, stable, agree = np.random.default_rng(seed), 0, {"gain": 0, "phase": 0, "disk": 0}
-    while stable < 30:
+    while stable < many:
         spec, period = random_spec(rng)
         found, doubt = margins_of(broken_at(load(spec), "c.y"))
         assert doubt == 0
@@ -169,7 +168,7 @@ def test_margins_of_random_loops(seed):
             assert compiled(later(spec, int(frames * (1 - 1e-9)))).spectral_radius() < 1
         for name, right in by_control(system, found).items():
             agree[name] += right
-    assert min(agree.values()) >= 20  # of 30; margins misses crossings in some, and interpolates others
+    assert min(agree.values()) >= 2 * many // 3  # of them; margins misses crossings in some, and interpolates others
 
 
 def by_control(system, found):

@@ -52,19 +52,6 @@ def test_margins_of_an_integrator_have_closed_forms():
         assert measured[name].certified[:2].all()
 
 
-@pytest.mark.slow
-def test_margins_of_several_rates_are_those_of_the_table():
-    blocks = TABLES["block"] | {"c": {"type": "gain", "k": "K", "every": 4, "phase": 1}}
-    tables = TABLES | {"block": blocks}
-    measured = found(tables, np.array([8.0, 12.0]))
-    for number, K in enumerate((8.0, 12.0)):
-        columns = margins(load(tables | {"numbers": {"K": K}}), "c.y").columns
-        table = dict(zip(columns["margin"], columns["value"], strict=True))
-        assert measured["Ms"].value[number] == table["sensitivity"]
-        assert measured["phase_deg"].value[number] == table["phase"]
-        assert measured["gain"].value[number] == pytest.approx(table["gain_up"], rel=1e-12)
-
-
 @pytest.mark.parametrize(("K", "delayed"), [(30.0, 0), (50.0, 1)])
 def test_what_a_search_ranks_by_are_the_margins_that_are_proved(K, delayed):
     """Of a signal that is made four times in a frame, whose gain may grow or fall to the limit, or of an unstable loop."""
