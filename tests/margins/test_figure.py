@@ -1,12 +1,14 @@
 """The figures of a broken loop, held against a program of their own: a mass, moved by a held force."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep.margins.figure import _closed_step, draw_bode
+from wavesweep.margins.figure import _closed_step, _draw_marks, draw_bode, draw_nyquist
 from wavesweep.margins.figure import open_loop as open_loop_of
 from wavesweep.margins.table import margins
 from wavesweep.program import plots
@@ -81,6 +83,14 @@ def test_a_resonance_is_smooth_and_no_word_leaves_a_narrow_figure():
     assert max(box.x1 for box in boxes) <= figure.bbox.x1
 
 
+def draw_loop(axes, loop):
+    """The names in the Nyquist plot of a lifted loop, whose eigenvalues have no order and are points."""
+    axes.clear()
+    draw_nyquist(axes, loop, "c.y", ())
+    assert [axes.lines[line].get_marker() for line in (1, 2)] == [".", "."]
+    return axes.get_legend_handles_labels()[1]
+
+
 def test_a_fast_signal_has_a_bode_plot_up_to_half_its_own_rate_with_marks_at_its_lines():
     """Two loops that do not act on each other: one at 1 kHz, with one crossing of the gain 1, and one with frames of 4 ms."""
     fast = {"c": {"type": "gain", "k": "kp"}, "lag": {"type": "tf", "num": [1], "den": [0.001, 1]}}
@@ -103,6 +113,10 @@ def test_a_fast_signal_has_a_bode_plot_up_to_half_its_own_rate_with_marks_at_its
     for axes, expected in ((gain, 0.0), (phase, turn - 180)):
         (mark,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
         assert mark == pytest.approx([hertz, expected], abs=1e-6)
+    assert "eigenvalues of L at c.y" in draw_loop(gain, loop)
+    later = SimpleNamespace(bode=(shown, exact), marks={"phase": loop.marks["phase"]}, place=loop.place)
+    _draw_marks(phase, later, np.degrees(np.angle(exact)) - 360, 1.0, of_gain=False)  # a turn behind, up to -540
+    assert phase.lines[-2].get_ydata().tolist() == pytest.approx([turn - 540, -540])
 
 
 def test_a_step_at_a_signal_of_plants_that_act_on_each_other_is_that_behind_a_gain():

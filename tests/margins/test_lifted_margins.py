@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -285,3 +286,23 @@ def test_a_signal_that_moves_what_drifts_has_peaks_without_a_limit_and_a_disk_th
     assert not any(found[name].limited for name in ("sensitivity", "complementary"))
     assert found["disk"].value == pytest.approx(1.23757105, rel=1e-8)
     agrees(spec, "device.x", found.values())
+
+
+def test_the_error_of_a_response_is_that_of_entries_that_are_off_by_all_they_may_be():
+    r = np.random.default_rng(3)
+    E, B, C, D = (r.normal(size=shape) for shape in ((2, 2), (2, 1), (1, 2), (1, 1)))
+    sizes = [1e-6 * r.random(each.shape) for each in (E, B, C, D)]
+    cut = SimpleNamespace(with_integrator=lambda: (E, B, C, D), errors_with_integrator=lambda: sizes, dD=sizes[3])
+    returned = SimpleNamespace(T=D[None])
+    slope, error = LiftedLoop.slope_and_error(SimpleNamespace(cut=cut, returned=returned), 0.8)
+
+    def L(theta, E, B, C, D):
+        return -(C @ np.linalg.solve((np.exp(1j * theta) - 1) * np.eye(2) - E, B) + D).item()
+
+    assert slope == pytest.approx((L(0.8 + 1e-6, E, B, C, D) - L(0.8 - 1e-6, E, B, C, D)) / 2e-6, rel=1e-6)
+    moved = [
+        [each + size * r.choice([-1, 1], size.shape) for each, size in zip((E, B, C, D), sizes, strict=True)]
+        for _ in range(300)
+    ]
+    most = max(abs(L(0.8, *each) - L(0.8, E, B, C, D)) for each in moved)
+    assert 0.7 * error < most <= error * (1 + 1e-4)
