@@ -291,7 +291,7 @@ def test_a_signal_that_moves_what_drifts_has_peaks_without_a_limit_and_a_disk_th
 def test_the_error_of_a_response_is_that_of_entries_that_are_off_by_all_they_may_be():
     r = np.random.default_rng(3)
     E, B, C, D = (r.normal(size=shape) for shape in ((2, 2), (2, 1), (1, 2), (1, 1)))
-    sizes = [1e-6 * r.random(each.shape) for each in (E, B, C, D)]
+    sizes = [size * r.uniform(0.5, 1.0, each.shape) for size, each in zip((1e-7, 1e-6, 1e-6, 1e-5), (E, B, C, D), strict=True)]
     cut = SimpleNamespace(with_integrator=lambda: (E, B, C, D), errors_with_integrator=lambda: sizes, dD=sizes[3])
     returned = SimpleNamespace(T=D[None])
     slope, error = LiftedLoop.slope_and_error(SimpleNamespace(cut=cut, returned=returned), 0.8)
