@@ -56,41 +56,35 @@ def report(
       wavesweep report mine.toml --for-hands passive --cut wall.y
     """
     from wavesweep.program.atomic_files import made_folder
-    from wavesweep.program.cli.file_places import (
-        own_folder,
-        refuse_inputs,
-        refuse_other_things,
-        write_whole,
-    )
+    from wavesweep.program.cli import file_places
     from wavesweep.program.cli.messages import progress, say
     from wavesweep.program.plots import refuse_settings
     from wavesweep.program.results import refuse_unusable
     from wavesweep.program.spec import load
     from wavesweep.reports.content import ReportRequest, report
 
-    started, loaded = time.perf_counter(), load(spec, overrides)
+    started = time.perf_counter()
+    loaded = load(spec, overrides)
     if out is not None:
         target = _file(out)
     else:
-        target = own_folder([loaded.name], overrides) / FILE
+        target = file_places.own_folder([loaded.name], overrides) / FILE
     refuse_unusable(target.parent)
-    refuse_other_things(target)
-    refuse_inputs(loaded.files, target)
+    file_places.refuse_other_things(target)
+    file_places.refuse_inputs(loaded.files, target)
     if target.exists() and not overwrite and not _is_report(target, loaded.name):
         raise UsageError(
             f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite"
         )
     refuse_settings()
     less = "fewer values in [sweep] take less"
-    request = ReportRequest(
-        cut,
-        for_hands,
-        overrides,
-        at_work=lambda title: progress(f"at work on {title}", less),
-    )
-    text = report(loaded, request)
+
+    def at_work(title: str) -> object:
+        return progress(f"at work on {title}", less)
+
+    text = report(loaded, ReportRequest(cut, for_hands, overrides, at_work=at_work))
     with made_folder(target.parent):
-        write_whole((target, text))
+        file_places.write_whole((target, text))
     if not verbosity().quiet:
         say(f"Wrote {target} in {time.perf_counter() - started:.2f} s")
 

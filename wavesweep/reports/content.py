@@ -84,6 +84,19 @@ class ReportSection:
     sha256: str
 
 
+def _in_order(sections: Iterable[ReportSection], number: int) -> Iterator[str]:
+    """Yield the sections with their figures, from this number on."""
+    for section in sections:
+        if not section.known:
+            continue
+        yield html.element("h2", section.title)
+        yield html.element("p", section.known, "small")
+        yield html.listing(section.lines)
+        if section.svg:
+            yield html.figure(section.svg, number, f"{section.title}: {section.command}")
+            number += 1
+
+
 def report(spec: Spec, asked: ReportRequest) -> str:
     """The report of a spec as the text of an HTML file; the same spec and request give the same
     text.
@@ -91,16 +104,14 @@ def report(spec: Spec, asked: ReportRequest) -> str:
     Errors: UsageError for words that name no hands. What the spec does not allow is in the report,
     with the reason.
     """
-    name = quote(f"{spec.name}.toml") + "".join(
-        f" --set {quote(override)}" for override in asked.overrides
-    )
+    settings = [f" --set {quote(override)}" for override in asked.overrides]
+    name = quote(f"{spec.name}.toml") + "".join(settings)
     sections: dict[str, ReportSection] = {}
     missing = []
 
     def leave_out(title, error):
-        text = str(error).replace(
-            str(spec.source), f"{spec.name}.toml"
-        )  # the page leaves the folder of the spec
+        # The page leaves the folder of the spec.
+        text = str(error).replace(str(spec.source), f"{spec.name}.toml")
         missing.append((f"{title}: {' '.join(text.split())}", False))
 
     for title, (command, make) in _tables(spec, asked).items():
@@ -133,16 +144,7 @@ def report(spec: Spec, asked: ReportRequest) -> str:
     if svg := _picture_of_time(spec):
         body.append(html.figure(svg, number, f"{TIMING}: wavesweep check {name} --plot"))
         number += 1
-    for section in sections.values():
-        if section.known:
-            body += [
-                html.element("h2", section.title),
-                html.element("p", section.known, "small"),
-                html.listing(section.lines),
-            ]
-            if section.svg:
-                body.append(html.figure(section.svg, number, f"{section.title}: {section.command}"))
-                number += 1
+    body += _in_order(sections.values(), number)
     body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
     return html.page(
         spec.name,

@@ -115,26 +115,17 @@ def sampled_polynomial(
         f_unit = unit_part / (1 - np.cos(phi)) ** factors
         f_fixed = fixed_part / (1 - np.cos(phi)) ** factors
     of_curve = [f_unit.imag, -f_fixed.imag]
-    curve, noise = _sines(
-        of_curve, [largest(f_unit), largest(f_fixed)], transform, cut.order - factors
-    )
-    times_sine = [
-        unit_part.real * np.sin(phi),
-        fixed_part.real * np.sin(phi),
-        np.abs(solved) ** 2 * np.sin(phi),
-    ]
+    sizes = [largest(f_unit), largest(f_fixed)]
+    curve, noise = _sines(of_curve, sizes, transform, cut.order - factors)
+    value_parts = unit_part.real, fixed_part.real, np.abs(solved) ** 2
+    times_sine = [part * np.sin(phi) for part in value_parts]
     sizes = [largest(unit_part), largest(fixed_part), largest(solved) ** 2]
     value, value_noise = _sines(times_sine, sizes, transform, cut.order + 1)
     rough_columns = np.flatnonzero(rough)
     if rough_columns.size:
-        sizes = [
-            np.abs(unit[0, rough_columns]),
-            np.abs(fixed[0, rough_columns]),
-            np.abs(solved[0, rough_columns]),
-        ]
-        errors = np.stack(
-            _errors_of_entries(cut.at(rough_columns), parameter, w[rough_columns], *sizes)
-        )
+        sizes = [np.abs(part[0, rough_columns]) for part in (unit, fixed, solved)]
+        rough_cut = cut.at(rough_columns)
+        errors = np.stack(_errors_of_entries(rough_cut, parameter, w[rough_columns], *sizes))
         weight = 1 / (1 - np.cos(phi)) ** factors
         noise[rough_columns] += 2 * (errors[:2] * weight).max(-1).T  # a mean times 2 sin
         value_noise[rough_columns] += 2 * errors.max(-1).T

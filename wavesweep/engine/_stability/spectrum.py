@@ -417,20 +417,7 @@ def _count_outside(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     groups = diagonal_blocks(E)
     if groups:
-        count = np.zeros(len(E), int)
-        clear = np.ones(len(E), bool)
-        for group in groups:
-            of_alone = group.alone.diagonal(axis1=-2, axis2=-1)
-            alone = _count_outside(of_alone.reshape(-1, 1, 1))
-            outside_alone, clear_alone = (facts.reshape(of_alone.shape) for facts in alone)
-            count[group.which] += outside_alone.sum(-1)
-            clear[group.which] &= clear_alone.all(-1)
-            for block in group.blocks:
-                outside_block, clear_block = _count_outside(block)
-                count[group.which] += outside_block
-                clear[group.which] &= clear_block
-        finite = np.isfinite(E).all((-1, -2))
-        return np.where(finite, count, -1), clear & finite
+        return _count_of_blocks(E, groups)
     delta, finite = eigenvalues(E)
     outside = excess(delta)
     size = np.abs(E).max((-1, -2), initial=0)
@@ -451,26 +438,50 @@ def _count_outside(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         near[index] = may_cross(delta[index], even)
     near = np.flatnonzero(near)
     if near.size:
-        order = np.argsort(distance[near], axis=-1)
-        closest = np.take_along_axis(delta[near], order, axis=-1)
-        far = np.take_along_axis(distance[near] >= NEIGHBOURHOOD, order, axis=-1)
-        # Of the nearest ones four are examined, and all others in the neighbourhood.
-        far[:, :4] = False
-        near_count = (~far).sum(-1).max()
-        far = far[:, :near_count]
-        balanced, units = balance(E[near])
-        rounding = BACKWARD * EPS * np.abs(balanced).max((-1, -2))
-        points = on_circle(np.abs(np.angle(1 + closest[:, :near_count])))
-        if E.shape[-1] < BOUNDED_STATES:
-            smallest = _smallest(balanced, points)
-            clear[near] = np.where(far, np.inf, smallest).min(-1) > rounding
-            return count, clear
-        for index_of_near, matrix in enumerate(near):
-            w = np.unique(points[index_of_near, ~far[index_of_near]])
-            clear[matrix] = not _may_reach(
-                E[matrix], balanced[index_of_near], units[index_of_near], w, rounding[index_of_near]
-            )
+        clear[near] = ~_may_touch_circle(E[near], delta[near], distance[near])
     return count, clear
+
+
+def _count_of_blocks(E: np.ndarray, groups: list[AlikeBlocks]) -> tuple[np.ndarray, np.ndarray]:
+    """`_count_outside` of matrices in diagonal blocks, block by block."""
+    count = np.zeros(len(E), int)
+    clear = np.ones(len(E), bool)
+    for group in groups:
+        of_alone = group.alone.diagonal(axis1=-2, axis2=-1)
+        alone = _count_outside(of_alone.reshape(-1, 1, 1))
+        outside_alone, clear_alone = (facts.reshape(of_alone.shape) for facts in alone)
+        count[group.which] += outside_alone.sum(-1)
+        clear[group.which] &= clear_alone.all(-1)
+        for block in group.blocks:
+            outside_block, clear_block = _count_outside(block)
+            count[group.which] += outside_block
+            clear[group.which] &= clear_block
+    finite = np.isfinite(E).all((-1, -2))
+    return np.where(finite, count, -1), clear & finite
+
+
+def _may_touch_circle(E: np.ndarray, delta: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Whether a rounding of E could move one of the eigenvalues nearest to the circle onto it,
+    `(matrices,)`; delta: eigenvalues less 1; distance: of these from the circle."""
+    order = np.argsort(distance, axis=-1)
+    closest = np.take_along_axis(delta, order, axis=-1)
+    far = np.take_along_axis(distance >= NEIGHBOURHOOD, order, axis=-1)
+    # Of the nearest ones four are examined, and all others in the neighbourhood.
+    far[:, :4] = False
+    examined = (~far).sum(-1).max()
+    far = far[:, :examined]
+    balanced, units = balance(E)
+    rounding = BACKWARD * EPS * np.abs(balanced).max((-1, -2))
+    points = on_circle(np.abs(np.angle(1 + closest[:, :examined])))
+    if E.shape[-1] < BOUNDED_STATES:
+        smallest = _smallest(balanced, points)
+        return ~(np.where(far, np.inf, smallest).min(-1) > rounding)
+    reached = np.zeros(len(E), bool)
+    for matrix in range(len(E)):
+        w = np.unique(points[matrix, ~far[matrix]])
+        bounds = balanced[matrix], units[matrix], w, rounding[matrix]
+        reached[matrix] = _may_reach(E[matrix], *bounds)
+    return reached
 
 
 def may_cross(delta: np.ndarray, size: np.ndarray) -> np.ndarray:

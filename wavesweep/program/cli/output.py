@@ -74,10 +74,7 @@ def produce(
             for kind in kinds:
                 results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
-        if options.to_stdout:
-            checkpoint = None
-        else:
-            checkpoint = checkpoint_of(kinds[0], specs, options)
+        checkpoint = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
         report = progress(less=less)
         tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
         before = None
@@ -97,15 +94,9 @@ def produce(
     changed = []
     if before and before.get("spec_place") == place:
         changed = results.changes(before, tables[0].facts)
-    _report(
-        kinds[0].removesuffix(HANDS),
-        specs,
-        options,
-        tables[0].facts,
-        finished,
-        changed,
-        time.perf_counter() - started,
-    )
+    command = kinds[0].removesuffix(HANDS)
+    seconds = time.perf_counter() - started
+    _report(command, specs, options, tables[0].facts, finished, changed, seconds)
 
 
 @contextmanager
