@@ -231,31 +231,22 @@ def _draw_values(
         if wish.bound is not None:
             margins = [margins_of({name: value}, facts).get(name) for value in values]
             axes.axvline(wish.bound, color="0.5", linewidth=0.8, linestyle="--")
-            axes.set_xlabel(
-                f"{wish.kind.bound.replace('_', ' ')} {wish.bound:g}, with margins", fontsize=7
-            )
+            bound = f"{wish.kind.bound.replace('_', ' ')} {wish.bound:g}"
+            axes.set_xlabel(f"{bound}, with margins", fontsize=7)
     else:
         axes.set_title(label(name, facts), fontsize=7)
     for place, (value, margin, look) in enumerate(zip(values, margins, looks, strict=True)):
-        finite = value is not None and np.isfinite(value)
-        if finite:
+        if value is not None and np.isfinite(value):
             said = f"{value:.4g}"
             if margin is not None:
                 said += f" ({float(f'{100 * margin:.3g}'):g} %)"
+            axes.plot([value], [place], "X" if place == 0 else "o", color=look.colour, markersize=5)
         elif place == 0 and facts.get("own_unstable"):
             said = "unstable"
         else:
             said = "not known"
-        if finite:
-            axes.plot([value], [place], "X" if place == 0 else "o", color=look.colour, markersize=5)
-        axes.annotate(
-            said,
-            (1.03, place),
-            xycoords=("axes fraction", "data"),
-            ha="left",
-            va="center",
-            fontsize=7,
-        )
+        beside = {"xycoords": ("axes fraction", "data"), "ha": "left", "va": "center"}
+        axes.annotate(said, (1.03, place), **beside, fontsize=7)
     axes.margins(x=0.1)
     axes.set_ylim(len(values) - 0.5, -0.5)
     axes.locator_params(axis="x", nbins=4)

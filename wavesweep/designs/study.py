@@ -208,16 +208,10 @@ def _best_of(spec: Spec, run: _Run, started: float, warnings: list[str]) -> Tabl
     still = undominated(Judged(genes, objectives, violation))
     rest = np.setdiff1d(np.lexsort(objectives.T[::-1]), still, assume_unique=True)
     columns, best_rows = _columns(spec, job, genes[still], records[still])
-    counts = {
-        "computed": run.tally.done,
-        "skipped": 0,
-        "certified": int(best_rows["certified"].sum()),
-    }
-    timings = {
-        "compute_s": time.perf_counter() - started,
-        "processor_s": run.tally.seconds,
-        "workers": run.workers.count,
-    }
+    certified = int(best_rows["certified"].sum())
+    counts = {"computed": run.tally.done, "skipped": 0, "certified": certified}
+    timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds}
+    timings["workers"] = run.workers.count
     notices = [*_notices(job), *_how_far(spec, run.ends, columns)]
     facts = facts_of(spec, METHODS, counts, timings, notices, claims=claims_of(job))
     facts |= {

@@ -147,9 +147,8 @@ def _lines(facts: Numbers) -> Iterator[Line]:
     """Yield a line for the front, one for each design that is the best in a wish, and one for
     the spec's own design."""
     searched = count(facts["searched"], "design")
-    evaluated = (
-        f"{searched} evaluated, each at its worst over {count(facts['scenarios'], 'combination')}"
-    )
+    combinations = count(facts["scenarios"], "combination")
+    evaluated = f"{searched} evaluated, each at its worst over {combinations}"
     tried = f"{searched} tried"
     if "proved" in facts:
         over = " and some short patterns of frames" if facts.get("ranked") else ""
@@ -161,26 +160,19 @@ def _lines(facts: Numbers) -> Iterator[Line]:
     for names in _alike(facts["numbers"]):
         name = names[0]
         best = "best" if facts["designs"] == 1 else f"best {' and '.join(names)}"
-        yield (
-            f"{best} of {tried}: {_design(facts['best'][name], facts['numbers'][name], facts['units'])}",
-            False,
-        )
+        described = _design(facts["best"][name], facts["numbers"][name], facts["units"])
+        yield f"{best} of {tried}: {described}", False
         ends = facts["ends"][name]
         if ends:
-            where = (
-                "near an end of the range in [design.vary]; a longer one may have better designs"
-            )
-            yield f"  {_several(ends, 'lie')} {where}", False
+            where = "near an end of the range in [design.vary]"
+            hint = "a longer one may have better designs"
+            yield f"  {_several(ends, 'lie')} {where}; {hint}", False
     yield from _bound_lines(facts)
     for runner_up in facts["runners_up"]:
+        described = _design(runner_up["wishes"], runner_up["numbers"], facts["units"])
         if runner_up["margins"]:
-            margins = f"; margins: {_shares(runner_up['margins'])}"
-        else:
-            margins = ""
-        yield (
-            f"next best: {_design(runner_up['wishes'], runner_up['numbers'], facts['units'])}{margins}",
-            False,
-        )
+            described += f"; margins: {_shares(runner_up['margins'])}"
+        yield f"next best: {described}", False
     if facts["designs"] == 1 and not facts["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
     nominal = _wishes(facts["own"], facts["units"])

@@ -89,10 +89,7 @@ class DataFlow:
 
     @staticmethod
     def of(
-        drawing: Drawing,
-        values: Mapping[str, object],
-        late: bool = False,
-        lost: bool = False,
+        drawing: Drawing, values: Mapping[str, object], late: bool = False, lost: bool = False
     ) -> "DataFlow":
         """Return the flow of a loop, compiled with its numbers.
 

@@ -86,35 +86,26 @@ def seen_response(
     If the linear loop is not stable, it has no steady response, and the columns of that response
     are missing.
     """
-    signals = {
-        "f_device": simulation.signals["f_h"],
-        **simulation.signals,
-    }  # without a reaction it is that of the whole port
+    # Without a reaction the force on the device is that of the whole port.
+    signals = {"f_device": simulation.signals["f_h"], **simulation.signals}
     estimated = estimate(signals, tones, spec.tick_hz, simulation.frame)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
     ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
     estimated["omega_Ts"] = 2 * np.pi * estimated["frequency_hz"] * ratio / spec.tick_hz
     radius = radius_of(spec)
     stable = radius < 1
-    columns = {
-        name: np.full(len(tones), word, dtype=object)
-        for name, word in (("spec", spec.name), ("controller", spec.kind))
-    }
+    columns = {"spec": np.full(len(tones), spec.name, dtype=object)}
+    columns["controller"] = np.full(len(tones), spec.kind, dtype=object)
     columns |= estimated
     loop = loop_at_hand(spec)
     linear = respond(loop, estimated["frequency_hz"])
-    columns |= complex_columns("linear_admittance", linear.admittance) | complex_columns(
-        "linear_impedance", linear.impedance
-    )
+    columns |= complex_columns("linear_admittance", linear.admittance)
+    columns |= complex_columns("linear_impedance", linear.impedance)
     errors = (linear.admittance_error, linear.impedance_error)
-    columns |= {
-        f"linear_{name}_error": error
-        for name, error in zip(("admittance", "impedance"), errors, strict=True)
-    }
-    if not stable:
-        columns |= {
-            name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")
-        }
+    columns["linear_admittance_error"], columns["linear_impedance_error"] = errors
+    for name in columns if not stable else ():
+        if name.startswith("linear_"):
+            columns[name] = np.full(len(tones), np.nan)
     # What is beyond double precision is missing.
     columns = {
         name: column if column.dtype == object else np.where(np.isinf(column), np.nan, column)

@@ -270,12 +270,8 @@ def _of_halves(stretch: Stretch, points: Any, memo: dict[int, Sums]) -> Sums:
     rows = a.rows + back[:, None] * (b.rows @ before[..., None, :, :])
     drows = a.drows + b.drows @ np.abs(before) + size @ dbefore
     forced = a.forced + b.forced + back * carried
-    dforced = (
-        a.dforced
-        + b.dforced
-        + b.drows @ largest_input
-        + size @ (a.ddriven + rounding * largest_input)
-    )
+    of_carried = a.ddriven + rounding * largest_input
+    dforced = a.dforced + b.dforced + b.drows @ largest_input + size @ of_carried
     driven = after @ a.driven + turn * b.driven
     ddriven = np.abs(after) @ a.ddriven + b.ddriven + dafter @ largest_input
     states = slice(None) if stretch.state_index is None else stretch.state_index

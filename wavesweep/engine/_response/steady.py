@@ -14,6 +14,7 @@ from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.static import (
     LOST_DIGITS,
     ZERO_OF_TERMS,
+    AtRest,
     Response,
     at_port,
     at_signal,
@@ -146,20 +147,28 @@ def static_response(loop: Lifted) -> Response:
         resolved = error < LOST_DIGITS
         limits = np.where(resolved, limits, np.nan)
         error = np.where(resolved, error, np.nan)
-        admittance, impedance = limits
-        of_admittance, of_impedance = error
-        # A constant force moves the position without end: there is no admittance.
-        admittance = np.where(rest.going, np.nan, admittance)
-        of_admittance = np.where(rest.going, 0.0, of_admittance)
-        # It does not move it at all: the admittance is 0, and there is no impedance if a force is
-        # known to come.
-        no_impedance = np.where(np.abs(force) > of_force, 0.0, np.nan)
-        admittance = np.where(rest.rigid, 0.0, admittance)
-        of_admittance = np.where(rest.rigid, 0.0, of_admittance)
-        impedance = np.where(rest.rigid, np.nan, impedance)
-        of_impedance = np.where(rest.rigid, no_impedance, of_impedance)
-        numbers = admittance + 0j, impedance + 0j, of_admittance, of_impedance
+        force_comes = np.abs(force) > of_force
+        numbers = _at_rest(rest, limits, error, force_comes)
         return Response(*(np.where(loop.lost, np.nan, number) for number in numbers))
+
+
+def _at_rest(
+    rest: AtRest, limits: np.ndarray, error: np.ndarray, force_comes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Admittance and impedance with their errors, as far as they exist; force_comes: whether a force
+    is known to come."""
+    admittance, impedance = limits
+    of_admittance, of_impedance = error
+    # A constant force moves the position without end: there is no admittance.
+    admittance = np.where(rest.going, np.nan, admittance)
+    of_admittance = np.where(rest.going, 0.0, of_admittance)
+    # It does not move it at all: the admittance is 0, and there is no impedance if a force comes.
+    no_impedance = np.where(force_comes, 0.0, np.nan)
+    admittance = np.where(rest.rigid, 0.0, admittance)
+    of_admittance = np.where(rest.rigid, 0.0, of_admittance)
+    impedance = np.where(rest.rigid, np.nan, impedance)
+    of_impedance = np.where(rest.rigid, no_impedance, of_impedance)
+    return admittance + 0j, impedance + 0j, of_admittance, of_impedance
 
 
 def _from_low_frequencies(loop: Lifted, limits: np.ndarray) -> np.ndarray:

@@ -55,18 +55,10 @@ class Search:
         if model.load:
             entries["log_share"] = (np.log(begun["share"]), 0.2, -7.0, 7.0)
             entries["load_rate"] = (begun["load_rate"], rate, -fastest, fastest)
-            entries["log_square"] = (
-                np.log(begun["square"]),
-                0.2,
-                -np.inf,
-                2 * np.log(3.0 / log.period),
-            )
-            entries["coupling_rate"] = (
-                begun["coupling_rate"],
-                max(begun["coupling_rate"], rate) / 2,
-                -fastest,
-                fastest,
-            )
+            highest = 2 * np.log(3.0 / log.period)
+            entries["log_square"] = (np.log(begun["square"]), 0.2, -np.inf, highest)
+            loss = begun["coupling_rate"]
+            entries["coupling_rate"] = (loss, max(loss, rate) / 2, -fastest, fastest)
         if model.delay is None:
             entries["delay"] = (begun["delay"], 0.5, FEWEST, MOST)
         if model.measured != "acceleration":
@@ -74,20 +66,12 @@ class Search:
             entries["drift"] = (np.log10(begun["drift"]), 1.5, lowest[1], HIGHEST_DECADE)
         if model.friction:
             usual = float(log.speeds.std())
-            entries["turning"] = (
-                np.log(begun["turning"]),
-                0.7,
-                np.log(SHARPEST * log.slowest),
-                np.log(usual),
-            )
+            least = np.log(SHARPEST * log.slowest)
+            entries["turning"] = (np.log(begun["turning"]), 0.7, least, np.log(usual))
             if "fading" in begun:
-                entries["fading"] = (
-                    np.log(begun["fading"]),
-                    0.7,
-                    # Times the slowest turn: the least speed at which friction fades.
-                    np.log(10.0 * log.slowest),
-                    np.log(3 * usual),
-                )
+                # Times the slowest turn: the least speed at which friction fades.
+                least = np.log(10.0 * log.slowest)
+                entries["fading"] = (np.log(begun["fading"]), 0.7, least, np.log(3 * usual))
         self.names = tuple(entries)
         self.begun, self.size, self.low, self.high = np.array(list(entries.values())).T
         self.fixed = {"square": 0.0, "delay": model.delay or 0.0, "white": 0.0, "drift": 0.0}
