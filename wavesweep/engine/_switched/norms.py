@@ -447,9 +447,14 @@ class _Newton:
 def _hessian_parts(
     inverse: np.ndarray, moved: np.ndarray, arriving: np.ndarray, graph: Graph, nodes: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield the parts of the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A
-    F^-1 and A F^-1 A' on each edge: nodes of the rows and of the columns, and blocks `(parts, m,
-    m)`; those at the same place add up."""
+    """Yield the Hessian of `-sum log det F`, F = P_i - A' P_j A on each edge from node i to j, in the
+    forms as vectors (`packed`): nodes of rows, nodes of columns, and blocks `(parts, m, m)`, which
+    add up.
+
+    Along dP it is the sum of `tr(G dF G dF)` with `G = F^-1` (inverse) and `dF = dP_i - A' dP_j A`.
+    So the blocks are the maps `S -> G S G` at (i, i), `S -> (A G A') S (A G A')` (arriving) at (j, j)
+    and `S -> -(A G)' S (A G)` (moved) at (i, j), and its transpose at (j, i).
+    """
     n = inverse.shape[-1]
     nodes_in_order = np.arange(nodes)
     for end, terms in ((graph.source, inverse), (graph.target, arriving)):
