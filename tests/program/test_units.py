@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.program.analyses.assumptions import unusual
 from wavesweep.program.reading.units import column_named, converted, unit_in, unit_of
 from wavesweep.program.spec import load
 
@@ -252,3 +253,11 @@ def test_a_hand_that_turns_is_pushed_by_a_torque(tmp_path):
     assert load(drawn, ["simulate.amplitude=500 mNm"]).simulate.written()["amplitude"] == 0.5
     with pytest.raises(SpecError, match=r"simulate.amplitude: expected a number in N\*m, found 500mN"):
         load(drawn, ["simulate.amplitude=500mN"])
+
+
+def test_a_unit_of_a_number_with_a_part_that_is_none_is_told():
+    units = {"J": "Nm/foo", "n": "frames", "k": "N*m/rad", "e": "pixels/s"}
+    numbers = {name: {"value": 1.0, "unit": unit} for name, unit in units.items()}
+    loop = {"block": {"m": {"type": "mass", "mass": "J"}}, "wire": {"m.f": "-k*m.x - n*e*m.v"}}
+    (said,) = unusual(load({"rates": {"tick_hz": 1000}, "numbers": numbers} | loop))
+    assert said.startswith("J has the unit Nm/foo, of which foo is not known: ")

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.text import Text
 
 from wavesweep.program import plots
+from wavesweep.program.plots.labels import assumption
 from wavesweep.program.plots.style import TWO_COLUMNS, as_asked, figure, note_below
 from wavesweep.program.row_kinds import words_of
 
@@ -100,3 +101,7 @@ def test_texts_of_a_figure_of_intervals_are_apart(table, width, request):
         assert_apart(
             plots.zwidth(request.getfixturevalue(table), {"assumes": assumed, "spec": {"controller": {"kind": "pmw"}}})
         )
+
+
+def test_what_several_specs_assume_are_sentences_of_their_own():
+    assert assumption({"assumes": "one: no delay\nother: no delay"}) == "Assumes: one: no delay. other: no delay."

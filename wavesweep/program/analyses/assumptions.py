@@ -13,6 +13,7 @@ from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page, steps_of
 from wavesweep.program.reading.keys import DEVICES
+from wavesweep.program.reading.units import unknown_part
 from wavesweep.program.spec import KEYS, Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import Grid
@@ -257,6 +258,9 @@ def unusual(spec: Spec) -> Iterator[str]:
             unit = KEYS[path].unit
             value = spec.values[path]
             yield f"{path} = {value:g} {unit} is unusual (usual: {low:g} to {high:g} {unit}); is it given in {unit}?"
+    for name, unit, _ in spec.drawing.numbers if spec.drawing else ():
+        if part := unknown_part(unit):
+            yield f"{name} has the unit {unit}, of which {part} is not known: it is printed, and no value in another unit is taken"
     yield from _rounded_rate(spec)
 
 

@@ -158,7 +158,7 @@ def claimed(facts: Mapping[str, Any]) -> str:
 def assumed(facts: Mapping[str, Any]) -> str:
     """What a run assumes of wall, delay and velocity, with the names of specs; empty if it
     assumes nothing."""
-    return _in_caption(str(facts.get("assumes") or ""))
+    return _in_caption(". ".join(str(facts.get("assumes") or "").splitlines()))
 
 
 def _in_caption(text: str) -> str:

@@ -28,6 +28,10 @@ LONGEST = 40  # letters; no more, so that no text takes long
 _TEXT = re.compile(rf"(?!.*\d{{3}})[\w°%µμΩ·⋅•*/^().+ ⁻¹²³-]{{1,{LONGEST}}}")
 # a power that no unit has; what is expected is held against it as well, as a spec may name it
 _NO_POWER = re.compile(r"(?:\*\*|\^)(?!\s*\(?\s*[-+]?[123](?![\d.])\s*\)?(?!\s*(?:\*\*|\^)))")
+_PART = re.compile(r"[^\W\d_]+")
+# parts of units of drawn loops for which pint is not loaded
+_OF_LOOPS = {"A", "F", "H", "Hz", "N", "Nm", "V", "W", "kg", "m", "min", "ohm", "rad", "s"}
+_OF_LOOPS |= {"frame", "message", "pixel", "pixels", "px", "sample", "step", "tick"}
 # parts of units that a name of a column may have behind a `_` or a space
 _USUAL = frozenset(
     [
@@ -167,6 +171,15 @@ def is_unit(cell: str) -> bool:
     if cell in ("", "-") or cell[0] + cell[-1] in ("[]", "()"):
         return True
     return any(_factor(spelling, spelling) for spelling in _spellings(cell))
+
+
+def unknown_part(unit: str) -> str:
+    """The first part of a unit of several parts that is no unit and nothing that is counted, as `foo` of `Nm/foo`; empty
+    without one. A single word may count anything."""
+    parts = _PART.findall(unit)
+    if len(parts) < 2:
+        return ""
+    return next((part for part in parts if part not in _OF_LOOPS and not is_unit(part)), "")
 
 
 def named_unit(text: str) -> str:
