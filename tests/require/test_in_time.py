@@ -65,15 +65,16 @@ def several_rates(every, phase):
 @pytest.mark.parametrize(
     ("measure", "level", "low", "high"),
     [
-        ("overshoot", 0.3, 1.0, 1.3 / T),  # (1 - s)^k beyond the end, s = K T
-        ("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T),  # also from 0 on
-        pytest.param("rms", 0.5, 1.0, 0.4 / T, marks=pytest.mark.slow),  # the root of s/(2 - s)
+        ("overshoot", {"at_most": 0.3}, 1.0, 1.3 / T),  # (1 - s)^k beyond the end, s = K T
+        ("step_settling", {"at_most": 0.1}, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T),  # also from 0 on
+        ("step_settling", {"at_most": 0.1, "within": 0.3}, (1 - 0.3**0.1) / T, (1 + 0.3**0.1) / T),
+        pytest.param("rms", {"at_most": 0.5}, 1.0, 0.4 / T, marks=pytest.mark.slow),  # the root of s/(2 - s)
     ],
 )
 def test_responses_of_an_integrator_have_closed_forms(measure, level, low, high):
     start = 0 if measure == "step_settling" else 1
     loop = wavesweep.compile(INTEGRATOR | {"sweep": {"along": "K", "K": {"start": start, "stop": 250}}})
-    (row,) = loop.stable_intervals(require={measure: {**ENDS, "at_most": level}}).itertuples()
+    (row,) = loop.stable_intervals(require={measure: {**ENDS, **level}}).itertuples()
     assert (row.certified, row.high_set_by, row.high_omega) == (True, measure, 0.0)
     assert (row.low, row.high) == (pytest.approx(low, rel=1e-8), pytest.approx(high, rel=1e-8))
 
@@ -376,7 +377,8 @@ def test_ticks_until_a_response_stays_within_its_band_are_counted_from_the_step(
     T = np.array([[[[0.5, 0.0], [0.25, 0.25]]]])
     about = Bounded(T, 0 * T), np.array([step]), ends
     found, at_last, later = (
-        enclosed._Step(*about, settling=True, after=after, unsure=enclosed.UNSURE) for after in (None, settled - 2, settled - 1)
+        enclosed._Step(*about, settling=True, band=enclosed.BAND, after=after, unsure=enclosed.UNSURE)
+        for after in (None, settled - 2, settled - 1)
     )
     for each in (found, at_last, later):
         each.look(np.array([-0.3, -0.1, 0.0, 0.0]).reshape(1, 1, 4, 1))

@@ -360,7 +360,8 @@ def _offered(measure, spec, wish, points):
     """What a capability measures. Of points that differ only in numbers that it does not read,
     it is computed once."""
     value, certified = _unknown(points.size)
-    options = {name: wish.options[name] for name in wish.kind.own_options}
+    own = wish.kind.own_options
+    options = {name: value for name, value in wish.options.items() if name in own}
     reads = wish.kind.reads
     if reads:
         read = {path: column for path, column in points.changes.items() if path.startswith(reads)}

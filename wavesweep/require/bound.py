@@ -16,6 +16,7 @@ from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import (
     MEASURES,
+    WITHIN,
     CutBound,
     FactorBound,
     GainBound,
@@ -282,7 +283,11 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
         "sine by sine up to half the rate of the input",
         *map(_at_cut, [margins] if isinstance(margins, Mapping) else margins),
         *(
-            measure.words.format(**{**written[name], "from_": written[name]["from"]})
+            measure.words.format(
+                **written[name],
+                from_=written[name]["from"],
+                percent=100 * written[name].get("within", WITHIN),
+            )
             for name, measure in MEASURES.items()
             if name in written
         ),

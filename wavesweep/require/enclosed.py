@@ -271,7 +271,7 @@ class _Step:
     the mean of their ticks there.
 
     steps: the ticks. ends: of the ticks of a frame, each with a bound on its error. settling: whether the ticks are
-    looked for from the step until all samples are within BAND, in place of the overshoot; or, if `after` is
+    looked for from the step until all samples are within `band`, in place of the overshoot; or, if `after` is
     given, how far samples are from the end that come more than so many ticks after the step. unsure: see UNSURE.
     """
 
@@ -282,10 +282,12 @@ class _Step:
         ends: Bounded,
         *,
         settling: bool,
+        band: float,
         after: float | None,
         unsure: np.ndarray,
     ) -> None:
         self.settling = settling
+        self.band = band
         self.in_ticks = settling and after is None
         self.after = -np.inf if after is None else after
         self.unsure = unsure
@@ -319,8 +321,8 @@ class _Step:
             least = off - moved
             farthest = off + moved
             for values, size, band in (
-                (self.low, least, BAND + self.unsure),
-                (self.high, farthest, BAND - self.unsure),
+                (self.low, least, self.band + self.unsure),
+                (self.high, farthest, self.band - self.unsure),
             ):
                 for sample in np.flatnonzero(size.max() > band):  # the others are settled
                     last = np.where(size > band[sample], since + 1, 0).max((-1, -2))
@@ -344,7 +346,7 @@ class _Step:
         later = moved + unsure[:, None] + rest.largest * self.inverse[:, None]
         later = (self._off(middle) + later).max(-1)
         if self.in_ticks:
-            high = np.where(later <= BAND, high, np.inf)
+            high = np.where(later <= self.band, high, np.inf)
         else:
             high = np.fmax(high, later)
         high_known &= ~np.isnan(later)
@@ -489,11 +491,12 @@ def step(
     level: float | None = None,
     *,
     settling: bool = False,
+    band: float = BAND,
     after: float | None = None,
     proved: bool = True,
 ) -> Enclosed:
     """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
-    come; or the ticks from the step until all samples are within BAND of that value; or, more than
+    come; or the ticks from the step until all samples are within `band` of that value, as a share of it; or, more than
     `after` ticks after the step, how far samples are from it, as a share of it.
 
     maps: see `mean_square`; level: about which it is asked, None if its value is; proved: whether all
@@ -522,6 +525,7 @@ def step(
                 steps,
                 ends.part(panels),
                 settling=settling,
+                band=band,
                 after=after,
                 unsure=unsure,
             )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 OVERSHOOT, STEP_SETTLING, RMS = "overshoot", "step_settling", "rms"
 FACTOR_GAIN, FACTOR_PHASE = "gain", "phase_deg"
+WITHIN = 0.02  # of its end, to which a step settles where nothing else is said
 
 
 class Measure(NamedTuple):
@@ -40,11 +41,11 @@ MEASURES = {
         "s",
         1e6,
         True,
-        "a step is within 2 % of its final value, and stays, from a tick within this time on",
-        "a step of {from_} within 2 % of its end in {to} after {at_most:.15g} s",
-        "settling time of a step, to 2 %",
-        "time of the first tick from which on an output stays within 2 % of the final value of its step; settling is that of the "
-        "slowest mode",
+        "a step is within 2 %, or another share, of its final value, and stays, from a tick within this time on",
+        "a step of {from_} within {percent:.15g} % of its end in {to} after {at_most:.15g} s",
+        "settling time of a step",
+        "time of the first tick from which on an output stays within 2 %, or another share, of the final value of its step; "
+        "settling is that of the slowest mode",
     ),
     RMS: Measure(
         "of to over from",
@@ -123,13 +124,14 @@ class FactorBound(NamedTuple):
 class TimeBound(NamedTuple):
     """What a value of the response in time from an input to an output may be at most.
 
-    measure: which value, one of MEASURES.
+    measure: which value, one of MEASURES. within: the share of its end to which a step settles.
     """
 
     measure: str
     source: str
     signal: str
     at_most: float
+    within: float = WITHIN
 
     band_hz = None  # it is of all frequencies
 

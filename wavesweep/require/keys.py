@@ -15,6 +15,7 @@ from wavesweep.require.gain_bound import (
     FACTOR_GAIN,
     FACTOR_PHASE,
     MEASURES,
+    WITHIN,
     CutBound,
     FactorBound,
     GainBound,
@@ -108,6 +109,14 @@ KEYS = Key.by_path(
             "find the stable intervals in which what comes out of a sine at its own frequency, over the sine, is below this, as bode "
             "has it: Mt from a reference. Of sines below half the rate at which the input is read, since those above are read as these",
             high=1e12,
+        ),
+        Key.number(
+            "sweep.require.step_settling.within",
+            WITHIN,
+            "1",
+            "the share of its final value within which a step has settled",
+            low=1e-6,
+            high=0.999,
         ),
         Key.word(
             "sweep.require.margins.cut",
@@ -226,7 +235,10 @@ class Require(KeyValues):
                 gains += (CutBound(cut["cut"], 1 / cut["disk"], 0.5),)
         for measure in reversed(MEASURES):
             if f"{measure}.at_most" in self:
-                gains += (TimeBound(measure, *(self[f"{measure}.{name}"] for name in NEEDED)),)
+                ends_and_level = (self[f"{measure}.{name}"] for name in NEEDED)
+                gains += (
+                    TimeBound(measure, *ends_and_level, self.get(f"{measure}.within", WITHIN)),
+                )
         for cut, margin in product(self.cuts, (FACTOR_GAIN, FACTOR_PHASE)):
             if margin in cut:
                 gains += (FactorBound(cut["cut"], margin, cut[margin]),)

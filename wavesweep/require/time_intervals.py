@@ -33,23 +33,24 @@ def enclosed_value(
     rate: float,
     level: float | None = None,
     *,
+    band: float = BAND,
     proved: bool = True,
 ) -> Enclosed:
     """What is known of a value of responses, one of MEASURES; maps: see `enclosed`; rate: of
     ticks, Hz.
 
-    level: about which it is asked, None if the value is. proved: see `step`. A time that is asked
-    about is the level times how far the response is from its end after that, over BAND: so it does
+    level: about which it is asked, None if the value is. band, proved: see `step`. A time that is asked
+    about is the level times how far the response is from its end after that, over the band: so it does
     not jump where one more sample leaves the band.
     """
     if measure == OVERSHOOT:
         return step(maps, level, proved=proved)
     if measure == STEP_SETTLING:
         if level is None:
-            value, unit = step(maps, settling=True, proved=proved), 1 / rate
+            value, unit = step(maps, settling=True, band=band, proved=proved), 1 / rate
         else:
-            value = step(maps, BAND, settling=True, after=level * rate - 1, proved=proved)
-            unit = level / BAND
+            value = step(maps, band, settling=True, after=level * rate - 1, proved=proved)
+            unit = level / band
         return value._replace(low=value.low * unit, high=value.high * unit)
     square = mean_square(maps)
     return Enclosed(np.sqrt(square.low), np.sqrt(square.high))
@@ -93,7 +94,7 @@ def along_time(
     low = stable.low + BESIDE_END * ends.of(stable.low, domain.width) * (stable.low > span[0])
     high = stable.high - BESIDE_END * ends.of(stable.high, domain.width) * (stable.high < span[1])
     inner = replace(stable, low=low, high=high)
-    judge = InTime(*about, columns, inner, measure, port.rate, np.zeros(size))
+    judge = InTime(*about, columns, inner, wanted, port.rate, np.zeros(size))
     if MEASURES[measure].of_step and judge.ends_at_zero(number, p):
         raise UsageError(
             f"sweep.require.{measure}: expected a step that ends at another value than 0, found one "
@@ -107,10 +108,10 @@ def along_time(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InTime(Between):
-    """A value of the response of loops, one of MEASURES, which has to be at most the level; rate:
-    of ticks, Hz; looked_at: so many outputs of each column."""
+    """A value of the response of loops, which has to be at most the level; rate: of ticks, Hz;
+    looked_at: so many outputs of each column."""
 
-    measure: str
+    wanted: TimeBound
     rate: float
     looked_at: np.ndarray
     forms: ClassVar[None] = None
@@ -119,6 +120,11 @@ class InTime(Between):
     def order(self) -> int:
         """Of the matrices of a panel, about."""
         return self.kept.size + self.read.size
+
+    def _value(self, maps: Sequence[Bounded]) -> Enclosed:
+        """What is known of the value, about its level."""
+        wanted = self.wanted
+        return enclosed_value(wanted.measure, maps, self.rate, self.level, band=wanted.within)
 
     def ends_at_zero(self, column: np.ndarray, p: np.ndarray) -> bool:
         """Whether the response to a constant input ends at 0, at all of some values."""
@@ -151,7 +157,7 @@ class InTime(Between):
             at = at[~spent]
             if not at.size:
                 continue
-            value = enclosed_value(self.measure, of_panels(maps, at), self.rate, self.level)
+            value = self._value(of_panels(maps, at))
             np.add.at(self.looked_at, column[at], value.looked_at)
             label[at] = np.where(value.slow, LOST, OPEN)
             label[at[value.high <= self.level]] = GOOD
@@ -163,7 +169,7 @@ class InTime(Between):
         known."""
         maps = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
         maps = by_panel(maps, (p.size, 1))
-        value = enclosed_value(self.measure, maps, self.rate, self.level)
+        value = self._value(maps)
         # What bounds later samples may be far above them, once one is beyond the level.
         seen = np.isfinite(value.high) | (value.low > self.level)
         of_seen = np.where(seen, value.low, np.nan)

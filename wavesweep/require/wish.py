@@ -4,13 +4,15 @@ out with."""
 from __future__ import annotations
 
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.keys import Key
 from wavesweep.program.columns import SPARED
-from wavesweep.require.gain_bound import MEASURES, OVERSHOOT
+from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, STEP_SETTLING, WITHIN
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from wavesweep.engine.drawing import Drawing
     from wavesweep.engine.loop import Loops
 
@@ -18,9 +20,14 @@ ENDS = {
     "from": Key.word("from", None, "input in [ports]"),
     "to": Key.word("to", None, "output in [ports], or a signal"),
 }
+SETTLED = {
+    "within": Key.number(
+        "within", WITHIN, "1", "the share of its end to which it settles", low=1e-6, high=0.999
+    )
+}
 
 
-def _seen(wish: str, loops: Loops, size: int, **ends: str):
+def _seen(wish: str, loops: Loops, size: int, ends: Mapping[str, str]):
     """Which loops are stable, and their port between two ends with its maps, those of stable loops;
     no maps if none is, or if the output drifts."""
     from wavesweep.program.analyses.signals import routed
@@ -57,7 +64,7 @@ def _peak(loops: Loops, size: int, *, proved: bool, **ends: str):
     from wavesweep.require.gain_intervals import between_reads, reads
     from wavesweep.require.sines import Panel
 
-    stable, port, maps = _seen("peak", loops, size, **ends)
+    stable, port, maps = _seen("peak", loops, size, ends)
     value = np.full(size, np.nan)
     certified = stable.copy()
     if not maps:
@@ -74,19 +81,20 @@ def _peak(loops: Loops, size: int, *, proved: bool, **ends: str):
     return value, certified
 
 
-def _measured(measure: str, loops: Loops, size: int, *, proved: bool, **ends: str):
+def _measured(measure: str, loops: Loops, size: int, *, proved: bool, **options: Any):
     """A value of the response of each loop, missing if it is not stable, and whether it is
     certified, to SPARED; proved: see `step`."""
     import numpy as np
 
     from wavesweep.require.time_intervals import enclosed_value, refuse_long_frame
 
-    stable, port, maps = _seen(measure, loops, size, **ends)
+    stable, port, maps = _seen(measure, loops, size, options)
     refuse_long_frame(port.kind.size, f"design.wish.{measure}")
     value = np.full(size, np.nan)
     if not maps:
         return value, stable
-    found = enclosed_value(measure, maps, port.rate, proved=proved)
+    band = options.get("within", WITHIN)
+    found = enclosed_value(measure, maps, port.rate, band=band, proved=proved)
     known = np.isfinite(found.high)
     value[stable] = np.where(known, found.high, np.nan)
     certified = ~np.isnan(loops.read.radii(size))
@@ -115,7 +123,7 @@ WISHES = {
         "more": False,
         "title": measure.title,
         "description": measure.description,
-        "options": ENDS,
+        "options": ENDS | (SETTLED if name == STEP_SETTLING else {}),
         "ports": (),
         "measure": partial(_measured, name, proved=True),
         "seen": partial(_measured, name, proved=False),
