@@ -148,6 +148,7 @@ def test_the_check_refuses_forms_that_do_not_serve():
     assert not falls(loop.conditions, [(found, each) for each in walls])
     wall = loop.wall(20.0, 1.0)
     (soft,) = loop.found((20.0, 1.0))
+    assert not loop.found((0.0, 1.0))  # without stiffness the device stays where it is put
     fall = [falls(loop.conditions, [(replace(soft, h=h), wall)]) for h in (0.0, -1e-6)]
     assert fall == [True, False]
     wall = loop.wall(120.0, 1.0)
