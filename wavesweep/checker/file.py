@@ -44,9 +44,9 @@ Letters of frames name what varies, "rates.ratio=16" or "rates.ratio=16;environm
 what the receiver then has, "0: command gets 0" of one that is new to it, "0: command has 2" of one it had, counted back from the newest, 0.
 From "start" on a graph has at each node that is reached an edge for every letter that the spec allows there.
 
-p = centre + half s in each side, -1 <= s <= 1, and P(s) = L' (diag(signs) + sum of Q_m s^m) L, m in the order of the sides. A
-claim of modes is proved if P - A' P A > 0 in all cells, and "for all" without frames that vary likewise, with all signs +. In a
-graph P_i - A' P_j A > 0 for each edge from i to j: no matter in which order frames come, a norm of what is left decreases with
+p = centre + half s in each side, -1 <= s <= 1, and P(s) = L' (diag(signs) + sum of Q_m s^m) L, m in the order of the sides, of
+degree 1 to 3. A claim of modes is proved if P - A' P A > 0 in all cells, and "for all" without frames that vary likewise, with all signs +.
+In a graph P_i - A' P_j A > 0 for each edge from i to j: no matter in which order frames come, a norm of what is left decreases with
 each. Of [for_all] tick the frames are single ticks, A depends on their time as on one more side, and P does not: it decreases for
 all times if it does so at control points of A. Of chances there is a node for each state of the spec's chain, no edges, and
 P_q - sum of chance A' P_r A > 0 over the states r that follow q.
