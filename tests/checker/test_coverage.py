@@ -20,6 +20,8 @@ COVERAGE = {
     "all": (BOTH, ASKED, 0, f"proved stable to 0.86602, unstable from 0.86603, {OPEN}"),
     "a claim dropped": (BOTH[:2], ASKED, 3, "stable to 0.86602, NOT COVERED from 0.86602 (56.7 %)"),
     "an opening that is not stated": (BOTH, ASKED | {"open": []}, 3, "NOT COVERED from 0.86602 to 0.86603 (0.0005 %)"),
+    "an opening of its lower end": (BOTH, ASKED | {"open": [["0.8", "0.866025"]]}, 3, "NOT COVERED from 0.86602 to 0.86603"),
+    "an opening of its upper end": (BOTH, ASKED | {"open": [["0.866025", "2"]]}, 3, "NOT COVERED from 0.86602 to 0.86603"),
     "a claim twice": ([*BOTH[:2], *BOTH], ASKED, 0, f"{OPEN}, claimed more than once"),
     "claims that overlap": ([HALF, WITHIN, *BOTH], ASKED, 0, f"{OPEN}, claimed more than once"),
     "a point": ([*BOTH, BELOW | {"sides": {}, "numbers": {"k": "0.5"}}, WITHIN], ASKED, 0, "claimed more than once"),
@@ -54,6 +56,17 @@ def test_a_question_that_is_smaller_than_that_of_the_spec_is_told(case, tmp_path
     asked = ASKED | ({"sides": {"k": ["0", "0.86602"]}} if case == "a range" else {})
     code, printed = checked(tmp_path, spec, BOTH, {"of": "sweep", "question": [asked]})
     assert (code, f"{LESS}{words}" in printed.splitlines()[-1]) == (3, True), printed
+
+
+@pytest.mark.parametrize(("rates", "covers"), [("234", True), ("34", False), ("23", False), ("24", False), ("", False)])
+def test_values_of_an_axis_are_all_asked_for(rates, covers, tmp_path):
+    spec = SWEPT + "rates.tick_hz = [200, 300, 400]\n"
+    asked = [ASKED | {"numbers": {"rates.tick_hz": f"{rate}00"}} for rate in rates]
+    claims = [line | {"numbers": part["numbers"]} if "claim" in line else line for part in asked for line in BOTH]
+    code, printed = checked(tmp_path, spec, claims or BOTH, {"of": "sweep", "question": asked or [ASKED]})
+    assert (code, f"{LESS}[sweep] has rates.tick_hz from 200 to 400" in printed) == (3 * (not covers), not covers), printed
+    wider = [part | {"sides": {"k": ["0", "1.9"]}} for part in asked]
+    assert checked(tmp_path, spec, claims or BOTH, {"of": "sweep", "question": wider})[0] == 3
 
 
 def test_rows_that_are_alike_are_told_together(tmp_path):

@@ -88,4 +88,9 @@ def test_a_frame_is_a_matrix_in_the_order_of_its_states():
     found = form.matrix_of(cell, A, ["a", "b"])
     assert found.parts == {(0,): [[0, 4], [5, 7]], (1,): [[0, 0], [0, 8]], (2,): [[0, 0], [0, 9]], (3,): [[0, 0], [0, 10]]}
     assert found.error == [[0, 3], [1, 2 + 11]]
+    bordered = [[[*row, 0, 0] for row in part] + [[0] * 4] * 2 for part in found.parts.values()]
+    bordered[0][2:] = [[0, 0, 9, 0], [0, 0, 0, 9]]
+    assert form.bordered(found._replace(error=[[0] * 2] * 2), [9, 9]) == form.Matrix(
+        dict(zip(found.parts, bordered, strict=True)), [[0] * 4] * 4
+    )
     assert form.matrix_of(cell, A, ["b"], ["a"]) == form.Matrix({(0,): [[5]]}, [[1]])

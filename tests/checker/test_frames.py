@@ -1,16 +1,18 @@
 """Matrices of frames in balls against the march of the same equations, which solves and multiplies them in doubles."""
 
+import random
 import tomllib
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from checker.test_balls import EXACT, real
 from meaning import doubles
 from meaning.machine import Machine
 from meaning.specs import linkage, spec_text, toml
 
 from wavesweep.checker import balls
-from wavesweep.checker.frame import Frames, steps_of
+from wavesweep.checker.frame import Flow, Frames, steps_of
 from wavesweep.checker.reader import loop_of, unknown_key, with_numbers
 
 
@@ -59,6 +61,33 @@ def test_frames_are_those_of_the_march(first):
 @pytest.mark.parametrize(("kind", "seed"), [("five-bar", 3), ("pantograph", 4), ("delta", 1)])
 def test_a_device_of_several_axes_is_that_of_the_march(kind, seed):
     agree(toml(linkage(seed, kind)))
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_a_motion_is_enclosed_by_its_exponential(size):
+    """Of 100 digits, at a point and at points of a cell, in which it is as narrow as its order allows."""
+    draw = random.Random(size)  # noqa: S311
+    names = [f"x{row}" for row in range(size)]
+    k = balls.side("k", (Fraction(1, 2), Fraction(3, 4)))
+    for fast, widest in ((1, 1 << 30), (10**6, 1 << 60)):
+        A = [[Fraction(draw.randint(-fast, fast), 10**3) for _ in names] for _ in names]
+        rows = {name: {other: k * x for other, x in zip(names, row, strict=True)} for name, row in zip(names, A, strict=True)}
+        flow = Flow(rows, balls.number(Fraction(1, 100)))
+        cell = balls.Cell({"k": (Fraction(1, 2), Fraction(1, 2) + Fraction(1, 100 * fast))})
+        point = balls.Cell({"k": (Fraction(1, 2),) * 2})
+        for found, share, values in ((flow.map(point), 0, [Fraction(1, 2)]), (flow.map(cell), 1, cell_points(cell))):
+            for s, value in zip((0, -1, Fraction(1, 3)), values, strict=False):
+                exact = EXACT.expm(EXACT.matrix([[real(x * value / 100) for x in row] for row in A]))
+                for i, name in enumerate(names):
+                    for j, other in enumerate(names):
+                        radius, *parts = found[name].get(other, (0, 0))
+                        middle = sum(part * s**power for power, part in enumerate(parts))
+                        assert abs(Fraction(str(exact[i, j] * balls.ONE)) - middle) <= radius < (widest << 20 * share)
+
+
+def cell_points(cell) -> list[Fraction]:
+    centre, half = (Fraction(part, balls.ONE) for part in cell.powers["k", 1][1:])
+    return [centre, centre - half, centre + half / 3]
 
 
 @pytest.mark.parametrize("number", [0, 2, 4, 6, 8, 10])

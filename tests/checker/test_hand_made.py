@@ -236,9 +236,21 @@ def test_a_drift_is_set_aside_once(again, tmp_path):
     """Both memories keep each other: with either of them first it is one direction, and the other mode is left."""
     claim = {"claim": "modes", "outside": 1, "drifts": [["@turn x0", "@turn x1"]], "states": ["@turn x1"]}
     assert checked(tmp_path, TURNED, [claim, {"L": [["1"]], "signs": "-"}])[0] == 0
+    turned = {"claim": "modes", "outside": 1, "states": STATES}, {"L": UNIT, "signs": "+-", "turn": -1}
+    assert "a frame that cannot be turned" in checked(tmp_path, TURNED, turned)[1]
     claim |= {"outside": 0, "drifts": [["@turn x0", "@turn x1"], again], "states": []}
     code, words = checked(tmp_path, TURNED, [claim, {"L": [], "signs": ""}])
     assert (code, "no memory of its own" in words or "not every equation keeps" in words) == (1, True), words
+
+
+def test_a_sum_that_goes_on_with_a_drift_is_none_where_it_is_read(tmp_path):
+    """x0+ = x0 + x1, x1+ = x1 grows for ever; what is only shown may do so."""
+    spec = SPEC.replace('["0.5", "k"], ["-k", "0.5"]', '[1, "k"], [0, 1]') + '[block]\nlag = { type = "lowpass", a = 0.5 }\n'
+    spec += '[wire]\n"lag.u" = "turn.y"\n'
+    claim = {"claim": "modes", "outside": 0, "states": ["@lag y"]}
+    for first in (["@turn x0", "turn.y", "lag.y", "@lag y"], ["@turn x0"]):
+        code, words = checked(tmp_path, spec, [claim | {"drifts": [first, ["@turn x1"]]}, {"L": [["1"]], "signs": "+"}])
+        assert (code, "not every equation keeps the drift of" in words) == (1, True), words
 
 
 # The integral of one - two: both rest at g times the integral, whatever g is.

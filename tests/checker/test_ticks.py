@@ -142,15 +142,11 @@ def test_what_has_no_proof_beside_late_ticks_is_refused(case, tmp_path):
     assert (code, why in words) == (2, True), words
 
 
-def test_rates_that_do_not_divide_have_no_proof(tmp_path):
-    spec = '[rates]\nslow_hz = 60\n[controller]\nkind = "dc-slow"\n[for_all]\ntick = { late = 0.0001 }\n'
-    code, words = checked(tmp_path, spec, [{"claim": "for all", "states": ["@v", "@x"]}, ALWAYS])
-    assert (code, "a frame of no whole ticks" in words) == (2, True), words
-
-
-def test_means_say_nothing_of_late_ticks(tmp_path):
-    code, words = checked(tmp_path, TANK, [up_to("13.33") | {"claim": "mean square"}, {"nodes": ONE}])
-    assert (code, "the spec has no chances" in words) == (2, True), words
+def test_frames_of_no_whole_ticks_and_means_have_no_proof(tmp_path):
+    spec = 'rates.slow_hz = 60\ncontroller.kind = "dc-slow"\nfor_all.tick = { late = 0.0001 }\n'
+    for text, claim, why in ((spec, {}, "no whole ticks"), (TANK, {"claim": "mean square"}, "the spec has no chances")):
+        code, words = checked(tmp_path, text, [{"claim": "for all"} | STATES | claim, ALWAYS])
+        assert (code, why in words) == (2, True), words
 
 
 def test_a_tick_of_any_time_lies_between_its_control_points():

@@ -201,6 +201,5 @@ def names_in(node) -> set[str]:
         return {dotted(node)}
     names: set[str] = set()
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.expr) and not (isinstance(node, ast.Call) and child is node.func):
-            names |= names_in(child)
+        names |= names_in(child)
     return names

@@ -409,12 +409,7 @@ def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
             if letter not in schedules:
                 gets = [back if new else None for back, new in after]
                 schedules[letter] = _stretch(loop, channels, first, until, gets)
-            backs = []
-            for (back, _), (every, phase, *_) in zip(after, channels.values(), strict=True):
-                backs.append(
-                    back + sum((tick - phase) % every == 0 for tick in range(first + 1, until))
-                )
-            following = ((place + 1) % len(cuts), tuple(backs))
+            following = ((place + 1) % len(cuts), tuple(back for back, _ in after))
             moves[state][letter] = (letter, following, None)
             todo.append(following)
         if len(moves) > MOST_STATES:
