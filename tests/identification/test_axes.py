@@ -6,6 +6,7 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
+from wavesweep.identification.axes import as_early_as_the_force
 from wavesweep.identification.device_spec import spec_text
 
 PERIOD, STEP = 1e-3, 2e-5
@@ -115,3 +116,12 @@ def test_the_spec_of_axes_has_their_matrices(tmp_path, axes, known):
     spec = wavesweep.load(tmp_path / "device.toml")
     assert wavesweep.compile(spec).spectral_radius(K=10.0) < 1
     assert bool(spec.for_all) is known
+
+
+def test_what_is_held_over_ticks_that_begin_later_is_not_smoothed_where_it_is_moved():
+    """Mean forces of what is held from a later instant to the next, and of a line."""
+    held = np.random.default_rng(0).normal(size=40)
+    ticks = np.arange(40)
+    mean = 0.78 * np.roll(held, 2) + 0.22 * np.roll(held, 3) + 0.3 * ticks
+    earlier = as_early_as_the_force(mean, held, 2.22)
+    np.testing.assert_allclose(earlier[3:-3], (held + 0.3 * (ticks + 2.22))[3:-3], rtol=1e-12)

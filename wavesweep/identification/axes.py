@@ -57,20 +57,39 @@ def identified_axes(
         coupled = _coupled(axes, rounds[-1], forces, predictions)
     alone = []
     wider = 1.0
-    for mean_force, force, of_log, resisting in zip(
-        predictions, forces, of_logs, coupled_before, strict=True
+    M = _mass_matrix(axes, rounds[-1])
+    jumping = (M - np.diag(np.diag(M))) @ np.linalg.solve(M, forces)
+    for mean_force, force, of_log, resisting, held in zip(
+        predictions, forces, of_logs, coupled_before, jumping, strict=True
     ):
         resistance = np.tensordot(mean_force.theta[-len(resisting) :], np.array(resisting)[:, 0], 1)
-        ticks = np.arange(len(force))
-        # As if it was as late as the force.
-        resistance = np.interp(ticks + mean_force.searched["delay"], ticks, resistance)
-        fit, verdict = identified(model, force - resistance, *of_log)
+        earlier = as_early_as_the_force(resistance, held, mean_force.searched["delay"])
+        fit, verdict = identified(model, force - earlier, *of_log)
         alone.append((fit, verdict))
         wider = max(wider, 1 + np.max((fit.extra / fit.half)[:2]))
     numbers = {}
     for name, (value, half) in rounds[-1].items():
         numbers[name] = value, wider * (half + abs(value - rounds[-2][name][0]))
     return numbers, alone
+
+
+def as_early_as_the_force(resistance: np.ndarray, held: np.ndarray, delay: float) -> np.ndarray:
+    """The means of a force over ticks that begin `delay` ticks later, from those over ticks.
+
+    held: what of it is held from such a tick to the next, as the accelerations that the forces of the log make, of which
+    a line between two means would be a mean of three ticks; the rest has a line.
+    """
+    whole_ticks = int(np.floor(delay))
+    part = delay - whole_ticks
+    ticks = np.arange(len(resistance))
+    mean = (1 - part) * late(held, whole_ticks) + part * late(held, whole_ticks + 1)
+    return np.interp(ticks + delay, ticks, resistance - mean) + held
+
+
+def _mass_matrix(axes: Sequence[str], numbers: dict[str, tuple[float, float]]) -> np.ndarray:
+    return np.array(
+        [[numbers["mass_" + "".join(sorted((first, two)))][0] for two in axes] for first in axes]
+    )
 
 
 def _names(axis: str, axes: Sequence[str], model: Model) -> list[str]:
@@ -117,7 +136,7 @@ def _numbers(
 def _coupled(axes, numbers, forces, predictions) -> list[list[np.ndarray]]:
     """What resists each axis beside itself: of each other axis, the means over each tick, see
     `ScaledLog.side`, of its acceleration and of its velocity."""
-    M = [[numbers["mass_" + "".join(sorted((first, two)))][0] for two in axes] for first in axes]
+    M = _mass_matrix(axes, numbers)
     delay = numbers["delay"][0]
     whole_ticks = int(np.floor(delay))
     part = delay - whole_ticks

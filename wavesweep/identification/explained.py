@@ -163,7 +163,7 @@ def lacking(
     """
     rows = fit.rows
     first, end = _least_explained_part(prediction, len(rows.force))
-    force, effects, seen = _effects(fit, prediction, other_forces, first, end)
+    force, effects, seen = _lacking_effects(fit, prediction, other_forces, first, end)
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
     # A lag that leaves a tenth of the force goes before curves, which are likelier by a part of it.
     lag = [effect for effect in effects if effect.name == "lag" and effect.left < 0.1 * force]
@@ -204,7 +204,7 @@ def lacking(
     return fit, Verdict(False, name, tone_hz, share, *of_rest, None, withheld, force)
 
 
-def _effects(
+def _lacking_effects(
     fit: Fit, prediction: Prediction, other_forces: Sequence[np.ndarray], first: int, end: int
 ) -> tuple[float, list[Effect], bool]:
     """The force that a fit leaves in the rows from first to end, effects that may explain it, and
