@@ -53,7 +53,15 @@ CAPABILITIES = (
     Capability(
         "contact",
         tables=("for_all.contact",),
-        offers=("guarantee", "keys", "on_check", "stretches", "sums_of_squares"),
+        offers=(
+            "guarantee",
+            "keys",
+            "on_check",
+            "rows_in_frames",
+            "stored_search",
+            "stretches",
+            "sums_of_squares",
+        ),
     ),
     Capability(
         "check",

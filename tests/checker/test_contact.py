@@ -147,7 +147,95 @@ def test_a_spec_with_another_number_is_refused(tmp_path, before, after):
 def test_what_varies_is_refused(tmp_path, more):
     code, words = checked(tmp_path, f"{DIRECT}[for_all]\n{more}\n", written(DIRECT))
     assert code == 1
-    assert "frames and messages that vary" in words or "the sides are not the ranges" in words
+    assert "REFUSED" in words
+
+
+VARYING = '[for_all]\ncontact = true\n"rates.ratio" = { values = [20, 33], varying = true }\n'
+IN_FRAMES = {"floating": DIRECT + VARYING, "grasped": GRASPED + "\n" + VARYING}
+
+
+@cache
+def in_frames(spec):
+    """Lines for stiffnesses from 20 to 100, in one piece."""
+    ends = {"K_VE": (Fraction(20), Fraction(100)), "B_VE": (Fraction(1),) * 2}
+    head, *cells = claim_of_walls(file.spec_of(spec.encode()), {}, ends)
+    assert len(cells) == 1
+    return head, cells[0]
+
+
+@pytest.mark.parametrize("spec", IN_FRAMES)
+def test_every_motion_comes_to_rest_in_any_order_of_frames(tmp_path, spec):
+    spec = IN_FRAMES[spec]
+    code, words = checked(tmp_path, spec, in_frames(spec))
+    assert code == 3, words
+    assert "K_VE from 20 to 100, B_VE = 1: every motion comes to rest" in words
+
+
+def with_edges(change):
+    return lambda line: line | {"edges": [change(*edge) for edge in line["edges"]]}
+
+
+FORGERIES = {
+    "a higher end": ({"sides": {"K_VE": ["20", "160"], "B_VE": ["1", "1"]}}, dict, "does not fall"),
+    "another damping": ({"sides": {"K_VE": ["20", "100"], "B_VE": ["0.2", "0.2"]}}, dict, "does not fall"),
+    "a dropped edge": ({}, lambda line: line | {"edges": line["edges"][1:]}, "has no edge of it"),
+    "a weight below 0": ({}, with_edges(lambda *edge: [*edge[:4], "-0.1"]), "not below 0"),
+    "a weight of the force": ({}, with_edges(lambda *edge: [*edge[:3], "-0.1", edge[4]]), "not below 0"),
+    "a heavier last force": ({}, with_edges(lambda *edge: [*edge[:4], "40"]), "does not fall"),
+    "h below 0": ({}, lambda line: line | {"h": "-1"}, "not below 0"),
+    "nothing stored": ({}, lambda line: line | {"h": "0"}, "does not fall"),
+    "no forms": ({}, lambda line: line | {"nodes": []}, "0 nodes"),
+    "a form of one end": ({}, lambda line: line | {"nodes": [{"L": node["L"][:1]} for node in line["nodes"]]}, "L is not"),
+    "forms of the other end": (
+        {},
+        lambda line: line | {"nodes": [{"L": node["L"][::-1]} for node in line["nodes"]]},
+        "does not fall",
+    ),
+    "a multiplier": ({}, lambda _: {"L": [], "e": [], "h": [], "P": []}, "no graph"),
+}
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+def test_a_graph_that_says_more_is_refused(tmp_path, forgery):
+    of_claim, change, why = FORGERIES[forgery]
+    spec = IN_FRAMES["floating"]
+    head, line = in_frames(spec)
+    code, words = checked(tmp_path, spec, [head | of_claim, change(line)])
+    assert code in (1, 2)
+    assert why in words
+
+
+@pytest.mark.parametrize("lengths", ["[20, 33, 40]", "[20, 34]", "[19, 33]"])
+def test_frames_of_another_length_are_refused(tmp_path, lengths):
+    spec = IN_FRAMES["floating"]
+    other = spec.replace("[20, 33]", lengths)
+    code, words = checked(tmp_path, other, in_frames(spec))
+    assert code == 1
+    assert "has no edge of it" in words
+
+
+def march(K, B, word, wall, frames):
+    """Forces of a floating mass, by its exact motion in frames of these ticks."""
+    x, v, forces = 0.01, 0.0, []
+    for place in range(frames):
+        forces.append(wall(K * x + B * v))
+        duration = 0.001 * word[place % len(word)]
+        still = -forces[-1] / 1.5
+        slow = np.exp(-1.5 / 0.1 * duration)
+        x += duration * still + (v - still) * (1 - slow) * 0.1 / 1.5
+        v = still + (v - still) * slow
+    return np.abs(forces)
+
+
+def test_a_march_comes_to_rest_inside_and_goes_on_outside():
+    """Walls of the class in frames at random at the proved end; beyond it the linear wall grows in the longest frames."""
+    rng = np.random.default_rng(7)
+    walls = [lambda y: y, lambda y: max(0.0, y), lambda y: min(0.3, max(0.0, y - 0.1)), np.tanh]
+    for wall in walls:
+        for _ in range(5):
+            forces = march(100.0, 1.0, rng.choice([20, 33], 97), wall, 2000)
+            assert forces[-100:].max() < 1e-6 * max(1e-3, forces.max()) + 1e-9
+    assert march(230.0, 1.0, [33], walls[0], 300)[-20:].max() > 10
 
 
 def test_an_offset_that_the_wall_opposes_is_no_drift_with_a_force(tmp_path):

@@ -1,10 +1,8 @@
 """Walls that push and never pull while frames vary: against a march of its own, and what is said."""
 
-import math
 import re
 from dataclasses import replace
-from itertools import product
-from types import SimpleNamespace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -14,15 +12,13 @@ from meaning.walls import judge_walls
 
 import wavesweep
 from wavesweep.capabilities import offered
-from wavesweep.contact.coming_rests import _Rests, edges_of
+from wavesweep.checker import balls, contact
+from wavesweep.checker.balls import Refused
 from wavesweep.contact.on_check import facts
 from wavesweep.contact.rows import records_in_frames, records_through_contact, refuse
-from wavesweep.contact.rows_in_frames import in_frames
-from wavesweep.contact.stored_check import Stored, _bernstein_coefficient, falls
-from wavesweep.contact.stored_search import find_stored
+from wavesweep.contact.rows_in_frames import InFrames, fit_frames
 from wavesweep.contact.verdict import of_wall
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.frames import Bounded
 from wavesweep.program.analyses.claim_words import scope_in_words
 from wavesweep.program.analyses.claims import PUSHES
 from wavesweep.program.spec import load
@@ -84,101 +80,25 @@ def test_no_march_goes_on_where_it_is_proved_and_one_does_where_the_nearest_of_b
     assert contradictions(slow(delay)) == []
 
 
-@pytest.mark.parametrize(("lengths", "kind"), [(LENGTHS, "pmw"), ([19, 20, 21], "pmw"), (LENGTHS, "pmw-lm")])
-def test_rests_of_waves_are_enclosed_for_frames_at_random(lengths, kind):
-    """omega of long random sequences, by its recursion, lies in the hull of its node, though frames are
-    known to a thousandth alone.
-
-    A local model turns what it shrinks in a frame, and a set is held by several in a row alone.
-    """
-    spec = load(waves(lengths) | {"controller": {"kind": kind, "b": 10.0}})
-    frames = in_frames(rules_of(spec), dict(spec.values), [K, B]).frames
-    n = frames.changes.shape[-1] - 1
-    errors = 1e-3 * np.abs(frames.changes)
-    frames = replace(frames, changes_error=errors)
-    edges = {(each.source, each.frame, each.target): each for each in edges_of(frames, 1, 2)}
-    rng = np.random.default_rng(1)
-    for _ in range(40):
-        rest = np.zeros(n)
-        word = rng.integers(0, len(lengths), 160)
-        if rng.uniform() < 0.5:
-            word = np.resize(word[: rng.integers(1, 4)], 160)
-        for here, following in zip(word[-2::-1], word[::-1], strict=False):
-            edge = edges[here, here, following]
-            off = rng.choice([-1, 1]) * np.sign(np.append(rest, 1.0))
-            moved = np.append(rest, 1.0) @ (frames.changes[here] + off[:, None] * errors[here])
-            turned, rest = moved[n], rest + moved[:n]
-        assert edge.turned[0] <= turned <= edge.turned[1]
-        low, high = edge.vertices.min(0) - edge.errors, edge.vertices.max(0) + edge.errors
-        assert (low <= rest).all()
-        assert (rest <= high).all()
-
-
-def test_the_rests_before_a_frame_hold_the_worst_of_all_errors():
-    """Every corner of a set of rests, moved by a frame whose entries are off by all that they may."""
-    rng = np.random.default_rng(2)
-    rests = _Rests(np.array([-1, 0]), rng.normal(size=(2, 3)), rng.normal(size=(2, 3, 3)) * [1, 0.5, 0.1], rng.random((2, 3)))
-    A = Bounded(rng.normal(size=(3, 3)), rng.random((3, 3)))
-    step, pushed = (Bounded(rng.normal(size=n), rng.random(n)) for n in (3, 4))
-    corners = np.array(list(product([-1, 1], repeat=6)))
-    omega = rests.middle[:, None] + corners[:, :3] @ rests.G.mT + corners[:, 3:] * rests.errors[:, None]
-    vertices, off = rests.hull(2)
-    frames = SimpleNamespace(follows=np.ones((1, 1), bool))
-    moved = rests.before(frames, 0, A.part(None), step.part(None, slice(None), None))
-    for sign in (-1, 1):
-        most = (sign * vertices).max(0) + off
-        assert (sign * omega <= most).all()
-        most = (sign * moved.middle + np.abs(moved.G).sum(2) + moved.errors)[:, None]
-        worst = sign * (omega @ A.value.T + step.value) + np.abs(omega) @ A.error.T + step.error
-        assert (worst <= most).all()
-    turned = omega @ pushed.value[:3] + pushed.value[3]
-    off = np.abs(omega) @ pushed.error[:3] + pushed.error[3]
-    least, most = rests.turned(pushed)
-    assert least <= (turned - off).min() < (turned + off).max() <= most
+def loop_of(tables):
+    spec = load(tables)
+    return fit_frames(rules_of(spec), dict(spec.values), list(spec.wall))
 
 
 def test_the_check_refuses_forms_that_do_not_serve():
-    """Forms of one wall at another, a weight below 0, and rests that move against a push."""
-    spec = load(slow())
-    loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
-    (found,) = loop.found((120.0, 1.0))
-    walls = loop.wall(120.0, 1.0), loop.wall(150.0, 1.0)
-    assert falls(loop.conditions, [(found, walls[0])])
-    assert not falls(loop.conditions, [(found, walls[1])])
-    assert not falls(loop.conditions, [(found, each) for each in walls])
-    wall = loop.wall(20.0, 1.0)
-    (soft,) = loop.found((20.0, 1.0))
-    assert not loop.found((0.0, 1.0))  # without stiffness the device stays where it is put
-    fall = [falls(loop.conditions, [(replace(soft, h=h), wall)]) for h in (0.0, -1e-6)]
-    assert fall == [True, False]
-    wall = loop.wall(120.0, 1.0)
-    conditions = replace(loop.conditions, R=loop.conditions.R * -1.0)
-    (found,) = find_stored(conditions, [wall])
-    assert (np.linalg.eigvalsh(found.P) > 0).all()
-    assert not falls(conditions, [(found, wall)])
-
-
-@pytest.mark.parametrize("hand", [0.0, 200.0])
-def test_the_condition_between_two_walls_is_a_polynomial_of_its_coefficients(hand):
-    """F of walls, forms and weights that are a share between two, by Bernstein's sum of degree 3."""
-    spec = load(slow(operator={"stiffness": hand}))
-    loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
-    assert loop.frames.drifts == (hand == 0)
-    walls = loop.wall(120.0, 1.0), loop.wall(60.0, 2.0)
-    rng = np.random.default_rng(3)
-    terms = [loop.conditions.terms(wall) for wall in walls]
-    count, size, _ = terms[0].own.value.shape
-    forms = []
-    for each in rng.normal(size=(2, 1, size - 1, size - 1)):
-        forms.append(Stored(each + each.mT, *rng.random(2), rng.random((count, len(terms[0].beside)))))
-    parts = [_bernstein_coefficient(loop.conditions, forms, terms, k).value for k in range(4)]
-    for s in (0.0, 0.3, 1.0):
-        mean = [(1 - s) * np.array(a) + s * np.array(b) for a, b in zip(*walls, strict=True)]
-        between = Stored(*((1 - s) * getattr(forms[0], of) + s * getattr(forms[1], of) for of in ("P", "g", "h", "beside")))
-        own = [loop.conditions.terms(mean)]
-        F = _bernstein_coefficient(loop.conditions, [between], own, 0).value
-        summed = sum(math.comb(3, k) * s**k * (1 - s) ** (3 - k) * parts[k] for k in range(4))
-        assert summed == pytest.approx(F, abs=1e-12)
+    """Forms of one wall at another, weights below 0, and frames that are known to 3 % alone."""
+    loop = loop_of(slow())
+    graph = loop.graphs[0]
+    found = loop.found(graph, (120.0, 1.0))
+    assert loop.serves(found)
+    assert not loop.serves(replace(found, walls=((150.0, 1.0),)))
+    assert not loop.found(graph, (0.0, 1.0))  # without stiffness the device stays where it is put
+    assert not loop.serves(replace(found, stored=replace(found.stored, h=0.0)))
+    rough = replace(loop.frames, changes_error=3e-2 * np.abs(loop.frames.changes))
+    assert not replace(loop, frames=rough).serves(found)
+    for weights in (replace(found.stored, h=-1e-6), replace(found.stored, weights=found.stored.weights - 1e-6)):
+        with pytest.raises(Refused, match="not below 0"):
+            loop.serves(replace(found, stored=weights))
 
 
 def held_wall():
@@ -198,39 +118,41 @@ def held_wall():
     }
 
 
-def test_what_a_form_falls_by_is_what_its_inequalities_leave():
-    """At states and forces at random, with weights of each edge."""
-    spec = load(held_wall())
-    loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
-    wall = loop.wall(70.0, 3.0)
-    terms = loop.conditions.terms(wall)
+@pytest.mark.parametrize("hand", [0.0, 200.0])
+def test_what_a_form_falls_by_is_what_its_inequalities_leave(hand):
+    """At states and forces at random, with weights of each edge; a drift is in no part of it."""
+    loop = loop_of(slow(operator={"stiffness": hand}))
+    assert loop.samples.drifts == (hand == 0)
+    K, B = 60 * loop.unit, 2 * loop.unit
     rng = np.random.default_rng(8)
-    count, size, _ = terms.own.value.shape
-    P = rng.normal(size=(1, size - 1, size - 1))
-    form = Stored(P + P.mT, *rng.random(2), rng.random((count, 2)))
-    F = _bernstein_coefficient(loop.conditions, [form], [terms], 0).value
-    for at, edge in enumerate(edges_of(loop.frames, 0, 2)):
-        *z, u = rng.normal(size=size)
+    n = loop.frames.changes.shape[-1] - 1
+    h, g, a = 0.5, 0.0 if hand == 0 else 0.25, 0.125
+    P, after = (each + each.T for each in rng.integers(-9, 9, (2, n + 3, n + 3)))
+    forms = [[[int(x) << balls.BITS for x in row] for row in each] for each in (P, after)]
+    for frame, sampled in enumerate(loop._sampled(Fraction(K), Fraction(B))):
+        F = contact.left_over_of(sampled, *forms, tuple(map(Fraction, (h, g, a)))).parts[()]
+        *z, u = rng.normal(size=n + 4)
         *eta, x, v, u_before = z
+        p = rng.normal() if hand == 0 else 0.0
         now = np.array([*eta, u])
-        read = loop.frames.rows[edge.frame] @ now
-        after = np.array([*(eta + loop.frames.changes[edge.frame, :-1] @ now), *read, u])
-        f_before = wall[0] * x + wall[1] * v - u_before
-        f = wall @ read - u
-        g, a = form.beside[at]
-        left = z @ form.P[0] @ z - after @ form.P[0] @ after - 2 * (form.g + g) * u * f
-        left -= 2 * (form.h + a) * u * (f - f_before) + 2 * a * u_before * (f_before - f)
-        assert np.array([*z, u]) @ F[at] @ [*z, u] == pytest.approx(left, rel=1e-9)
+        read = loop.frames.rows[frame] @ now + [p, 0.0]
+        moved = loop.frames.changes[frame] @ now
+        following = np.array([*(eta + moved[:n]), read[0] - p - moved[n], read[1], u])
+        f_before, f = K * (x + p) + B * v - u_before, K * read[0] + B * read[1] - u
+        fallen = z @ P @ z - following @ after @ following - g * f * u
+        fallen -= (h + a) * u * (f - f_before) + a * u_before * (f_before - f)
+        whole = np.array([*z, u])
+        assert whole @ (np.array(F, float) / balls.ONE) @ whole == pytest.approx(fallen, rel=1e-9)
 
 
 def test_what_is_stored_falls_in_a_march_of_frames_at_random():
     """With walls that begin late, rise steeply and have a limit; f with its force solves `f - d u = e' eta`."""
-    spec = load(held_wall())
-    loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
-    assert not loop.found((451.0, 3.0))  # where a motion goes on
-    (found,) = loop.found((400.0, 3.0))
-    assert (found.beside[:, 1] > 0.01).any()
-    stiffness, damping = loop.wall(400.0, 3.0)
+    loop = loop_of(held_wall())
+    assert not loop.found(loop.graphs[0], (451.0, 3.0))  # where a motion goes on
+    found = loop.found(loop.graphs[0], (400.0, 3.0))
+    assert (found.stored.weights > 1e-6).any()
+    stiffness, damping = 400 * loop.unit, 3 * loop.unit
+    ((L,),) = found.stored.L
     frames = loop.frames
     n = frames.changes.shape[-1] - 1
     rng = np.random.default_rng(5)
@@ -257,7 +179,7 @@ def test_what_is_stored_falls_in_a_march_of_frames_at_random():
                 low, high = (middle, high) if middle - (e[n] - 1) * force(middle) < e[:n] @ z[:n] else (low, middle)
             own = np.append(z[:n], force(low))
             last = stiffness * z[n] + damping * z[n + 1] - z[n + 2]
-            now = z @ found.P[0] @ z + 2 * found.h * stored(last)
+            now = np.square(L @ z).sum() + found.stored.h * stored(last)
             assert now <= before * (1 + 1e-9)
             before = now
             z = np.concatenate([z[:n] + frames.changes[frame][:n] @ own, rows @ own, own[n:]])
@@ -270,17 +192,6 @@ def test_a_wall_before_a_spring_is_proved_from_soft_to_stiff():
     (row,) = records_in_frames(rules_of(spec), loops_of(spec, dict(spec.values), "numbers.K"), "numbers.K", (0.0, 900.0))
     assert row["low"] < 1
     assert 0.97 * row["fails_from"] < row["high"] < row["fails_from"] == pytest.approx(450.136, rel=1e-5)
-
-
-def test_weights_below_zero_are_refused():
-    spec = load(held_wall())
-    loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
-    wall = loop.wall(100.0, 3.0)
-    (found,) = loop.found((100.0, 3.0))
-    lighter = found.beside.copy()
-    lighter.ravel()[lighter.argmin()] = -1e-12
-    fall = [falls(loop.conditions, [(replace(found, beside=each), wall)]) for each in (found.beside, lighter)]
-    assert fall == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -317,40 +228,9 @@ def test_a_row_while_frames_vary_is_what_single_walls_are(monkeypatch):
     assert row["counterexample"].startswith("a wall, in frames of 33 ticks")
     assert not row["settled"]
     assert re.fullmatch(r"within environment.K_VE 1[34]\d\.?\d* to 143\.[89]", row["left_open"])
-    at_one = "wavesweep.contact.rows_in_frames.falls"
-    monkeypatch.setattr(at_one, lambda conditions, ends: len(ends) == 1 and falls(conditions, ends))
+    monkeypatch.setattr(InFrames, "serves", lambda _, piece: len(piece.walls) == 1)
     (row,) = records_in_frames(*asked)
     assert (row["intervals"], row["certified"]) == (0, False)
-
-
-@pytest.mark.parametrize("lengths", [[20, 33], [20, 40], [20, 25, 40]])
-def test_a_force_moves_the_rest_of_waves_away_from_the_wall_where_frames_are_missed(lengths):
-    """At a delay of a frame; the largest and the least that frames to come leave of it are those of some words."""
-    spec = load(waves(lengths) | {"environment": {"integration": "explicit", "delay": "frame", "B_VE": 1.0}})
-    frames = in_frames(rules_of(spec), dict(spec.values), [K, B]).frames
-    n = frames.changes.shape[-1] - 1
-    every = []
-    for word in product(range(len(lengths)), repeat=5):
-        rest = np.zeros(n)
-        for frame in np.resize(word, 90):
-            change = frames.changes[frame]
-            turned = np.append(rest, 1.0) @ change[:, n]
-            rest = rest + np.append(rest, 1.0) @ change[:, :n]
-        every.append(turned)
-    room = 0.45 * (max(every) - min(every))
-    turned = [edge.turned for edge in edges_of(frames, 0, 2)]
-    assert min(every) - room < min(least for least, _ in turned) <= min(every)
-    assert max(every) <= max(most for _, most in turned) < min(0, max(every) + room)
-
-
-def test_waves_behind_a_slow_amplifier_are_taken_where_frames_of_three_lengths_are_missed():
-    """Rests are told apart by enough frames to come to see that each force moves them away from the wall."""
-    tables = waves([17, 34, 51]) | {"filters": {"lp1": {"order": 1, "cutoff_hz": 4}}}
-    tables["device"] = {"mass": 0.08, "damping": 0.6, "delay": 2, "velocity": "difference"}
-    tables["environment"] = {"integration": "explicit", "delay": "frame", "B_VE": 1.0}
-    spec = load(tables)
-    loop = in_frames(rules_of(spec), dict(spec.values), [K, B])
-    assert loop.conditions.are_met_by_rests
 
 
 @pytest.mark.slow
@@ -372,7 +252,7 @@ def test_waves_are_proved_while_frames_vary(lengths, delay, proved, word, unstab
 def test_a_wall_whose_force_may_be_lost_is_refused_with_its_reason():
     tables = slow()
     tables["for_all"] |= {"lost": 1}
-    with pytest.raises(UsageError, match="moves its rest away from it, as where results are lost"):
+    with pytest.raises(UsageError, match="one whose results may be lost"):
         refuse(load(tables), K)
 
 
@@ -402,9 +282,8 @@ def test_how_a_wall_is_written_does_not_change_what_is_proved(share):
     walls = [(500.0, 1.0), (2400.0, 1.0), (100.0, 60.0)]
     found = []
     for each in (1.0, share):
-        spec = load(drawn(each, 1.0))
-        loop = in_frames(rules_of(spec), dict(spec.values), list(spec.wall))
-        found.append([bool(loop.found(wall)) for wall in walls])
+        loop = loop_of(drawn(each, 1.0))
+        found.append([bool(loop.found(loop.graphs[1], wall)) for wall in walls])
     assert found[0] == found[1] == [True, False, True]
 
 

@@ -56,8 +56,15 @@ def test_a_row_through_contact_has_a_proof(tmp_path, capsys):
     assert checked_file(spec, proof)[0] == 0
 
 
+IN_FRAMES = DIRECT + CONTACT.replace("[sweep]", '"rates.ratio" = { values = [19, 20], varying = true }\n[sweep]')
+
+
 @pytest.mark.slow
-def test_frames_that_vary_have_none(tmp_path, capsys):
-    text = DIRECT + CONTACT.replace("[sweep]", '"rates.ratio" = { values = [19, 20], varying = true }\n[sweep]')
-    written(tmp_path, text + "K_VE = { start = 0, stop = 500 }\n", "zwidth", "--no-plot")
-    assert "frames and messages that vary" in capsys.readouterr().err
+def test_a_row_beside_frames_that_vary_has_a_proof(tmp_path):
+    spec, proof = written(tmp_path, IN_FRAMES + "K_VE = { start = 0, stop = 500 }\n", "zwidth", "--no-plot")
+    (claim,) = (line["sides"] for line in lines_of(proof) if line.get("claim") == "contact")
+    assert float(claim["K_VE"][0]) < 1
+    assert float(claim["K_VE"][1]) > 200
+    words = checked_file(spec, proof)[1]
+    assert "REFUSED" not in words
+    assert "any wall that pushes and never pulls, K_VE from" in words

@@ -28,8 +28,26 @@ since q_t is q_(t-j) and R times the forces in between, and q_t u_t = (q_(t+1)^2
 
 A, b, w and R do not depend on K and B, and all else is linear in them. So what holds with one P at one end of a side, and with
 another P at its other end, holds between them.
+
+Where frames vary, the rows of a frame are those of its kind, and q would depend on the frames to come: here is no q. Let x and v
+be what K and B multiply in y, read last, x less what p is now, so that f_before = K (x + p) + B v - u_before and f - f_before has
+no p. As u rises with f, it is the slope of a convex function Phi >= 0 of f, with Phi(0) = 0 (Lur'e and Postnikov 1944, Jury and Lee 1965):
+
+    u f >= 0,   u (f - f_before) >= Phi(f) - Phi(f_before),   u_before (f_before - f) >= Phi(f_before) - Phi(f).
+
+With P_i >= 0 at the nodes of a graph of frames, zeta = (eta, x, v, u_before), h >= 0, and on each edge, from i to j, g >= 0 and a >= 0,
+where g = 0 if p drifts, let
+
+    zeta' P_i zeta - zeta+' P_j zeta+ - g f u - (h + a) u (f - f_before) - a u_before (f_before - f) > 0   for all (zeta, u) but 0.   (3)
+
+Then zeta' P_i zeta + h Phi(f_before) >= 0 falls in each frame by more than some share of |zeta|^2 + u^2, the least of all
+edges, so the sums of these are finite: zeta and u decay in any order of frames, and so does the loop without its wall, with
+u = 0. Phi(f_before) converges, so the values that p comes near are an interval in which u = 0, and p converges: within it u would
+be 0 from then on. By its entry of u^2 each frame has one u. Up to sums that cancel from frame to frame (3) is (2) with e_1 = a,
+h_1 = h + a and g = 1 - e_1 - h_1. With the same weights it is linear in P, K and B as well.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -38,19 +56,22 @@ from typing import NamedTuple
 from . import form
 from .balls import ONE, POINT, Cell, Number, Refused, add, ball, negative, number
 from .drifts import Form, reduced
-from .reader.loops import Instant, Schedule
+from .reader.loops import OUTPUT, Instant, Schedule
 
-FORCE, READ = "@force of the wall", "read by the wall"
+FORCE, READ, LAST = "@force of the wall", "read by the wall", "@last read by the wall with "
 LAGS = 64  # N at most
 
 Ball = tuple[int, int]
 Balls = list[Ball]
 
 
-def opened(schedule: Schedule, stiffness: str) -> tuple[Schedule, Schedule]:
+def opened(
+    schedule: Schedule, stiffness: str, *, remembers: bool = False
+) -> tuple[Schedule, Schedule]:
     """The loop cut at its wall: FORCE has u as a frame begins, and y as it ends; and the same with stiffness 0, where p drifts.
 
-    The wall's numbers are the sides: one equation has them, once in a frame, and each coefficient is linear in them.
+    The wall's numbers are the sides: one equation has them, once in a frame, and each coefficient is linear in them. remembers:
+    of what each of them multiplies, LAST has what was read last, and OUTPUT by how much more is read now.
     """
     places_of_wall = []
     for kind, instant in (*schedule.kinds.items(), ("", schedule.motion)):
@@ -87,10 +108,20 @@ def opened(schedule: Schedule, stiffness: str) -> tuple[Schedule, Schedule]:
             }
         )
         remaining[name_read] = c - reads[name_read]
+    writes = {**instant.writes, FORCE: {READ: 1}}
+    equations = {**instant.equations, name: remaining}
+    for side in (
+        sorted({sides[0][0] for c in reads.values() for sides in c.exact}) if remembers else []
+    ):
+        last, risen, now = LAST + side, OUTPUT + side, f"{READ} with {side}"
+        shares = {
+            name_read: c.exact.get(((side, 1),), Fraction(0)) for name_read, c in reads.items()
+        }
+        equations[now] = {name_read: number(share) for name_read, share in shares.items() if share}
+        writes |= {last: {now: 1}, risen: {now: 1, last: -1}}
     cuts = []
     for y in (reads, damps):
-        equations = {**instant.equations, name: remaining, READ: y}
-        cut = Instant(equations, {**instant.writes, FORCE: {READ: 1}})
+        cut = Instant({**equations, READ: y}, writes)
         cuts.append(replace(schedule, kinds={**schedule.kinds, kind: cut}))
     return cuts[0], cuts[1]
 
@@ -171,28 +202,88 @@ def left_over(loop: Opened, e: list[Fraction], h: list[Fraction], P: form.Rows) 
     size = len(P) + 1
     last = size - 1  # the place of u_t; u_(t-j) is j places before
     rows = [[*row, *[(0, 0)] * N] for row in loop.moved]
-    for index in range(len(rows) + 1, size):
-        rows.append([(0, ONE * (index == column)) for column in range(size)])
+    rows += [_unit(index, size) for index in range(len(rows) + 1, size)]
     S = _matrix(rows)
     f = [[*loop.read, *[(0, 0)] * N]]  # f_(t-N), and then f_(t-N+1) .. f_t
     for _ in range(N):
         f += _rows(form.multiplied(_matrix([f[-1][:-1]]), S))
     with_f = [[(0, 0)] * size for _ in f]  # what they are multiplied with in (1)
-    with_f[N][last] = (0, ONE)
+    with_f[N] = _unit(last, size)
     alone = [-(1 - sum(e) - sum(h)) / 2 - sum(e)]  # of u_t u_(t-j) in what is left of k q, over k R
     for j in range(1, N + 1):
         with_f[N][last - j] = negative(ball(e[j - 1]))
         with_f[N - j][last] = negative(ball(h[j - 1]))
         alone.append(sum(h[j - 1 :]) - sum(e[j:]))
-    forces = [[(0, 0)] * size for _ in range(size)]
+    forces = [(0, 0)] * size
     for j, share in enumerate(alone):
-        forces[last][last - j] = POINT.ring.multiply(ball(Fraction(share)), loop.turns)
+        forces[last - j] = POINT.ring.multiply(ball(Fraction(share)), loop.turns)
+    return _falls_by(P, P, S, [*zip(with_f, f, strict=True), (_unit(last, size), forces)])
+
+
+def _falls_by(
+    P: form.Rows, after: form.Rows, S: form.Matrix, products: list[tuple[Balls, Balls]]
+) -> form.Matrix:
+    """xi' P xi - xi+' P_after xi+ less products of two rows each, over (xi, u); S: xi+ of these."""
+    size = len(P) + 1
+    last = size - 1
     blank = [0] * size
     now = form.Matrix({(): [*([*row, 0] for row in P), blank]}, [blank] * size)
-    P_S = form.multiplied(form.Matrix({(): P}, [blank[1:]] * last), S)
-    total = form.minus(now, form.multiplied(form.turned(S), P_S))
-    total = form.minus(total, form.multiplied(form.turned(_matrix(with_f)), _matrix(f)))
-    return form.minus(total, _matrix(forces))
+    moved = form.multiplied(form.Matrix({(): after}, [blank[1:]] * last), S)
+    total = form.minus(now, form.multiplied(form.turned(S), moved))
+    first, second = zip(*products, strict=True)
+    return form.minus(total, form.multiplied(form.turned(_matrix(first)), _matrix(second)))
+
+
+class Sampled(NamedTuple):
+    """A frame of those that vary. moved: of (eta, x, v) over these and u; rise: y less K x + B v, over them; read: y, over them,
+    if nothing drifts."""
+
+    moved: list[Balls]
+    rise: Balls
+    read: Balls | None
+
+
+def sampled_at(
+    cell: Cell, A, point: Mapping[str, Fraction], states: list[str], drifts: bool
+) -> Sampled:
+    """A frame at numbers of the wall. A: its rows, without what drifts."""
+    columns = [*states, FORCE]
+    rise = [(0, 0)] * len(columns)
+    for side, value in point.items():
+        row = A.get(OUTPUT + side, {})
+        for place, name in enumerate(columns):
+            term = cell.ring.multiply(ball(value), row.get(name, (0, 0)))
+            rise[place] = add(rise[place], term)
+    rows = [[A[name].get(column, (0, 0)) for column in columns] for name in (*states, FORCE)]
+    return Sampled(rows[:-1], rise, None if drifts else rows[-1])
+
+
+def left_over_of(
+    frame: Sampled, P: form.Rows, after: form.Rows, weights: tuple[Fraction, Fraction, Fraction]
+) -> form.Matrix:
+    """The matrix of (3) over (eta, x, v, u_before, u). weights: h, g and a."""
+    if min(weights) < 0:
+        raise Refused("the weights h, g and a are not below 0")
+    h, g, a = map(ball, weights)
+    size = len(P) + 1
+
+    def wide(row: Balls) -> Balls:
+        return [*row[:-1], (0, 0), row[-1]]
+
+    S = _matrix([*map(wide, frame.moved), _unit(size - 1, size)])
+    rise = wide(frame.rise)
+    rise[-2:] = add(rise[-2], (0, ONE)), add(rise[-1], (0, -ONE))
+    forces = [(0, 0)] * (size - 2) + [negative(a), add(h, a)]
+    products = [(forces, rise)]
+    if frame.read:
+        f = wide(frame.read)
+        f[-1] = add(f[-1], (0, -ONE))
+        products.append(([(0, 0)] * (size - 1) + [g], f))
+    return _falls_by(P, after, S, products)
+
+
+def _unit(place: int, size: int) -> Balls:
+    return [(0, ONE * (index == place)) for index in range(size)]
 
 
 def _matrix(rows: list[Balls]) -> form.Matrix:

@@ -34,6 +34,8 @@ Cells divide the whole of the sides, in this order:
     {"nodes": [{"L": rows, "Q": ...}, ...], "edges": [[node, letter, node], ...], "start": 0}   forms of frames in any order
     {"L": rows, "e": [...], "h": [...], "P": [rows, rows]}      of contact: a form of the loop without its wall, and what
                                        `contact.py` asks for, with P at both ends of the side
+    {"nodes": [{"L": [rows, rows]}, ...], "edges": [[node, letter, node, g, a], ...], "start": 0, "h": ...}    of contact beside
+                                       frames that vary: forms at both ends, over the states and the last force, see `contact.py`
     {"open": true}                     nothing is known
 
 Where [for_all] lists values of numbers, cells follow for each combination, the last key fastest, after a line of its own:
@@ -75,7 +77,7 @@ from .factor import FACTOR, PHASE, with_factor
 from .frame import Frames, states_of, steps_of
 from .gain import Gain, opened, stays_below
 from .reader import for_all, loop_of, unknown_key, wall_of
-from .reader.loops import INPUT, OUTPUT, Unreadable
+from .reader.loops import INPUT, OUTPUT, Schedule, Unreadable
 from .reader.names import one_key_each, quantity, with_numbers
 
 FORMAT = "wavesweep proof 2"
@@ -191,9 +193,9 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     """The frames that a claim is about, from the spec; member: values of the listed numbers of [for_all]."""
     with told():
         schedules, moves, start = schedules_of(tables, claim, member or {})
+    free = {}
     if claim.claim in OF_WALLS:
-        cut, free = contact.opened(schedules[""], wall_of(tables)[0])
-        schedules = {"": cut}
+        schedules, free = cut_at_wall(tables, schedules)
     words = steps_of(schedules)
     word = []
     if claim.word and "" in words:
@@ -209,13 +211,23 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
     has_force = len(drifts_named) < len(claim.drifts)
     drifts = [drift for drift in drifts if next(iter(drift)) != contact.FORCE]
     if claim.rest:
-        *_, rest = drifts_of([free], [*drifts_named, claim.rest], frames.live, middle)
+        *_, rest = drifts_of([*free.values()], [*drifts_named, claim.rest], frames.live, middle)
     if any(contact.FORCE in drift for drift in (*drifts, rest or ())):
         raise Refused("a drift that takes a force of the wall")
     states = states_of(frames, [*drifts, rest] if rest else drifts)
     outside = INPUT, OUTPUT, contact.FORCE, port.PUSH
     states = [name for name in states if not name.startswith(outside)]
     return Family(frames, drifts, states, moves, start, word, claim.radius, rest, has_force)
+
+
+def cut_at_wall(tables: dict, schedules: Mapping[str, Schedule]):
+    """Schedules cut at the wall, and the same without its stiffness; see `contact.opened`."""
+    vary = "" not in schedules
+    cuts = {
+        kind: contact.opened(schedule, wall_of(tables)[0], remembers=vary)
+        for kind, schedule in schedules.items()
+    }
+    return ({kind: pair[at] for kind, pair in cuts.items()} for at in (0, 1))
 
 
 def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
@@ -255,8 +267,10 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     if allowed.tick and claim.claim in ("for all", "refuted"):
         claim.times = times_of(claim, *for_all.time_of_tick(loop, allowed.tick))
         return *for_all.ticks_of(loop, claim.times), 0
-    if claim.claim in OF_WALLS and (vary or messages or allowed.ranges or allowed.tick):
-        raise Refused("a wall that lets go beside ranges, or frames and messages that vary")
+    if claim.claim in OF_WALLS and (messages or allowed.ranges or allowed.tick):
+        raise Refused("a wall that lets go beside ranges, or ticks and messages that vary")
+    if claim.claim == "goes on" and vary:
+        raise Refused("a motion that goes on beside frames that vary")
     if vary and messages:
         raise Unreadable(
             "frames that vary beside messages that are late or lost have no proof here"
@@ -619,6 +633,8 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
             if set(line) != {"split", "at"} or not low < cut < high:
                 raise Refused(f"a cut at {float(cut)!r} of {name} that divides nothing")
             boxes += [{**box, name: (cut, high)}, {**box, name: (low, cut)}]
+        elif claim.claim == "contact" and "nodes" in line:
+            _rests_in_any_order(family, line, box)
         elif claim.claim == "contact":
             _rests(family, line, box)
         elif claim.claim in ("gain", "port"):
@@ -647,14 +663,13 @@ def _rests(family: Family, line: dict, box):
     """Refused, unless every motion comes to rest at both ends of a side, and so between them; see `contact.py`."""
     if set(line) != {"L", "e", "h", "P"}:
         raise Unreadable("what comes to rest has L, e, h and P")
+    if "" not in family.frames.words:
+        raise Refused(f"no graph {_in_words(box)}")
     e, h = ([_fraction(x) for x in _expect(line[name], list, name)] for name in "eh")
     if len(e) != len(h) or len(e) > contact.LAGS or min(e + h, default=0) < 0 or sum(e + h) >= 1:
         raise Refused("e and h are not the weights of a multiplier")
-    wide = [name for name, (low, high) in box.items() if low < high]
-    if len(wide) > 1:
-        raise Refused("more than one number of the wall has a range")
-    for index, rows in enumerate(_expect(line["P"], list, "P", 1 + len(wide))):
-        point = {name: ends[index if name in wide else 0] for name, ends in box.items()}
+    points = _ends_of(box)
+    for point, rows in zip(points, _expect(line["P"], list, "P", len(points)), strict=True):
         loop = opened_at(family, point)
         if not contact.stable(
             loop, form_from({"L": line["L"]}, balls.POINT, [1] * len(family.states))
@@ -664,6 +679,56 @@ def _rests(family: Family, line: dict, box):
             contact.left_over(loop, e, h, rows_of(rows, len(family.states) + len(e)))
         ):
             raise Refused(f"there may be a motion that does not come to rest {_in_words(box)}")
+
+
+def _ends_of(box) -> list[dict[str, Fraction]]:
+    """The numbers of the wall at both ends of the side that has a range."""
+    wide = [name for name, (low, high) in box.items() if low < high]
+    if len(wide) > 1:
+        raise Refused("more than one number of the wall has a range")
+    return [
+        {name: ends[index if name in wide else 0] for name, ends in box.items()}
+        for index in range(1 + len(wide))
+    ]
+
+
+def _rests_in_any_order(family: Family, line: dict, box):
+    """Refused, unless what a graph stores falls in all frames at both ends of a side; see (3) of `contact.py`."""
+    if set(line) != {"nodes", "edges", "start", "h"}:
+        raise Unreadable("what comes to rest in any order has nodes, edges, a start and h")
+    if "" in family.frames.words or family.held:
+        raise Refused("a graph at a wall is of frames that vary, without a force that is held")
+    points = _ends_of(box)
+    size = len(family.states) + 1
+    forms = []
+    for node in _nodes(line):
+        if set(node) != {"L"}:
+            raise Unreadable("a node at a wall has L alone")
+        ends = _expect(node["L"], list, "L", len(points))
+        forms.append([form_from({"L": rows}, balls.POINT, [1] * size).parts[()] for rows in ends])
+    h = _fraction(line["h"])
+    steps = [*_walked(family, line, len(forms), 2)]
+    for index, point in enumerate(points):
+        frames = sampled_at(family, point)
+        for source, letter, kind, target, more in steps:
+            g, a = map(_fraction, more)
+            left = contact.left_over_of(
+                frames[kind], forms[source][index], forms[target][index], (h, g, a)
+            )
+            if not form.positive(left):
+                raise Refused(
+                    f"what node {source} stores does not fall with the frame {letter} {_in_words(box)}"
+                )
+
+
+def sampled_at(family: Family, point: Mapping[str, Fraction]) -> dict[str, contact.Sampled]:
+    """The kinds of frames at a wall with these numbers, the stiffness first."""
+    cell = Cell({name: (value, value) for name, value in point.items()})
+    frames = {}
+    for kind in family.frames.words:
+        rows = reduced(cell, family.rows(kind, cell), [family.rest] if family.rest else [])
+        frames[kind] = contact.sampled_at(cell, rows, point, family.states, bool(family.rest))
+    return frames
 
 
 def _keeps_energy(family: Family, gain: Gain | None, cell: Cell, line: dict, box):
@@ -697,16 +762,32 @@ def _graph(family: Family, times: Mapping, cell: Cell, line: dict, box):
         raise Unreadable("a graph has nodes, edges and a start alone")
     forms = _forms(family, cell, line)
     cells = {letter: Cell(box | {for_all.TICK: ends}) for letter, ends in times.items()}
-    nodes = len(forms)
+    matrices: dict[str, list[form.Matrix]] = {}
+    for node, letter, kind, target, _ in _walked(family, line, len(forms)):
+        if kind not in matrices:
+            A = family.matrix(kind, cells.get(letter, cell))
+            matrices[kind] = form.control_points(A) if times else [A]
+        if not all(form.decreases(forms[node], [(None, A, forms[target])]) for A in matrices[kind]):
+            raise Refused(
+                f"the form of node {node} does not decrease with the frame {letter} {_in_words(box)}"
+            )
+
+
+def _walked(
+    family: Family, line: dict, nodes: int, weights: int = 0
+) -> Iterator[tuple[int, str, str, int, list]]:
+    """Yield the steps of a graph that frames may take from its start: node, letter, kind, next node, and further entries of the edge.
+
+    Refused, if a frame that may come lacks an edge.
+    """
     edges = {}
     for edge in _expect(line.get("edges"), list, "edges"):
-        source, letter, target = _expect(edge, list, "an edge", 3)
+        source, letter, target, *more = _expect(edge, list, "an edge", 3 + weights)
         for node in (source, target):
             if _expect(node, int, "a node") not in range(nodes):
                 raise Unreadable(f"an edge has the node {node} of {nodes}")
         _expect(letter, str, "a letter")
-        edges[source, letter] = target
-    matrices: dict[str, list[form.Matrix]] = {}
+        edges[source, letter] = target, more
     done = set()
     start = _expect(line.get("start", 0), int, "a start")
     if start not in range(nodes):
@@ -718,31 +799,28 @@ def _graph(family: Family, times: Mapping, cell: Cell, line: dict, box):
         for letter, (kind, following, _) in family.moves[state].items():
             if (node, letter) not in edges:
                 raise Refused(
-                    f"the frame {letter} may come at node {node}, which has no edge of it, {_in_words(box)}"
+                    f"the frame {letter} may come at node {node}, which has no edge of it"
                 )
-            target = edges[node, letter]
+            target, more = edges[node, letter]
             if (node, kind, target) not in done:
-                if kind not in matrices:
-                    A = family.matrix(kind, cells.get(letter, cell))
-                    matrices[kind] = form.control_points(A) if times else [A]
-                if not all(
-                    form.decreases(forms[node], [(None, A, forms[target])]) for A in matrices[kind]
-                ):
-                    raise Refused(
-                        f"the form of node {node} does not decrease with the frame {letter} {_in_words(box)}"
-                    )
+                yield node, letter, kind, target, more
                 done.add((node, kind, target))
             if (following, target) not in reached:
                 reached.add((following, target))
                 todo.append((following, target))
 
 
-def _forms(family: Family, cell: Cell, line: dict) -> list[form.Matrix]:
+def _nodes(line: dict) -> list[dict]:
     nodes = _expect(line["nodes"], list, "nodes")
     if not 0 < len(nodes) <= NODES:
         raise Unreadable(f"{len(nodes)} nodes; at most {NODES}")
+    return [_expect(node, dict, "a node") for node in nodes]
+
+
+def _forms(family: Family, cell: Cell, line: dict) -> list[form.Matrix]:
+    nodes = _nodes(line)
     for node in nodes:
-        if _expect(node, dict, "a node").keys() - {"L", "Q"}:
+        if node.keys() - {"L", "Q"}:
             raise Unreadable("a node has L and Q alone")
     return [form_from(node, cell, [1] * len(family.states)) for node in nodes]
 

@@ -251,10 +251,10 @@ def _linear(rules, loop, along, span, high) -> list[Row]:
 
 def _row_in_frames(walls: Along, span) -> Row | None:
     """What is proved of one case; None if nothing is."""
-    proved = walls.proved(*span)
-    if proved is None:
+    pieces = walls.proved(*span)
+    if not pieces:
         return None
-    low, high = proved
+    low, high = walls.value(pieces[-1].walls[-1]), walls.value(pieces[0].walls[0])
     beyond, text = walls.motion(high, span[1])
     return Row(low, high, np.nan, beyond, Refuters("", text))
 

@@ -3,80 +3,132 @@ proved to come to rest, whatever frames come."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from wavesweep.capabilities import offered
-from wavesweep.contact.coming_rests import edges_of
+from wavesweep.checker import balls, contact, file, form
 from wavesweep.contact.motions import motion_at, motion_beyond
-from wavesweep.contact.stored_check import Conditions, Stored, falls
-from wavesweep.contact.stored_search import find_stored
+from wavesweep.contact.stored_search import Graph, Stored, WallSamples, find_stored
 from wavesweep.contact.stretches import RESOLVED
+from wavesweep.contact.sums_of_squares import balls_of
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import path_of
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
-# Shares of a wall that a proof goes down in a piece: the first and largest one, and the least that is
-# tried.
-MOST_SHARE, LEAST_SHARE = 0.9, 0.001
+LEAST_SHARE = 0.001  # of a wall that a proof goes down in a piece
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
 MOST_PIECES = 60  # that are tried in a proof
+KNOWN_FRAMES = 3  # nodes know fewer of the last frames than this
+MOST_EDGES = 150  # of a graph whose nodes know some
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """Walls between which all are proved, the stiffest first, by forms on a graph of frames."""
+
+    walls: tuple[tuple[float, float], ...]
+    graph: Graph
+    stored: Stored
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InFrames:
-    """A loop without its wall in all frames that may come; without conditions, one that is
-    unstable.
+    """A loop without its wall in all frames that may come.
 
-    frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
-    wall's position in these. finer: the same with more conditions, for what is not proved otherwise.
+    samples: frames in doubles, in units in which states, forces and rests are about 1; scale: these units, of
+    states, x, v and u of the last sample. graphs: on which forms are looked for. frames: see `WallFrames`,
+    in these units, None if the loop is not that of the engine.
     """
 
-    frames: Any
-    conditions: Conditions | None
-    unit: float
-    finer: tuple[InFrames, ...] = ()
+    samples: WallSamples
+    scale: np.ndarray
+    graphs: tuple[Graph, ...]
+    frames: Any = None
 
     @staticmethod
-    def of(frames: Any) -> InFrames | None:
-        """Return the loop; None if it is not known that it comes to rest, and farther from the wall
-        with each push of that."""
-        frames, unit = _in_units(frames)
-        alone = InFrames(frames, None, unit)
-        loops = []
-        # Frames that a node knows: proofs begin with the first, and go on with those after it.
-        for ahead in range(3):
-            edges = edges_of(frames, ahead, 2)
-            if edges is None:
-                return alone if alone.unstable else None
-            conditions = Conditions.on_edges(frames, edges)
-            if loops and conditions.R.value.size > 150:  # conditions of a proof
-                break
-            if conditions.are_met_by_rests:
-                loops.append(InFrames(frames, conditions, unit))
-            if conditions.exact:
-                break
-        if not loops:
-            return alone if alone.unstable else None
-        return replace(loops[0], finer=tuple(loops[1:]))
+    def in_doubles(samples: WallSamples) -> InFrames:
+        """Return the loop of frames in any units, without bounds."""
+        samples, units, unit = samples.in_units()
+        scale = np.array([*units, unit, unit, 1.0])
+        return InFrames(samples, scale, graphs_of(samples.follows))
 
-    def wall(self, K: float, B: float) -> tuple[float, float]:
-        """A wall as the conditions have it."""
-        return K * self.unit, B * self.unit
+    @property
+    def unit(self) -> float:
+        """That of what the wall reads."""
+        return float(self.scale[-2])
 
-    def found(self, *walls: tuple[float, float]) -> list[Stored]:
-        """Forms that are proved for a wall (K, B), or for two and all walls between them, one for each of
-        these; nothing if none are found."""
-        if self.conditions.drifts and not walls[-1][0] > 0:
-            return []
-        in_units = [self.wall(*wall) for wall in walls]
-        stored = find_stored(self.conditions, in_units)
-        if stored and falls(self.conditions, list(zip(stored, in_units, strict=True))):
-            return stored
-        return []
+    @staticmethod
+    def of(frames: Any) -> InFrames:
+        """Return the loop."""
+        n = frames.changes.shape[-1] - 1
+        moved = frames.changes[:, :n] + np.eye(n, n + 1)
+        slide = frames.changes[:, n]
+        samples = WallSamples(moved, frames.rows, slide, frames.drifts, frames.follows)
+        loop = InFrames.in_doubles(samples)
+        unit = loop.unit
+        columns = np.append(loop.scale[:n], 1.0)
+        row = 1 / np.append(loop.scale[:n], unit)[:, None]
+        scaled = replace(
+            frames,
+            changes=frames.changes * row * columns,
+            changes_error=frames.changes_error * row * columns,
+            rows=frames.rows * columns / unit,
+            rows_error=frames.rows_error * columns / unit,
+        )
+        return replace(loop, frames=scaled)
+
+    def found(self, graph: Graph, *walls: tuple[float, float]) -> Piece | None:
+        """Forms for a wall (K, B), or for two and all walls between them; None if none are found."""
+        in_units = [(K * self.unit, B * self.unit) for K, B in walls]
+        stored = find_stored(self.samples, graph, in_units)
+        return Piece(walls, graph, stored) if stored else None
+
+    def serves(self, piece: Piece) -> bool:
+        """Whether (3) of `checker/contact.py` is proved for all loops within the bounds of this one."""
+        size = piece.stored.L.shape[-1]
+        signs = [1] * size
+        h = Fraction(piece.stored.h)
+        for (K, B), roots in zip(piece.walls, piece.stored.L, strict=True):
+            frames = self._sampled(
+                Fraction(K) * Fraction(self.unit), Fraction(B) * Fraction(self.unit)
+            )
+            forms = []
+            for L in roots:
+                rows = [[repr(x) for x in row] for row in L.tolist()]
+                forms.append(file.form_from({"L": rows}, balls.POINT, signs).parts[()])
+            steps = zip(piece.graph.edges.tolist(), piece.stored.weights.tolist(), strict=True)
+            for (source, frame, target), (g, a) in steps:
+                weights = h, Fraction(g), Fraction(a)
+                left = contact.left_over_of(frames[frame], forms[source], forms[target], weights)
+                if not form.positive(left):
+                    return False
+        return True
+
+    def _sampled(self, K: Fraction, B: Fraction) -> list[contact.Sampled]:
+        """The frames at a wall as the inequality has them."""
+        of = self.frames
+        n = of.changes.shape[-1] - 1
+        identity = Bounded.exact(np.eye(n, n + 1))
+        x = Bounded.exact(np.eye(n + 3)[n : n + 2])
+        found = []
+        for change, change_error, rows, rows_error in zip(
+            of.changes, of.changes_error, of.rows, of.rows_error, strict=True
+        ):
+            changes = Bounded(change, change_error)
+            read = Bounded(rows, rows_error)
+            last = Bounded.joined([read.part([0]) - changes.part([n]), read.part([1])], -2)
+            moved = Bounded.joined([changes.part(slice(n)) + identity, last], -2)
+            rows_of = [_wide(each) for each in (moved, read)]
+            risen = rows_of[1] - x
+            rise, now = (_at_wall(balls_of(each), K, B) for each in (risen, rows_of[1]))
+            found.append(contact.Sampled(balls_of(rows_of[0]), rise, None if of.drifts else now))
+        return found
 
     @property
     def unstable(self) -> str:
@@ -130,49 +182,12 @@ def in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames |
 
 def fit_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames:
     """Return a loop of some rules in its frames. Errors: UnfitWallError, with the reason, if its
-    wall is not one scalar of each, or its force is not known to move the rest away from it."""
+    wall is not one scalar of each."""
     asked = offered("rules")
-    found = InFrames.of(asked.wall_frames(rules.plan(values, tuple(wall)), wall))
-    if found is None:
-        reason = (
-            "a loop of which it is not known that each force of the wall moves its rest away from it, "
-            "as where results are lost"
-        )
-        raise asked.UnfitWallError(reason)
-    return found
-
-
-def _in_units(frames):
-    """The frames in units, powers of two, in which all that a force of 1 moves is about 1."""
-    n = frames.changes.shape[-1] - 1
-    A = np.eye(n) + frames.changes[:, :n, :n]
-    b = frames.changes[:, :n, n]
-    gramian = np.zeros((n, n))
-    with np.errstate(all="ignore"):
-        for _ in range(200):  # frames of whose sum units follow
-            gramian = (A @ gramian @ A.mT + b[:, :, None] * b[:, None]).mean(0)
-    size = np.sqrt(np.diagonal(gramian))
-    known = np.isfinite(size) & (size > 0)
-    units = np.exp2(np.round(np.log2(np.where(known, size, 1.0))))
-    unit = 1.0
-    if frames.drifts:
-        with np.errstate(all="ignore"):
-            omega = np.linalg.pinv(np.eye(n) - A.mean(0).T) @ frames.changes[:, n, :n].mean(0)
-        moved = float(np.abs(frames.changes[:, n, n] + b @ omega).mean())
-    else:
-        moved = float(np.abs(frames.rows[:, 0] * np.append(units, 1.0)).max())
-    if moved > 0:
-        unit = 2.0 ** round(np.log2(moved))
-    column = np.append(units, 1.0)
-    row = np.append(1 / units, 1 / unit)
-    scaled = replace(
-        frames,
-        changes=frames.changes * row[:, None] * column,
-        changes_error=frames.changes_error * row[:, None] * column,
-        rows=frames.rows * column / unit,
-        rows_error=frames.rows_error * column / unit,
-    )
-    return scaled, unit
+    frames = asked.wall_frames(rules.plan(values, tuple(wall)), wall)
+    if not frames.follows.all():
+        raise asked.UnfitWallError("one whose results may be lost")
+    return InFrames.of(frames)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,88 +204,79 @@ class Along:
             return (value, self.fixed)
         return (self.fixed, value)
 
-    def proved(self, low: float, high: float) -> tuple[float, float] | None:
-        """What is proved in an interval, from near its low end on; None if nothing is.
+    def proved(self, low: float, high: float) -> list[Piece]:
+        """Pieces that prove an interval, from near its low end on, the highest first; empty if none do.
 
         Nothing is beyond a motion that goes on in frames of one length, and most proofs end near
         the first of these.
         """
-        proved = self.proved_alone(low, high)
-        for loop in self.loop.finer:
-            finer = replace(self, loop=loop)
-            if not proved:
-                proved = finer.proved_alone(low, high)
-                continue
-            begin, end = proved
-            goal = _goal(low, end)
-            begin = finer.down(begin, goal)
-            if end < high:
-                beyond = finer.proved_alone(end, high)
-                if beyond and beyond[0] == end:
-                    end = beyond[1]
-            proved = begin, end
-        return proved
-
-    def proved_alone(self, low: float, high: float) -> tuple[float, float] | None:
-        """The same with the conditions of this loop alone."""
         ceiling, _ = self.motion(low, high)
         if np.isnan(ceiling):
-            reached = self.down(high, low)
-            if reached < high:
-                return reached, high
             ceiling = high
+        tops = [np.nan]
+        for graph in self.loop.graphs:
+            tops.append(self._end(graph, low, ceiling, tops[-1]))
+        # How far below the ends that are found a proof is tried, of these.
+        for back in (0.0, 1e-3, 0.01, 0.03, 0.1, 0.3):
+            for graph, top in zip(self.loop.graphs[::-1], tops[:0:-1], strict=True):
+                begun = (1 - back) * top
+                # Of what begins at 0 a thousandth of the end is left out.
+                goal = max(low, 1e-3 * begun) if low >= 0 else low
+                pieces = self.down(graph, begun, goal, self.loop.serves) if begun > low else []
+                if pieces:
+                    return pieces
+        return []
+
+    def _end(self, graph: Graph, low: float, ceiling: float, top: float) -> float:
+        """The highest value for which forms are found, from `top` on, if that is known; NaN without."""
         above = ceiling
-        # How far before a first motion that goes on a proof is tried, of the way to it.
-        top = ceiling - 0.01 * (ceiling - low)
-        found = self.proved_at(top)
-        for halved in range(1, 14):  # halvings of the range, down to where a first proof is tried
-            if found:
+        if self._found_at(graph, ceiling):
+            return ceiling
+        for halved in range(14 if np.isnan(top) else 0):  # down to where a first form is looked for
+            value = low + (ceiling - low) / 2**halved * (0.99 if halved == 0 else 1.0)
+            if self._found_at(graph, value):
+                top = value
                 break
-            above = top
-            top = low + (ceiling - low) / 2**halved
-            found = self.proved_at(top)
-        else:
-            return None
-        while above - top > RESOLVED * max(abs(above), abs(top)):
-            middle = (top + above) / 2
-            if self.proved_at(middle):
+            above = value
+        resolved = RESOLVED if graph is self.loop.graphs[-1] else 5 * RESOLVED
+        step = 0.02 * abs(top)  # first a little beyond what is found with a smaller graph
+        while not np.isnan(top) and above - top > resolved * max(abs(above), abs(top)):
+            middle = min(top + step, (top + above) / 2)
+            step *= 2
+            if self._found_at(graph, middle):
                 top = middle
             else:
                 above = middle
-        return self._longest(top, low)
+        return top
 
-    def _longest(self, top: float, low: float) -> tuple[float, float]:
-        """The longest interval that is proved down from `top` or from a little below it: a wall that
-        is only just proved may be so with no other."""
-        best = self.down(top, low), top
-        # How far below a wall a proof is begun once more, of the wall.
-        for back in (0.01, 0.03, 0.1, 0.3):
-            if best[0] < (1 - back) * best[1]:
-                break
-            begun = (1 - back) * top
-            best = max(best, (self.down(begun, low), begun), key=lambda ends: ends[1] - ends[0])
-        return best
+    def _found_at(self, graph: Graph, value: float) -> bool:
+        return self.loop.found(graph, self.wall(value)) is not None
 
-    def proved_at(self, value: float) -> bool:
-        """Whether a value is proved."""
-        return bool(self.loop.found(self.wall(value)))
+    def value(self, wall: tuple[float, float]) -> float:
+        """The value of a wall."""
+        return wall[self.index]
 
-    def down(self, top: float, low: float) -> float:
-        """How far down from `top` walls are proved without a gap, in pieces with forms of their
-        own."""
-        goal = _goal(low, top)
+    def down(
+        self, graph: Graph, top: float, goal: float, serves: Callable[[Piece], bool]
+    ) -> list[Piece]:
+        """How far down from `top` walls are proved without a gap, in pieces with forms of their own.
+        serves: the check of a piece."""
+        pieces: list[Piece] = []
         reached = top
-        share = MOST_SHARE
+        share = 1.0
         for _ in range(MOST_PIECES):
-            if reached <= goal or share < LEAST_SHARE:
+            if (pieces and reached <= goal) or share < LEAST_SHARE:
                 break
             below = max(goal, reached - share * max(abs(reached), goal))
-            if self.loop.found(self.wall(reached), self.wall(below)):
+            walls = [self.wall(value) for value in dict.fromkeys((reached, below))]
+            piece = self.loop.found(graph, *walls)
+            if piece and serves(piece):
+                pieces.append(piece)
                 reached = below
-                share = min(MOST_SHARE, share * LONGER)
+                share = min(1.0, share * LONGER)
             else:
                 share *= SHORTER
-        return reached
+        return pieces
 
     def motion(self, end: float, limit: float) -> tuple[float, str]:
         """The nearest value beyond an end that a motion refutes in frames of one length, and what
@@ -283,9 +289,23 @@ class Along:
         return best
 
 
-def _goal(low, top):
-    """How far down a proof from `top` goes: of what begins at 0, to a thousandth of that."""
-    return max(low, 1e-3 * top) if low >= 0 else low
+def graphs_of(follows: np.ndarray) -> tuple[Graph, ...]:
+    """Return the graphs on which forms are looked for, one after the other."""
+    first, *others = (Graph.of(follows, known) for known in range(KNOWN_FRAMES))
+    return (first, *(graph for graph in others if len(graph.edges) <= MOST_EDGES))
+
+
+def _wide(rows: Bounded) -> Bounded:
+    """Rows over (eta, u) as rows over (eta, x, v, u)."""
+    n = rows.value.shape[-1] - 1
+    return rows.each(lambda matrix: np.insert(matrix, [n, n], 0.0, axis=-1))
+
+
+def _at_wall(rows, K: Fraction, B: Fraction):
+    """K times the first row and B times the second one, of balls."""
+    multiply = balls.POINT.ring.multiply
+    pairs = zip(*rows, strict=True)
+    return [balls.add(multiply(balls.ball(K), x), multiply(balls.ball(B), v)) for x, v in pairs]
 
 
 def along_of(rules: Any, values: dict[str, Any], wall_names: list[str], along: str) -> Along | None:
@@ -313,8 +333,9 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
         return {"verdict": "unknown", "counterexample": ""}
     if loop.unstable:
         return {"verdict": "refuted", "counterexample": f"no contact at all: {loop.unstable}"}
-    for each in (loop, *loop.finer):
-        if each.found((K, B)):
+    for graph in loop.graphs:
+        piece = loop.found(graph, (K, B))
+        if piece and loop.serves(piece):
             return {"verdict": "proved", "counterexample": ""}
     asked = offered("rules")
     said, by = asked.decided_over(rules, values, ())

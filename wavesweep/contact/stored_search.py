@@ -1,80 +1,198 @@
 """The search for forms in which what a wall stores falls, a semidefinite programme: the finder, whose
-finds are checked."""
+finds are checked by (3) of `checker/contact.py`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from wavesweep.contact.stored_check import Conditions, Stored, coefficient_parts
 from wavesweep.engine.switched import Inequality, minimised, symmetric_basis
 
+LEAST_ROOM = 2e-9  # of the condition, where forces are of size 1: the check decides
+OF_LAST = 3  # memory of the last sample: x, v and u
 
-def find_stored(conditions: Conditions, walls: Sequence[tuple[float, float]]) -> list[Stored]:
-    """Return forms with which V falls at a wall, or at two and at all between them, one for each;
-    nothing if none are found.
 
-    The largest t is looked for with which all Bernstein coefficients of F, see `falls`, are above t
-    I, all P_i are positive, `g + h <= 1`, and so are the weights of single conditions: so there is
-    room for errors.
+@dataclass(frozen=True, slots=True, eq=False)
+class WallSamples:
+    """Frames without the wall, each up to its sample, in doubles:
+
+        eta+ = A eta + b u,   p+ = p + l' eta + r u,   x = p + o' eta + d_x u,   v = c' eta + d_v u.
+
+    moved `(frames, n, n + 1)`: A and b; read `(frames, 2, n + 1)`: (o, d_x) and (c, d_v); slide `(frames,
+    n + 1)`: (l, r); drifts: whether p is there, or else slide is 0. follows: which frame (column) may come
+    after which (row).
     """
-    terms = [conditions.terms(wall) for wall in walls]
-    count, N = terms[0].own.value.shape[:2]
-    n = N - 1  # of (eta, m)
-    basis = symmetric_basis(n)
+
+    moved: np.ndarray
+    read: np.ndarray
+    slide: np.ndarray
+    drifts: bool
+    follows: np.ndarray
+
+    def in_units(self) -> tuple[WallSamples, np.ndarray, float]:
+        """Return the frames in units, powers of two, in which all that a force of 1 moves is about 1; the
+        units of the states, and that of p."""
+        A = self.moved[:, :, :-1]
+        b = self.moved[:, :, -1]
+        n = b.shape[1]
+        gramian = np.zeros((n, n))
+        with np.errstate(all="ignore"):
+            for _ in range(200):  # frames of whose sum units follow
+                gramian = (A @ gramian @ A.mT + b[:, :, None] * b[:, None]).mean(0)
+        size = np.sqrt(np.diagonal(gramian))
+        known = np.isfinite(size) & (size > 0)
+        units = np.exp2(np.round(np.log2(np.where(known, size, 1.0))))
+        if self.drifts:
+            omega = np.linalg.pinv(np.eye(n) - A.mean(0).T) @ self.slide[:, :n].mean(0)
+            size_of_read = float(np.abs(self.slide[:, n] + b @ omega).mean())
+        else:
+            size_of_read = float(np.abs(self.read[:, 0] * np.append(units, 1.0)).max())
+        unit = 2.0 ** round(np.log2(size_of_read)) if size_of_read > 0 else 1.0
+        columns = np.append(units, 1.0)
+        moved = self.moved * columns / units[:, None]
+        read, slide = self.read * columns / unit, self.slide * columns / unit
+        return WallSamples(moved, read, slide, self.drifts, self.follows), units, unit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Graph:
+    """Frames between nodes that know the last few of them. edges `(edges, 3)`: source, frame, target."""
+
+    nodes: int
+    edges: np.ndarray
+
+    @staticmethod
+    def of(follows: np.ndarray, known: int) -> Graph:
+        """The graph whose nodes know so many frames; see `WallSamples`."""
+        words = _words(follows, known)
+        number = {word: node for node, word in enumerate(words)}
+        steps = _words(follows, known + 1)
+        edges = [(number[word[:-1]], word[-1], number[word[1:]]) for word in steps]
+        return Graph(len(words), np.array(edges))
+
+
+def _words(follows, length):
+    """All sequences of so many frames that are allowed."""
+    words = [()]
+    for _ in range(length):
+        pairs = product(words, range(len(follows)))
+        words = [(*word, i) for word, i in pairs if not word or follows[word[-1], i]]
+    return words
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stored:
+    """Roots L of forms P = L' L at the nodes, over states and x, v and u of the last sample, for each of
+    one or two walls, `(walls, nodes, n + 3, n + 3)`; the weights h, and g and a of each edge, `(edges, 2)`."""
+
+    L: np.ndarray
+    h: float
+    weights: np.ndarray
+
+
+def find_stored(
+    frames: WallSamples, graph: Graph, walls: Sequence[tuple[float, float]]
+) -> Stored | None:
+    """Return forms with which V falls at a wall (K, B), or at two and so at all between them; None if
+    none are found.
+
+    With one wall the last sample takes part by `m = f_before - K p` and u alone, as nothing else of it is
+    in (3). The largest t is looked for with which all that is left over is above t I, all forms are
+    positive, and no weight is above 1: so there is room for errors. frames: in units.
+    """
+    terms = [_terms(frames, wall) for wall in walls]
+    source, frame, target = graph.edges.T
+    count = len(source)
+    N = terms[0].moved.shape[-1]
+    basis = symmetric_basis(N - 1)
     m = len(basis)
-    nodes = 1 + int(max(conditions.source.max(), conditions.target.max()))
-    kinds = len(terms[0].beside)
-    # Places of the P_i, of g and h, and of the weights of each condition among the unknowns of a wall.
-    forms = np.arange(nodes * m).reshape(nodes, m)
-    g, h = nodes * m + np.arange(2)
-    beside = h + 1 + np.arange(count * kinds).reshape(count, kinds)
-    size = h + 1 + beside.size
-    own = np.empty((count, 2 * m + 2 + kinds), int)
-    own[:, :m] = forms[conditions.source]
-    own[:, m : 2 * m] = forms[conditions.target]
-    own[:, 2 * m : 2 * m + 2] = g, h
-    own[:, 2 * m + 2 :] = beside
-    t = len(walls) * size
-    of_t = np.full((count, 1), t), np.broadcast_to(-np.eye(N), (count, 1, N, N))
-    index = np.concatenate([*(own + wall * size for wall in range(len(walls))), of_t[0]], axis=1)
+    forms = np.arange(len(walls) * graph.nodes * m).reshape(len(walls), graph.nodes, m)
+    h = forms.size
+    kinds = 1 if frames.drifts else 2
+    weights = h + 1 + np.arange(count * kinds).reshape(count, kinds)
+    t = h + 1 + weights.size
+    alone = np.broadcast_to([h], (count, 1)), np.broadcast_to([t], (count, 1))
     inequalities = []
-    for k in range(3 * len(walls) - 2):
-        slopes = np.zeros((len(walls), *own.shape, N, N))
-        parts = coefficient_parts(len(walls), k)
-        for a, b, c in parts:
-            G_b = terms[b].G.value[:, None]
-            G_c = terms[c].G.value[:, None]
-            moved = G_b.mT @ basis @ G_c
-            slopes[a, :, :m, :n, :n] += basis
-            slopes[a, :, m : 2 * m] -= (moved + moved.mT) / 2
-            for at, term in enumerate((terms[b].own, terms[b].stored, *terms[b].beside)):
-                slopes[a, :, 2 * m + at] += term.value
-        of_walls = np.concatenate([*(slopes / len(parts)), of_t[1]], axis=1)
-        inequalities.append(Inequality(np.zeros((count, N, N)), of_walls, index))
-    each_node = np.concatenate([forms + wall * size for wall in range(len(walls))])
-    of_forms = np.broadcast_to(basis, (len(each_node), m, n, n))
-    inequalities.append(Inequality(np.zeros((len(each_node), n, n)), of_forms, each_node))
-    # A small share of the traces of all P_i beside t keeps those bounded that F does not bound.
+    for of_wall, own in zip(terms, forms, strict=True):
+        moved = of_wall.moved[frame][:, None]
+        slopes = np.zeros((count, 2 * m + 2 + kinds, N, N))
+        slopes[:, :m, :-1, :-1] = basis
+        slopes[:, m : 2 * m] = -(moved.mT @ basis @ moved)
+        for place, term in enumerate(
+            (of_wall.rise, of_wall.rise - of_wall.last, of_wall.own)[: 1 + kinds]
+        ):
+            slopes[:, 2 * m + place] = -term[frame]
+        slopes[:, -1] = -np.eye(N)
+        index = np.concatenate([own[source], own[target], alone[0], weights, alone[1]], axis=1)
+        inequalities.append(Inequality(np.zeros((count, N, N)), slopes, index))
+    each = forms.reshape(-1, m)
+    of_forms = np.broadcast_to(basis, (len(each), *basis.shape))
+    inequalities.append(Inequality(np.zeros((len(each), N - 1, N - 1)), of_forms, each))
+    # A small share of all traces beside t keeps those bounded that the condition does not bound.
     cost = np.zeros(t + 1)
-    cost[each_node] = 1e-9 * np.trace(basis, axis1=1, axis2=2)
+    cost[each] = 1e-9 * np.trace(basis, axis1=1, axis2=2)
     cost[t] = -1.0
-    starts = size * np.arange(len(walls))[:, None]
-    weights = (starts + np.arange(g, size)).ravel()
-    G = np.zeros((2 * weights.size + len(walls), t + 1))
-    G[np.arange(weights.size), weights] = -1.0
-    G[weights.size + np.arange(weights.size), weights] = 1.0
-    G[2 * weights.size + np.arange(len(walls))[:, None], starts + np.array([g, h])] = 1.0
-    limits = np.repeat([0.0, 1.0], [weights.size, weights.size + len(walls)])
-    limits[: weights.size][weights % size == g] = -1e-5  # the least weight of the rest
-    x = minimised(cost, inequalities, G, limits)
-    # The least room of F, where forces are of size 1.
-    if not (np.isfinite(x).all() and x[t] > 1e-7):
-        return []
-    found = []
-    for each in x[:t].reshape(len(walls), size):
-        P = np.tensordot(each[forms], basis, (1, 0))
-        weight = np.maximum(each, 0.0)
-        found.append(Stored(P, float(each[g]), float(weight[h]), weight[beside]))
-    return found
+    bounded = np.zeros((2 * (t - h), t + 1))
+    bounded[: t - h, h:t] = -np.eye(t - h)
+    bounded[t - h :, h:t] = np.eye(t - h)
+    x = minimised(cost, inequalities, bounded, np.repeat([0.0, 1.0], t - h))
+    if not (np.isfinite(x).all() and x[t] > LEAST_ROOM):
+        return None
+    P = np.tensordot(x[forms], basis, (2, 0))
+    found = np.zeros((count, 2))
+    found[:, ::-1][:, :kinds] = np.maximum(x[weights], 0.0)
+    try:
+        last = frames.read.copy()
+        last[:, 0] -= frames.slide
+        beside = 1e-2 * x[t] / (1 + np.square(last).sum(-1).max(0))
+        roots = [_over_last(own, wall, beside) for own, wall in zip(P, walls, strict=True)]
+    except np.linalg.LinAlgError:
+        return None
+    return Stored(np.array(roots), float(max(x[h], 0.0)), found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Terms:
+    """Frames over (eta, m, u_before, u). moved: (eta, m, u_before) of the next; and the matrices of
+    `u (f - f_before)`, `u_before (f - f_before)` and `u f`."""
+
+    moved: np.ndarray
+    rise: np.ndarray
+    last: np.ndarray
+    own: np.ndarray
+
+
+def _terms(frames, wall):
+    K, B = wall
+    n = frames.moved.shape[1]
+
+    def wide(rows):
+        return np.insert(rows, [n, n], 0.0, axis=-1)
+
+    f = wide(K * frames.read[:, 0] + B * frames.read[:, 1])
+    *_, m, before, u = np.eye(n + 3)
+    f = f - u
+    next_m = f - K * wide(frames.slide)
+    next_u = np.broadcast_to(u, next_m.shape)
+    moved = np.concatenate([wide(frames.moved), next_m[:, None], next_u[:, None]], axis=1)
+    return _Terms(moved, _product(u, f - m), _product(before, f - m), _product(u, f))
+
+
+def _product(row, rows):
+    """The symmetric matrices of products of a row and others."""
+    matrix = row[:, None] * rows[:, None]
+    return (matrix + matrix.mT) / 2
+
+
+def _over_last(P, wall, beside):
+    """Roots of forms over (eta, x, v, u_before); beside: of x^2 and v^2, which hardly takes of the room."""
+    n = P.shape[-1] - 2
+    T = np.zeros((n + 2, n + OF_LAST))
+    T[:n, :n] = np.eye(n)
+    T[n, n:] = *wall, -1.0
+    T[n + 1, n + 2] = 1.0
+    of_last = np.diag([*np.zeros(n), *beside, 0.0])
+    return np.linalg.cholesky(T.T @ P @ T + of_last).mT

@@ -4,6 +4,7 @@ the inequality of a proof file, (2) of `checker/contact.py`."""
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
@@ -41,16 +42,18 @@ def _opened(loop: WallLoop, wall: np.ndarray) -> contact.Opened:
     """The loop in a frame as the inequality has it, at a wall (K, B)."""
     read = Bounded.exact(wall) @ loop.rows
     direct = Bounded.exact(wall) @ loop.direct - Bounded.exact(1.0)
-    moved = [[*row, b] for row, b in zip(_balls(loop.E), _balls(loop.B), strict=True)]
+    moved = [[*row, b] for row, b in zip(balls_of(loop.E), balls_of(loop.B), strict=True)]
     for i, row in enumerate(moved):
         row[i] = balls.add(row[i], (0, balls.ONE))
-    return contact.Opened(moved, [*_balls(read), _balls(direct)], _balls(loop.residue * wall[0]))
+    return contact.Opened(
+        moved, [*balls_of(read), balls_of(direct)], balls_of(loop.residue * wall[0])
+    )
 
 
-def _balls(bounded: Bounded):
+def balls_of(bounded: Bounded) -> Any:
     """Entries as balls of the checker, in lists as the array has them."""
     if np.ndim(bounded.value):
-        return [_balls(bounded.part(i)) for i in range(len(bounded.value))]
+        return [balls_of(bounded.part(i)) for i in range(len(bounded.value))]
     rounded, middle = balls.ball(Fraction(float(bounded.value)))
     short, radius = balls.ball(Fraction(float(bounded.error)))
     return rounded + short + radius, middle

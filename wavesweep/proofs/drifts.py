@@ -8,7 +8,6 @@ import numpy as np
 
 from wavesweep.checker import balls, contact, drifts, file, frame, port
 from wavesweep.checker.balls import Refused
-from wavesweep.checker.reader import wall_of
 from wavesweep.checker.reader.loops import INPUT
 
 PLACES = [
@@ -41,8 +40,9 @@ def drifts_and_rest(
     """Return the drifts of a loop cut at its wall, and what drifts besides while the wall is not
     touched. Errors: Refused if that is more than one position."""
     schedules = file.schedules_of(tables, claim, member)[0]
-    cut, free = contact.opened(schedules[""], wall_of(tables)[0])
-    every = _directions({"": cut}, claim.sides)
+    cuts, free = file.cut_at_wall(tables, schedules)
+    untouched = [*free.values()]
+    every = _directions(cuts, claim.sides)
     own = [names for names in every if contact.FORCE not in names]
     held = [
         sorted(names, key=lambda name: name != contact.FORCE)
@@ -50,15 +50,16 @@ def drifts_and_rest(
         if contact.FORCE in names
     ]
     fixed = {names[0] for names in own}
-    live = frame.Frames(frame.steps_of({"": cut})).live
-    silent = {name for names in own if drifts.is_unread([free], names, live) for name in names}
+    live = frame.Frames(frame.steps_of(cuts)).live
+    silent = {name for names in own if drifts.is_unread(untouched, names, live) for name in names}
     rows = []
-    for row in drifts.at_rest([free], live - silent):
+    for row in drifts.at_rest(untouched, live - silent):
         rows.append({name: share for name, share in row.items() if name not in fixed})
     rests = [*_next(list(filter(None, rows)), live - silent - fixed, _cells(claim.sides))]
     if len(rests) > 1:
         raise Refused("more than one position drifts while the wall is not touched")
-    return own + held, rests[0] if rests else []
+    rest = sorted(*rests, key=lambda name: name.startswith(contact.LAST)) if rests else []
+    return own + held, rest
 
 
 def _cells(sides):

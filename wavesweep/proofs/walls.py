@@ -4,7 +4,8 @@ sums of squares that show that they serve."""
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -14,7 +15,7 @@ from wavesweep.capabilities import offered
 from wavesweep.checker import balls, contact, file
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import for_all
-from wavesweep.proofs.cells import Cell, exactly, tree
+from wavesweep.proofs.cells import Cell, exactly, tree, written
 from wavesweep.proofs.drifts import drifts_and_rest
 from wavesweep.proofs.forms import form_of
 from wavesweep.proofs.sets import decimals
@@ -45,7 +46,8 @@ def claim_of_walls(tables: dict, numbers: Mapping[str, str], ends: Ends) -> Line
             lines.append({"member": {name: decimals(each) for name, each in member.items()}, **own})
         else:
             head |= own
-        lines += _pieces(family, ends)
+        vary = "" not in family.frames.words
+        lines += _pieces_in_frames(family, claim) if vary else _pieces(family, ends)
     return [head, *lines]
 
 
@@ -105,6 +107,83 @@ def _pieces(family: file.Family, ends: Ends) -> Lines:
             line["P"].append(P)
         cells.append(Cell(piece.low, piece.high, line, 0))
     return list(tree(name, cells))
+
+
+def _pieces_in_frames(family: file.Family, claim: file.Claim) -> Lines:
+    """The tree of cells of one loop whose frames vary in any order."""
+    if len(family.moves) > 1:
+        raise Refused("results that are lost")
+    in_frames = offered("rows_in_frames")
+    names = [*claim.sides]
+    along = next((at for at, (low, high) in enumerate(claim.sides.values()) if low < high), 0)
+    samples, states = _samples(family, names)
+    loop = in_frames.InFrames.in_doubles(samples)
+    fixed = float(claim.sides[names[1 - along]][0]) if len(names) > 1 else 0.0
+    walls = in_frames.Along(loop, along, fixed)
+    low, high = map(float, claim.sides[names[along]])
+
+    def cell(piece):
+        high, *others = [walls.value(wall) for wall in piece.walls]
+        line = _in_file(family, piece, states, loop.scale)
+        return Cell(others[0] if others else high, high, line, 0)
+
+    def serves(piece):
+        found = cell(piece)
+        ends = claim.sides | {names[along]: (exactly(found.low), exactly(found.high))}
+        try:
+            file.check_cells(family, replace(claim, sides=ends), iter([found.line]))
+        except Refused:
+            return False
+        return True
+
+    for graph in loop.graphs[::-1]:
+        cells = [cell(piece) for piece in reversed(walls.down(graph, high, low, serves))]
+        if cells and cells[0].low == low:
+            return list(tree(names[along], cells))
+    raise Refused(f"no forms are found from {names[along]} = {low:.6g} to {high:.6g}")
+
+
+def _samples(family: file.Family, names: Sequence[str]):
+    """The frames in doubles, as forms are searched, and the places of its memory among the states."""
+    last = [contact.LAST + name for name in names]
+    eta = [at for at, name in enumerate(family.states) if name not in last]
+    places = [family.states.index(name) for name in last]
+    columns = [*eta, len(family.states)]
+    moved, read, slide = [], [], []
+    kinds = [
+        file.sampled_at(family, {name: Fraction(name == own) for name in names}).values()
+        for own in names
+    ]
+    for frames in zip(*kinds, strict=True):
+        rows = np.array(frames[0].moved, float)[..., 1] / balls.ONE
+        rise = np.array([each.rise for each in frames], float)[..., 1][:, columns] / balls.ONE
+        moved.append(rows[np.ix_(eta, columns)])
+        read.append(np.pad(rise, ((0, 2 - len(rise)), (0, 0))))
+        slide.append((rise[0] - rows[places[0], columns]) * bool(family.rest))
+    follows = np.ones((len(moved),) * 2, bool)
+    fields = map(np.array, (moved, read, slide))
+    samples = offered("stored_search").WallSamples(*fields, bool(family.rest), follows)
+    return samples, [*eta, *places]
+
+
+def _in_file(family: file.Family, piece: Any, states: Sequence[int], scale: np.ndarray):
+    """What a file says of walls between which all are proved. states: places of the memory of the forms."""
+    letters = {kind: letter for letter, (kind, *_) in family.moves[family.start].items()}
+    names = [letters[kind] for kind in family.frames.words]
+    size = len(states) + 1
+    nodes = []
+    for roots in zip(*piece.stored.L[::-1], strict=True):
+        forms = []
+        for root in roots:
+            columns = np.empty((len(root), size))
+            columns[:, [*states, size - 1]] = (root / scale)[:, [*range(size - 1), -1]]
+            forms.append(written(np.linalg.qr(columns)[1]))
+        nodes.append({"L": forms})
+    edges = []
+    weights = piece.stored.weights.tolist()
+    for (source, frame, target), pair in zip(piece.graph.edges.tolist(), weights, strict=True):
+        edges.append([source, names[frame], target, *(decimals(exactly(x)) for x in pair)])
+    return {"nodes": nodes, "edges": edges, "start": 0, "h": decimals(exactly(piece.stored.h))}
 
 
 def _opened(family: file.Family, point: Mapping[str, Fraction]) -> contact.Opened:
