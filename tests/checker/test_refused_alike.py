@@ -47,6 +47,7 @@ NO_VALUE = [
     "[for_all]\nb = { start = 1, stop = 2, values = [1] }", "[for_all]\nb = [1, 1]", "[for_all]\nb = [-1, 1]",
     "[for_all]\nb = { values = [1, 2], shares = [1, 1] }", "[for_all]\nlost = 17", "[for_all]\nlost = 0.5",
     "[for_all]\nloss = 1.5", "[for_all]\nlost = 1\nloss = 0.5", "[for_all]\ncontact = 1", "[for_all]\ntick = { late = 11 }",
+    "[for_all]\ntick = {}",
     "[for_all]\ncontact = true\nb = { start = 1, stop = 2 }", "[for_all]\ntick = { late = 0.0001 }\nlost = 1",
     '[for_all]\n"rates.ratio" = { start = 10, stop = 100, varying = true }', f"[for_all]\n{RATIOS}, shares = [1] }}",
     f"[for_all]\n{RATIOS}, shares = [0, 0] }}", f"[for_all]\n{RATIOS}, next = [[1, 1]] }}",

@@ -96,7 +96,7 @@ def test_another_load_is_seen_in_the_difference(wavesweep, tmp_path, monkeypatch
     logged(tmp_path)
     args = ("servo.toml", "--set", "block.motor.mass=0.3", "--log", "log.csv", *NAMED, "--no-plot", "--out", "there")
     _, _, said = wavesweep("simulate", *args)
-    (line,) = [line for line in said.splitlines() if "differ" in line]
+    (line,) = [line for line in said.replace("\n    ", " ").splitlines() if "differ" in line]
     worst, when = float(line.split("at most")[0].split("by ")[-1]), float(line.split(" at ")[-1].removesuffix(" s"))
     columns = results.read("there/simulate.parquet")
     off = np.abs(columns["place"] - columns["log_place"])[::3]

@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     )
     from wavesweep.engine._switched.norm_check import (
         Norms,
-        definite,
-        in_its_units,
         shrink_along,
     )
     from wavesweep.engine._switched.norms import (
@@ -142,8 +140,6 @@ else:
             ),
             "_switched.norm_check": (
                 "Norms",
-                "definite",
-                "in_its_units",
                 "shrink_along",
             ),
             "_switched.norms": (

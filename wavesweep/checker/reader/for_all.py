@@ -102,9 +102,8 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
     found.contact = entry.get("contact", False)
     if not isinstance(found.contact, bool) or not isinstance(found.tick, dict):
         raise Unreadable("for_all.contact is true or false, and for_all.tick a table")
-    if found.tick and not all(
-        0 < exact(found.tick[key]) <= LONGEST_TICK for key in found.tick if key != "steps"
-    ):
+    times = [exact(time) for key, time in found.tick.items() if key != "steps"]
+    if "tick" in entry and not (times and all(0 < time <= LONGEST_TICK for time in times)):
         raise Unreadable(f"for_all.tick: times are above 0 and at most {LONGEST_TICK} s")
     wide = any(low < high for low, high in found.ranges.values())
     channels = [keys for keys in blocks if keys["type"] == "channel" and keys.keys() & MESSAGES]

@@ -48,11 +48,13 @@ def width() -> int:
 
 
 def say(text: str, warning: bool = False) -> None:
-    """Write a line to stderr, folded; if that is impossible, the message is dropped, since the results matter more.
+    """Write a line to stderr, folded if it lists no files; if that is impossible, the message is dropped, since the results matter more.
 
     A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it).
     """
-    text = "\n".join("\n".join(folded(line)) for line in printable(text).split("\n"))
+    text = printable(text)
+    if not text.startswith("Wrote "):
+        text = "\n".join("\n".join(folded(line)) for line in text.split("\n"))
     plain = not warning or os.environ.get("NO_COLOR")
     for watch in _speaking:
         watch.clear()
