@@ -216,16 +216,20 @@ class Along:
         tops = [np.nan]
         for graph in self.loop.graphs:
             tops.append(self._end(graph, low, ceiling, tops[-1]))
-        # How far below the ends that are found a proof is tried, of these.
-        for back in (0.0, 1e-3, 0.01, 0.03, 0.1, 0.3):
-            for graph, top in zip(self.loop.graphs[::-1], tops[:0:-1], strict=True):
+        best: list[Piece] = []
+        for graph, top in zip(self.loop.graphs[::-1], tops[:0:-1], strict=True):
+            # How far below the end that is found a proof is tried, of that.
+            for back in (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.3):
                 begun = (1 - back) * top
+                if not begun > max([low, *(self.value(piece.walls[0]) for piece in best)]):
+                    break
                 # Of what begins at 0 a thousandth of the end is left out.
                 goal = max(low, 1e-3 * begun) if low >= 0 else low
-                pieces = self.down(graph, begun, goal, self.loop.serves) if begun > low else []
+                pieces = self.down(graph, begun, goal, self.loop.serves)
                 if pieces:
-                    return pieces
-        return []
+                    best = pieces
+                    break
+        return best
 
     def _end(self, graph: Graph, low: float, ceiling: float, top: float) -> float:
         """The highest value for which forms are found, from `top` on, if that is known; NaN without."""
