@@ -22,6 +22,7 @@ KEYS = {  # of `[sweep] require`, which this reads
     *(f"gain.{key}" for key in ("from", "to", "at_most", "band_hz")),
     *(f"margins.{key}" for key in ("cut", "Ms", "disk", "gain", "phase_deg")),
     *(f"{kind}.{key}" for kind in ("peak", "overshoot", "step_settling", "rms") for key in ("from", "to", "at_most")),
+    "step_settling.within",
 }  # fmt: skip
 NEAR = 1e-5  # of an end, as far inside and outside of which a requirement is looked at
 AT_LOW_END = 1e-6  # of a range, within which an interval begins at its low end

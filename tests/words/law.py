@@ -19,7 +19,7 @@ QUIET = ("--no-plot", "--out", "t", "--overwrite")
 OTHERS = ("margins", "simulate", "bode", "why", "poles")
 TABLES = {"bode": "bode-ports"}
 UNSURE = ("not known", "not certified")
-WIDEST = 119
+WIDEST = 120
 
 
 def said_by(*command):
@@ -69,7 +69,7 @@ def hold_spec(seed, others=OTHERS):
     hold_rows(run, table, facts)
     hold_columns(table)
     for line in lines:
-        assert len(line) <= WIDEST or re.match(r"Wrote", line), line
+        assert len(line) <= WIDEST or re.match(r"Wrote|assumes|\d+ slices?:", line), line
     for line in unfolded(lines, "    "):
         if found := re.match(r".*? \((\w+)\):$", line):
             run.word = found[1]

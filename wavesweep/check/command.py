@@ -183,7 +183,7 @@ class _Judged:
         """The lines that follow: all of them, or the foremost."""
         if whole:
             ranked = (line for _, line in self.ranked)
-            return [*chain.from_iterable(map(folded, [*ranked, *self.plan])), *self.steps]
+            return [*chain.from_iterable(map(folded, ranked)), *self.plan, *self.steps]
         return [
             *_foremost(self.ranked, 18 - self.shown - len(self.steps)),  # 18 lines without --all
             *self.steps,

@@ -10,7 +10,7 @@ from textwrap import wrap
 
 DIGITS = 6  # significant ones of a number in a sentence
 MOST_DIGITS = 17  # those that tell any two doubles apart
-WIDEST = 119  # letters of a line
+WIDEST = 120  # letters of a line
 
 
 def folded(line: str, width: int = WIDEST) -> list[str]:

@@ -13,7 +13,6 @@ from typing import Any
 import click
 
 from wavesweep.engine.errors import shortened
-from wavesweep.program.number_words import folded
 
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
@@ -48,13 +47,11 @@ def width() -> int:
 
 
 def say(text: str, warning: bool = False) -> None:
-    """Write a line to stderr, folded if it lists no files; if that is impossible, the message is dropped, since the results matter more.
+    """Write a line to stderr; if that is impossible, the message is dropped, since the results matter more.
 
     A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it).
     """
     text = printable(text)
-    if not text.startswith("Wrote "):
-        text = "\n".join("\n".join(folded(line)) for line in text.split("\n"))
     plain = not warning or os.environ.get("NO_COLOR")
     for watch in _speaking:
         watch.clear()

@@ -27,6 +27,7 @@ from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.file_places import own_folder, refuse_inputs
 from wavesweep.program.cli.messages import WRITING, progress, say, show_json, where
 from wavesweep.program.cli.options import Options
+from wavesweep.program.number_words import folded
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.claims import Claim
@@ -260,8 +261,12 @@ def _lines(
     """The lines of a summary and whether they are warnings; assumptions that favour stability come first, others last."""
     from wavesweep.program.analyses.assumptions import FAVOURABLE
 
-    assumed = [(f"assumes: {model}", False) for model in facts.get("assumes", "").splitlines()]
-    lines: list[Line] = [(sentence, False) for sentence in dict.fromkeys(said)]
+    assumed = []
+    for model in facts.get("assumes", "").splitlines():
+        assumed += [(line, False) for line in folded(f"assumes: {model}")]
+    lines: list[Line] = []
+    for sentence in dict.fromkeys(said):
+        lines += [(line, False) for line in folded(sentence)]
     for done in finished:
         lines += [(notice, False) for notice in done.notices]
         lines += done.lines
