@@ -238,7 +238,7 @@ def test_a_mass_that_is_not_known_beside_two_channels_is_settled(tmp_path, caplo
     assert row["certified"]
     assert row["settled"]
     assert row["low"] < 0.3
-    assert caplog.messages[-1].split(" so far")[0].endswith(f"to {row['high']:.4g}")
+    assert f" to {row['high']:.4g} on " in caplog.messages[-1]
     assert contradictions(tomllib.loads(TWO_CHANNELS)) == []
 
 
