@@ -19,7 +19,10 @@ def counted(lengths, *rows):
 
 
 def test_lengths_of_all_counterexamples_decide_and_the_others_may_be_left_out():
-    rows = (1e-6, 99.0, NAN, 100.0, "frames 14, 14, 22"), (49.0, 300.0, 48.0, 302.0, "below: frames 15; from: frames 21, 22")
+    rows = (
+        (1e-6, 99.0, NAN, 100.0, "frames 14, 14, 22"),
+        (49.0, 300.0, 48.0, 302.0, both),
+    )
     found = counted(tuple(range(14, 23)), *rows, (0.0, 2000.0, NAN, NAN, ""))
     assert found == {"decide": [14, 15, 21, 22], "left_out": [16, 17, 18, 19, 20], "moves_an_end_by": pytest.approx(1 / 49)}
     said = "frames of 14, 15, 21, 22 ticks decide: without those of 16 to 20 no end moves by more than 2.1 %"

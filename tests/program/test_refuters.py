@@ -17,6 +17,7 @@ def drawn(draw: random.Random) -> Refuter:
     return draw.choice(
         [
             Refuter(numbers),
+            Refuter(frames=pattern([(16, ""), (33, "")]), wall="the linear wall"),
             Refuter(numbers, frames=pattern([(16, ""), (8, "lost"), (33, "delay 3")])),
             Refuter(messages={name: pattern([0, 12, None]) for name in ("up", "down")}),
             Refuter(numbers, ticks=pattern(["1", "1.2", "1.05"])),
@@ -34,6 +35,7 @@ def test_a_refuter_is_read_as_it_was_written():
 UNREADABLE = [
     "",
     "second moments that grow",
+    "the linear wall, in contact all the time",
     "no member, frames 1",
     "frames 16, 33, ...",
     "messages up: 0, ...",

@@ -33,9 +33,9 @@ from wavesweep.program.number_words import span_around
 from wavesweep.program.row_kinds import TEXT
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import loops_of
-from wavesweep.program.tables.refuters import Refuters
+from wavesweep.program.tables.refuters import LINEAR_WALL, Refuters
 
-LINEAR = "the linear wall, in contact all the time"
+LINEAR = f"{LINEAR_WALL}, in contact all the time"
 NOWHERE = f"{LINEAR}, is stable at none"
 BY_MULTIPLIERS = (
     "multipliers of Zames and Falb, by linear programmes, proved by sums of squares "
@@ -244,7 +244,7 @@ def _linear(rules, loop, along, span, high) -> list[Row]:
     found = []
     for row in offered("rules").rows_of(rules, loop, along, span):
         if row.part.high_by is not None and row.low < high:
-            said = f"the linear wall, {Refuters.read(row.text).high}"
+            said = f"{LINEAR_WALL}, {Refuters.read(row.text).high}"
             found.append(Row(row.low, row.high, np.nan, row.part.high, Refuters("", said)))
     return found
 

@@ -20,6 +20,7 @@ from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import path_of
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
+from wavesweep.program.tables.refuters import LINEAR_WALL
 
 LEAST_SHARE = 0.001  # of a wall that a proof goes down in a piece
 LONGER, SHORTER = 1.5, 0.4  # times the share after a piece that is proved, or is not
@@ -344,7 +345,7 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
     asked = offered("rules")
     said, by = asked.decided_over(rules, values, ())
     if said == "refuted":
-        return {"verdict": "refuted", "counterexample": f"the linear wall, {', '.join(by)}"}
+        return {"verdict": "refuted", "counterexample": f"{LINEAR_WALL}, {', '.join(by)}"}
     for frame, constant in loop.constant():
         motion = motion_at(WallsAlong(constant, 0, B), K)
         if motion:

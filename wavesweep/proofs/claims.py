@@ -4,6 +4,7 @@ of loops, and what refutes them."""
 import gzip
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import partial
 from hashlib import sha256
@@ -163,11 +164,12 @@ def _constant(family: file.Family, name: str, low: float, high: float) -> Lines:
 
 
 def _refuter(text: str) -> Refuter:
-    """What a table says that refutes a value. Errors: Refused for what is no member and no pattern."""
-    try:
-        return Refuter.read(text)
-    except ValueError:
-        raise Refused(f"what refutes it is no member and no whole pattern: {text}") from None
+    """What a table says that refutes a value. Errors: Refused for what is no member and no pattern, or of a wall."""
+    with suppress(ValueError):
+        refuter = Refuter.read(text)
+        if not refuter.wall:
+            return refuter
+    raise Refused(f"what refutes it is no member and no whole pattern: {text}")
 
 
 def claim_refuted(tables: dict, numbers: Mapping[str, str], text: str) -> Lines:

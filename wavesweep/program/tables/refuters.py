@@ -14,6 +14,7 @@ _FATE = r"\d+|(?:\d+ )?lost"  # of a message, or of some that are lost in a row
 _PATTERN = re.compile(r"(?:^|, )(frames|messages|ticks of) (.*)")
 _INNER = re.compile(r"\(([^()]*)\)(?: x (\d+))?")  # of a pattern with its repetitions counted
 NOTHING: Mapping[str, Any] = MappingProxyType({})
+LINEAR_WALL = "the linear wall"  # which is one of those that push
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
 
 
@@ -22,17 +23,20 @@ class Refuter(NamedTuple):
 
     numbers: of the member, by name, as texts. frames: their ticks, and what becomes of their results, "" if that
     is not said. messages: of each channel, by how many ticks they are late, None of one that is lost.
-    ticks: their times (ms), as texts.
+    ticks: their times (ms), as texts. wall: the wall of which it is, in words.
     """
 
     numbers: Mapping[str, str] = NOTHING
     frames: Sequence[tuple[int, str]] = ()
     messages: Mapping[str, Sequence[int | None]] = NOTHING
     ticks: Sequence[str] = ()
+    wall: str = ""
 
     @classmethod
     def read(cls, text: str) -> "Refuter":
         """What a text says. Errors: ValueError for one that is no member and no whole pattern."""
+        if text.startswith(f"{LINEAR_WALL}, "):
+            return cls.read(text.removeprefix(f"{LINEAR_WALL}, "))._replace(wall=LINEAR_WALL)
         pattern = _PATTERN.search(text)
         before = text[: pattern.start()] if pattern else text
         equations = [part.partition(" = ") for part in before.split(", ") if part]
@@ -53,7 +57,8 @@ class Refuter(NamedTuple):
         return cls(numbers)
 
     def __str__(self) -> str:
-        parts = [f"{name} = {value}" for name, value in self.numbers.items()]
+        parts = [self.wall] if self.wall else []
+        parts += [f"{name} = {value}" for name, value in self.numbers.items()]
         if self.frames:
             frames = (
                 f"{ticks} ({result})" if result else f"{ticks}" for ticks, result in self.frames
