@@ -19,6 +19,7 @@ def counted(lengths, *rows):
 
 
 def test_lengths_of_all_counterexamples_decide_and_the_others_may_be_left_out():
+    both = "below: frames 15; from: the linear wall, m = 2, frames 21, 22"
     rows = (
         (1e-6, 99.0, NAN, 100.0, "frames 14, 14, 22"),
         (49.0, 300.0, 48.0, 302.0, both),

@@ -354,5 +354,6 @@ def _build(
     if mistakes:
         raise SpecError(mistakes.in_order())
     tables_read = {field.name: getattr(studies, field.name) for field in fields(Studies)}
-    loop = {"_values": values, "_given": given, "drawing": drawing}
-    return Spec(name=name, source=path, **loop, **tables_read)
+    return Spec(
+        name=name, source=path, _values=values, _given=given, drawing=drawing, **tables_read
+    )

@@ -139,8 +139,13 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
             # Arrays are never mapped: with this folder named, joblib makes none of its own, which a
             # kill would leave.
             shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
-            order = {"return_as": "generator_unordered", "batch_size": 1}
-            run = Parallel(count, pre_dispatch=AHEAD * count, **order, **shared)
+            run = Parallel(
+                count,
+                return_as="generator_unordered",
+                batch_size=1,
+                pre_dispatch=AHEAD * count,
+                **shared,
+            )
             answers = run(tasks)
     except OSError as error:  # no processes, no /dev/shm
         fault = f"no worker processes can be started here ({error})"
