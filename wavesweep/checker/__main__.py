@@ -39,6 +39,44 @@ SCOPES = {
 WALLS = "function of stiffness times depth plus damping times speed that is 0 at 0 and has slopes from 0 to 1, the same in all frames"
 
 
+def motions_in_words(claim: Claim) -> str:
+    """What a claim says of the loop's motions: that they decay, grow, go on or keep a gain."""
+    if claim.claim == "for all":
+        return "every motion decays"
+    if claim.claim == "mean square":
+        return "the mean of all squares decays"
+    if claim.claim == "contact":
+        return f"every motion comes to rest, if its force is any {WALLS}"
+    if claim.claim == "goes on":
+        forces = ", ".join(map(plain, claim.forces))
+        return f"its forces are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
+    if claim.claim == "port":
+        return "stable, and the hand's port is passive if its force is held over a tick"
+    if claim.gain:
+        return "stable, and " * (claim.gain.source != SENT) + gain_in_words(claim.gain)
+    return modes_in_words(claim)
+
+
+def modes_in_words(claim: Claim) -> str:
+    """How many modes are inside or outside the unit circle, or another one."""
+    circle = "the unit circle"
+    if claim.radius != 1:
+        circle = f"the circle of radius {plain(claim.radius)} in each period of its rates"
+    if claim.outside:
+        modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
+        words = f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
+        if claim.word:
+            times = [plain(claim.times[letter][0]) for letter in claim.word if claim.times]
+            words += f", with {'ticks of' if times else 'frames'} {', '.join(times or claim.word)}{' s' if times else ''} for ever"
+        return words
+    if not claim.states:
+        return "there is no mode"
+    modes = "the only mode is"
+    if len(claim.states) > 1:
+        modes = f"all {len(claim.states)} modes are"
+    return f"{modes} inside {circle}{', stable' if claim.radius == 1 else ''}"
+
+
 def in_words(claim: Claim) -> str:
     """What a claim says, from its data."""
     points = {name: low for name, (low, high) in claim.sides.items() if low == high}
@@ -48,42 +86,12 @@ def in_words(claim: Claim) -> str:
         if name not in points
     ]
     where += [f"{name} = {plain(value)}" for name, value in (points | claim.numbers).items()]
-    circle = "the unit circle"
-    if claim.radius != 1:
-        circle = f"the circle of radius {plain(claim.radius)} in each period of its rates"
     where += [f"at {claim.cut}"] * bool(claim.cut)
     words = f"{SCOPES[claim.claim]}, {', '.join(where) or 'its own numbers'}: "
     if claim.times and claim.claim == "for all":
         low, high = min(claim.times.values())[0], max(claim.times.values())[1]
         words += f"with ticks of any times from {plain(low)} to {plain(high)} s, "
-    if claim.shares:
-        words += shares_in_words(claim.shares)
-    elif claim.claim == "for all":
-        words += "every motion decays"
-    elif claim.claim == "mean square":
-        words += "the mean of all squares decays"
-    elif claim.claim == "contact":
-        words += f"every motion comes to rest, if its force is any {WALLS}"
-    elif claim.claim == "goes on":
-        forces = ", ".join(map(plain, claim.forces))
-        words += f"its forces are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
-    elif claim.claim == "port":
-        words += "stable, and the hand's port is passive if its force is held over a tick"
-    elif claim.gain:
-        words += "stable, and " * (claim.gain.source != SENT) + gain_in_words(claim.gain)
-    elif claim.outside:
-        modes = "1 mode is" if claim.outside == 1 else f"{claim.outside} modes are"
-        words += f"{modes} outside {circle}{', unstable' if claim.radius == 1 else ''}"
-        if claim.word:
-            times = [plain(claim.times[letter][0]) for letter in claim.word if claim.times]
-            words += f", with {'ticks of' if times else 'frames'} {', '.join(times or claim.word)}{' s' if times else ''} for ever"
-    elif not claim.states:
-        words += "there is no mode"
-    else:
-        modes = (
-            f"all {len(claim.states)} modes are" if len(claim.states) > 1 else "the only mode is"
-        )
-        words += f"{modes} inside {circle}{', stable' if claim.radius == 1 else ''}"
+    words += shares_in_words(claim.shares) if claim.shares else motions_in_words(claim)
     if claim.in_touch and claim.claim not in ("modes", *OF_WALLS):
         words += " (walls are always in touch, although [for_all] has contact)"
     if claim.drifts:
@@ -92,6 +100,7 @@ def in_words(claim: Claim) -> str:
 
 
 def main(arguments: list[str]) -> int:
+    """Check a file; 0: all is proved, 1: a claim is refused, 2: it cannot be read, 3: less than was asked."""
     limits = dict(LIMITS)
     while arguments[:1] and arguments[0] in limits and NUMBER.fullmatch("".join(arguments[1:2])):
         limits[arguments[0]] = float(arguments[1])
@@ -109,9 +118,8 @@ def main(arguments: list[str]) -> int:
             for claim, why in proof.claims:
                 verdicts.append(not why)
                 proved += [claim] * (not why)
-                words = (
-                    f"REFUSED: {in_words(claim)}: {why}" if why else f"proved: {in_words(claim)}"
-                )
+                said = in_words(claim)
+                words = f"REFUSED: {said}: {why}" if why else f"proved: {said}"
                 print(lines_of(words), flush=True)
             covered, whole = coverage.in_words(proof.tables, proof.ran, proof.question, proved)
     except (Unreadable, OSError) as error:
@@ -119,10 +127,8 @@ def main(arguments: list[str]) -> int:
         return 2
     except MemoryError:
         size = f"{limits['--megabytes']:g} MB of memory; --megabytes N"
-        print(
-            f"not checked: the spec or the file takes more than {size} allows for more",
-            file=sys.stderr,
-        )
+        words = f"not checked: the spec or the file takes more than {size} allows for more"
+        print(words, file=sys.stderr)
         return 2
     finally:
         limited(0, 0)

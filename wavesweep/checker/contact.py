@@ -65,6 +65,29 @@ Ball = tuple[int, int]
 Balls = list[Ball]
 
 
+def _place_of_wall(schedule: Schedule) -> tuple[object, str]:
+    """The kind of instant and the signal of the only equation that has the wall's numbers."""
+    places = []
+    for kind, instant in (*schedule.kinds.items(), ("", schedule.motion)):
+        for rows in (instant.equations, instant.writes):
+            for name, terms in rows.items():
+                if any(number(c).moves for c in terms.values()):
+                    places.append((kind, rows is instant.equations, name))
+    kind, is_equation, name = places[0] if len(places) == 1 else ("", False, "")
+    if not is_equation or sum(of_time == kind for _, of_time in schedule.times) != 1:
+        raise Refused("the wall's numbers are not those of one force that acts once in a frame")
+    return kind, name
+
+
+def _split_by_sides(c: Number, stiffness: str) -> tuple[Number, Number]:
+    """Of a coefficient linear in the wall's numbers: the terms with one of these, and those with the damping alone."""
+    if c.exact is None or any([power for _, power in term] not in ([], [1]) for term in c.exact):
+        raise Refused("the wall's force is not linear in its numbers")
+    with_sides = {term: share for term, share in c.exact.items() if term}
+    of_damping = {t: share for t, share in with_sides.items() if t[0][0] != stiffness}
+    return Number(with_sides), Number(of_damping)
+
+
 def opened(
     schedule: Schedule, stiffness: str, *, remembers: bool = False
 ) -> tuple[Schedule, Schedule]:
@@ -73,50 +96,23 @@ def opened(
     The wall's numbers are the sides: one equation has them, once in a frame, and each coefficient is linear in them. remembers:
     of what each of them multiplies, LAST has what was read last, and OUTPUT by how much more is read now.
     """
-    places_of_wall = []
-    for kind, instant in (*schedule.kinds.items(), ("", schedule.motion)):
-        for rows in (instant.equations, instant.writes):
-            for name, terms in rows.items():
-                if any(number(c).moves for c in terms.values()):
-                    places_of_wall.append((kind, rows is instant.equations, name))
-    kind, *place = places_of_wall[0] if len(places_of_wall) == 1 else ("", False, "")
-    if not place[0] or sum(kind_of_instant == kind for _, kind_of_instant in schedule.times) != 1:
-        raise Refused("the wall's numbers are not those of one force that acts once in a frame")
-    name = place[1]
+    kind, name = _place_of_wall(schedule)
     instant = schedule.kinds[kind]
     reads: dict[str, Number] = {}
     damps: dict[str, Number] = {}
     remaining: dict[str, Number] = {FORCE: number(1)}
     for name_read, factor in instant.equations[name].items():
         c = number(factor)
-        if c.exact is None or any(
-            [power for _, power in kind_of_instant] not in ([], [1]) for kind_of_instant in c.exact
-        ):
-            raise Refused("the wall's force is not linear in its numbers")
-        reads[name_read] = Number(
-            {
-                kind_of_instant: share
-                for kind_of_instant, share in c.exact.items()
-                if kind_of_instant
-            }
-        )
-        damps[name_read] = Number(
-            {
-                kind_of_instant: share
-                for kind_of_instant, share in reads[name_read].exact.items()
-                if kind_of_instant[0][0] != stiffness
-            }
-        )
+        reads[name_read], damps[name_read] = _split_by_sides(c, stiffness)
         remaining[name_read] = c - reads[name_read]
     writes = {**instant.writes, FORCE: {READ: 1}}
     equations = {**instant.equations, name: remaining}
-    for side in (
-        sorted({sides[0][0] for c in reads.values() for sides in c.exact}) if remembers else []
-    ):
+    sides: list[str] = []
+    if remembers:
+        sides = sorted({term[0][0] for c in reads.values() for term in c.exact})
+    for side in sides:
         last, risen, now = LAST + side, OUTPUT + side, f"{READ} with {side}"
-        shares = {
-            name_read: c.exact.get(((side, 1),), Fraction(0)) for name_read, c in reads.items()
-        }
+        shares = {key: c.exact.get(((side, 1),), Fraction(0)) for key, c in reads.items()}
         equations[now] = {name_read: number(share) for name_read, share in shares.items() if share}
         writes |= {last: {now: 1}, risen: {now: 1, last: -1}}
     cuts = []

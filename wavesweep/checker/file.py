@@ -58,7 +58,7 @@ import gzip
 import hashlib
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -244,22 +244,26 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
         return loop_of(with_numbers(tables, values | more), balls, cut)
 
     loop = loop_with({})
-    schedules = {"": loop.schedule()}
+    schedule = loop.schedule()
     for name, value in factors.items():
-        schedules = {"": with_factor(schedules[""], name, value)}
-    if claim.gain:
-        of_waves = (claim.gain.source, claim.gain.signal) == (channel.SENT, channel.RECEIVED)
-        schedule = schedules[""]
-        schedules[""] = (
-            between_ends(loop, schedule) if of_waves else opened(tables, schedule, claim.gain)
-        )
+        schedule = with_factor(schedule, name, value)
+    if claim.gain and (claim.gain.source, claim.gain.signal) == (channel.SENT, channel.RECEIVED):
+        schedule = between_ends(loop, schedule)
+    elif claim.gain:
+        schedule = opened(tables, schedule, claim.gain)
     if claim.claim == "port":
-        schedules = {"": port.opened(tables, schedules[""])}
+        schedule = port.opened(tables, schedule)
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker, or nothing reads it")
+    alike = {"": schedule}, {None: {"": ("", None, None)}}, None  # all frames
     if claim.claim in ("modes", "gain", "port"):
-        return schedules, {None: {"": ("", None, None)}}, None
+        return alike
+    return _schedules_of_set(tables, claim, loop, loop_with) or alike
+
+
+def _schedules_of_set(tables: dict, claim: Claim, loop, loop_with: Callable):
+    """The same if frames, ticks or messages vary by the spec, or None where all frames are alike."""
     allowed = for_all.read(tables, balls.exact)
     vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
     messages = for_all.has_messages(loop)
@@ -281,7 +285,7 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
         return for_all.frames_of(allowed, loop_with, random)
     if random:
         raise Unreadable("the spec has no chances")
-    return schedules, {None: {"": ("", None, None)}}, None
+    return None
 
 
 def times_of(claim: Claim, low: Fraction, high: Fraction) -> dict[str, tuple[Fraction, Fraction]]:
@@ -503,12 +507,10 @@ def claim_of(line) -> Claim:
         or ("open" in line and (kind != "modes" or "radius" in line))
         or (not wanted and "outside" in line)
     ):
-        raise Unreadable(
-            "a claim says how many modes are outside, or of a map, without a radius, that it is open"
-        )
-    word = [
-        _expect(letter, str, "a letter") for letter in _expect(line.get("word", []), list, "word")
-    ]
+        asks = "how many modes are outside, or of a map, without a radius, that it is open"
+        raise Unreadable(f"a claim says {asks}")
+    letters = _expect(line.get("word", []), list, "word")
+    word = [_expect(letter, str, "a letter") for letter in letters]
     if word and kind != "refuted":
         raise Unreadable("what is refuted alone has a word")
     radius = _fraction(line.get("radius", "1"))
@@ -564,36 +566,40 @@ def _holds(tables, claim: Claim, lines: Iterator[dict]):
                 "the sides are not the ranges of [for_all], or a number is set that [for_all] leaves open"
             )
     elif claim.claim in ("refuted", "goes on"):
-        _is_member(
-            allowed,
-            {
-                names_of: claim.numbers[number]
-                for names_of, number in names.items()
-                if number in claim.numbers
-            },
-        )
+        numbers = claim.numbers
+        _is_member(allowed, {key: numbers[name] for key, name in names.items() if name in numbers})
     for member in members:
         if member:
-            line = next(lines, {})
-            values = _expect(line.get("member", {}), dict, "a member")
-            if {name: _fraction(value) for name, value in values.items()} != member:
-                raise Refused(f"no proof of {for_all.letter_of(member)}")
-            if line.keys() - {"member"} - COORDINATES:
-                raise Unreadable("a member has drifts, states and a rest alone")
-            claim = _with_coordinates(claim, line)
+            claim = _next_member(claim, member, lines)
         family = family_of(tables, claim, member)
         if family.states != claim.states:
             raise Refused(f"the states are {', '.join(family.states)}, and others in the file")
         if claim.claim == "goes on":
-            if any(low < high for low, high in claim.sides.values()):
-                raise Refused("a motion goes on at one wall, and not at a range")
-            loop = opened_at(family, {name: low for name, (low, _) in claim.sides.items()})
-            if not contact.goes_on(loop, claim.forces):
-                raise Refused("no wall that pushes and never pulls has these forces")
-            continue
-        check_cells(family, claim, lines)
+            _goes_on(family, claim)
+        else:
+            check_cells(family, claim, lines)
     if next(lines, None) is not None:
         raise Refused("cells beyond the sides")
+
+
+def _goes_on(family: Family, claim: Claim):
+    """Refused, unless a wall that pushes and never pulls has the forces of a motion that never ends."""
+    if any(low < high for low, high in claim.sides.values()):
+        raise Refused("a motion goes on at one wall, and not at a range")
+    loop = opened_at(family, {name: low for name, (low, _) in claim.sides.items()})
+    if not contact.goes_on(loop, claim.forces):
+        raise Refused("no wall that pushes and never pulls has these forces")
+
+
+def _next_member(claim: Claim, member: Mapping[str, Fraction], lines: Iterator[dict]) -> Claim:
+    """The claim in the coordinates of the next line, which has to name the member of the listed numbers."""
+    line = next(lines, {})
+    values = _expect(line.get("member", {}), dict, "a member")
+    if {name: _fraction(value) for name, value in values.items()} != member:
+        raise Refused(f"no proof of {for_all.letter_of(member)}")
+    if line.keys() - {"member"} - COORDINATES:
+        raise Unreadable("a member has drifts, states and a rest alone")
+    return _with_coordinates(claim, line)
 
 
 def _is_member(allowed, numbers: dict):
@@ -612,9 +618,8 @@ def _is_member(allowed, numbers: dict):
 
 
 def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
-    """The tree of cells that divides the sides."""
+    """The tree of cells that divides the sides: a line cuts a cell in two, or has its proof."""
     boxes = [claim.sides]
-    whole = _size(claim.sides, claim.sides)
     count = 0
     while boxes:
         box = boxes.pop()
@@ -633,30 +638,36 @@ def check_cells(family: Family, claim: Claim, lines: Iterator[dict]):
             if set(line) != {"split", "at"} or not low < cut < high:
                 raise Refused(f"a cut at {float(cut)!r} of {name} that divides nothing")
             boxes += [{**box, name: (cut, high)}, {**box, name: (low, cut)}]
-        elif claim.claim == "contact" and "nodes" in line:
-            _rests_in_any_order(family, line, box)
-        elif claim.claim == "contact":
-            _rests(family, line, box)
-        elif claim.claim in ("gain", "port"):
-            _keeps_energy(family, claim.gain, Cell(box), line, box)
-        elif "nodes" in line:
-            if claim.claim not in ("for all", "mean square"):
-                raise Refused("a graph is for frames in any order, or at random")
-            if claim.claim == "for all":
-                _graph(family, claim.times, Cell(box), line, box)
-            else:
-                _chain(family, Cell(box), line, box)
-        elif not family.word and ("" not in family.frames.words or claim.claim == "mean square"):
-            raise Refused(f"no graph {_in_words(box)}")
         else:
-            outside = _outside(family, claim, Cell(box), line, box)
-            if claim.outside is None and claim.claim == "modes":
-                share = _size(box, claim.sides) / whole
-                claim.shares[outside] = claim.shares.get(outside, Fraction(0)) + share
-            elif outside != (claim.outside or 0):
-                raise Refused(
-                    f"{outside} modes are outside {_in_words(box)}, and {claim.outside or 0} in the claim"
-                )
+            _check_cell(family, claim, line, box)
+
+
+def _check_cell(family: Family, claim: Claim, line: dict, box):
+    """Refused, unless the forms of a line prove the claim in a cell."""
+    if claim.claim == "contact" and "nodes" in line:
+        _rests_in_any_order(family, line, box)
+    elif claim.claim == "contact":
+        _rests(family, line, box)
+    elif claim.claim in ("gain", "port"):
+        _keeps_energy(family, claim.gain, Cell(box), line, box)
+    elif "nodes" in line:
+        if claim.claim not in ("for all", "mean square"):
+            raise Refused("a graph is for frames in any order, or at random")
+        if claim.claim == "for all":
+            _graph(family, claim.times, Cell(box), line, box)
+        else:
+            _chain(family, Cell(box), line, box)
+    elif not family.word and ("" not in family.frames.words or claim.claim == "mean square"):
+        raise Refused(f"no graph {_in_words(box)}")
+    else:
+        outside = _outside(family, claim, Cell(box), line, box)
+        if claim.outside is None and claim.claim == "modes":
+            share = _size(box, claim.sides) / _size(claim.sides, claim.sides)
+            claim.shares[outside] = claim.shares.get(outside, Fraction(0)) + share
+        elif outside != (claim.outside or 0):
+            raise Refused(
+                f"{outside} modes are outside {_in_words(box)}, and {claim.outside or 0} in the claim"
+            )
 
 
 def _rests(family: Family, line: dict, box):

@@ -30,6 +30,18 @@ INSTANTS = 20_000  # of a frame
 BLOCK = 4  # terms of the series of an exponential that are multiplied with the same power
 
 
+def _read_for(rows: dict[str, dict], writes: dict[str, dict]) -> dict[str, dict]:
+    """The equations of the signals that memory is written from, and of those that these read, by name."""
+    needed: set[str] = set()
+    waiting = [name for terms in writes.values() for name in terms]
+    while waiting:
+        name = waiting.pop()
+        if name in rows and name not in needed:
+            needed.add(name)
+            waiting += rows[name]
+    return {name: rows[name] for name in sorted(needed)}
+
+
 def solved(instant: Instant) -> dict[str, dict[str, Number]]:
     """Memory that is written, over memory before: the equations of the instant solved, inputs from outside left out.
 
@@ -40,22 +52,15 @@ def solved(instant: Instant) -> dict[str, dict[str, Number]]:
         for name in terms:
             if name not in rows and not name.startswith(("@", "!")):
                 raise Unreadable(f"nothing gives {name!r}")
-    needed: set[str] = set()
-    wanted = [name for terms in instant.writes.values() for name in terms]
-    while wanted:
-        name = wanted.pop()
-        if name in rows and name not in needed:
-            needed.add(name)
-            wanted += rows[name]
-    rows = {name: rows[name] for name in sorted(needed)}
+    rows = _read_for(rows, instant.writes)
     unsolved = set(rows)
     while unsolved:  # those first that wait for nobody
         name = min(
             unsolved,
-            key=lambda candidate: (
-                sum(k in unsolved for k in rows[candidate]),
-                candidate in rows[candidate],
-                candidate,
+            key=lambda signal: (
+                sum(k in unsolved for k in rows[signal]),
+                signal in rows[signal],
+                signal,
             ),
         )
         unsolved.discard(name)
@@ -66,13 +71,13 @@ def solved(instant: Instant) -> dict[str, dict[str, Number]]:
             if reader != name and name in row:
                 share = row.pop(name)
                 rows[reader] = _clean(_sum(row, share, rows[name]))
-    found = {}
+    written = {}
     for name, terms in instant.writes.items():
         total: dict[str, Number] = {}
         for k, c in _clean(terms).items():
             total = _sum(total, c, rows.get(k, {k: number(1)}))
-        found[name] = _clean(total)
-    return found
+        written[name] = _clean(total)
+    return written
 
 
 def _clean(terms) -> dict[str, Number]:

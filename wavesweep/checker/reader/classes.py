@@ -23,6 +23,16 @@ def written_out(tables: dict) -> dict:
     raise Unreadable(f"more than {MOST} blocks of classes, or a class in itself")
 
 
+def _names_outside(name: str, drawing: dict) -> dict[str, str]:
+    """What numbers, blocks, signals and inputs of the class of block `name` are called in the loop."""
+    names = {number: f"{name}_{number}" for number in drawing.get("numbers", {})}
+    for part in (*drawing.get("block", {}), *drawing.get("signals", {})):
+        names[part] = f"{name}.{part}"
+    for port in drawing.get("ports", {}).get("inputs", []):
+        names[port] = f"{name}.{port}"
+    return names
+
+
 def _one(tables: dict, name: str, drawing: dict) -> dict:
     """The block `name` replaced by the blocks of its class."""
     unknown = drawing.keys() - {"numbers", "block", "signals", "wire", "ports"}
@@ -36,16 +46,10 @@ def _one(tables: dict, name: str, drawing: dict) -> dict:
     wires = dict(tables["wire"])
     drawing = {**drawing, **{part: flat(drawing.get(part, {})) for part in ("wire", "signals")}}
     ports = drawing.get("ports", {})
-    names = {number: f"{name}_{number}" for number in drawing.get("numbers", {})}
-    for part in ("block", "signals"):
-        names |= {name_made: f"{name}.{name_made}" for name_made in drawing.get(part, {})}
-    names |= {port: f"{name}.{port}" for port in ports.get("inputs", [])}
+    names = _names_outside(name, drawing)
     made = [*names.values(), *(f"{name}.{output}" for output in ports.get("outputs", {}))]
-    taken = [
-        name_made
-        for name_made in made
-        if name_made in {*numbers, *blocks, *signals} or made.count(name_made) > 1
-    ]
+    before = {*numbers, *blocks, *signals}
+    taken = [new for new in made if new in before or made.count(new) > 1]
     taken += [port for port in drawing.get("wire", {}) if f"{name}.{port}" in wires]
     if taken:
         raise Unreadable(f"{taken[0]} of the class of {name} is there twice")
@@ -54,9 +58,8 @@ def _one(tables: dict, name: str, drawing: dict) -> dict:
         changed |= instance.pop(block, {})
         blocks[f"{name}.{block}"] = {"type": keys["type"], **changed}
     for number, value in drawing.get("numbers", {}).items():
-        numbers[names[number]] = (
-            instance.pop(number) if number in instance else _renamed(value, names)
-        )
+        set_here = number in instance
+        numbers[names[number]] = instance.pop(number) if set_here else _renamed(value, names)
     for key in instance:
         raise Unreadable(f"block.{name}.{key} is no number and no block of its class")
     texts = drawing["signals"], ports.get("outputs", {}), drawing["wire"]

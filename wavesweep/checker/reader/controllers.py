@@ -223,18 +223,12 @@ class Controller:
                 aligned[int(place)] = event
             else:
                 between.append((place, event))
-            shown = (
-                math.ceil(place + self.ratio)
-                if self.delay == "frame"
-                else math.ceil(place) + self.delay
-            )
-            arrives.setdefault(shown % ticks, []).append(event)
+            arrives.setdefault(self.shown(place) % ticks, []).append(event)
         kinds: dict[object, Instant] = {}
         rank: list[tuple[Any, int, object]] = []
         for tick in range(ticks):
-            come = tuple(
-                event for event in arrives.get(tick, []) if not self.at_once(event, aligned, tick)
-            )
+            events = arrives.get(tick, [])
+            come = tuple(event for event in events if not self.at_once(event, aligned, tick))
             kind = ("tick", () if lost else come, aligned.get(tick))
             if kind not in kinds:
                 kinds[kind] = self.tick(kind[1], aligned.get(tick), lost)
@@ -247,6 +241,12 @@ class Controller:
             rank.append((place * self.T, 3, ("slow", event)))
         shown = SHOWN | (WAVES if self.kind.startswith("pmw") else {})
         return Schedule.of(ticks * self.T, kinds, rank, self.motion(), shown, self.arithmetic.least)
+
+    def shown(self, place: Fraction) -> int:
+        """The first tick in which the result of an event at a place, in ticks, is in place."""
+        if self.delay == "frame":
+            return math.ceil(place + self.ratio)
+        return math.ceil(place) + self.delay
 
     def motion(self) -> Instant:
         """The device: m v' = -d v - k x - f + f_h."""

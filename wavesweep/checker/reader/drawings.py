@@ -147,6 +147,21 @@ def is_name(name) -> bool:
     return plain and name.lower() not in NO_NAMES
 
 
+def named_numbers(entries: dict) -> dict[str, Any]:
+    """The values of the table [numbers], by name."""
+    numbers = {}
+    for name, entry in entries.items():
+        table = entry if isinstance(entry, dict) else {"value": entry}
+        if not is_name(name.replace(".", "_")):  # that of a class in a class has dots
+            raise Unreadable(f"{name!r} is no name of a number")
+        if "value" not in table or table.keys() - {"value", "unit", "description"}:
+            raise Unreadable(
+                f"numbers.{name} is no number and no table of value, unit and description"
+            )
+        numbers[name] = table["value"]
+    return numbers
+
+
 class Drawing:
     """Numbers, blocks, wires and ports of a spec, with its classes written out."""
 
@@ -155,16 +170,7 @@ class Drawing:
         self.cut = cut
         self.key = Keys(written_out(tables))
         self.key("type")
-        self.numbers = {}
-        for name, entry in self.key("numbers", {}).items():
-            table = entry if isinstance(entry, dict) else {"value": entry}
-            if not is_name(name.replace(".", "_")):  # that of a class in a class has dots
-                raise Unreadable(f"{name!r} is no name of a number")
-            if "value" not in table or table.keys() - {"value", "unit", "description"}:
-                raise Unreadable(
-                    f"numbers.{name} is no number and no table of value, unit and description"
-                )
-            self.numbers[name] = table["value"]
+        self.numbers = named_numbers(self.key("numbers", {}))
         self.known: dict[str, object] = {}
         self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
         hz = arithmetic.exact(self.number(self.key("rates.tick_hz")))
@@ -178,12 +184,10 @@ class Drawing:
         for name in names:
             if names.count(name) > 1 or name in RESERVED or self.owner(name) in self.blocks:
                 raise Unreadable(f"{name} has two meanings")
-        bounded_parts(
-            {**self.signals, **{f"wire {port}": wire for port, wire in self.wires.items()}}
-        )
-        bounded_parts(
-            {name: entry for name, entry in self.numbers.items() if isinstance(entry, str)}
-        )
+        wires = {f"wire {port}": wire for port, wire in self.wires.items()}
+        bounded_parts({**self.signals, **wires})
+        texts = {name: entry for name, entry in self.numbers.items() if isinstance(entry, str)}
+        bounded_parts(texts)
         for block, keys in self.blocks.items():
             for key in keys:
                 if key in OF_BLOCKS.get(keys.get("type"), {}):
@@ -882,7 +886,6 @@ class Drawing:
         """What happens in a tick in which the blocks `active` run."""
         equations: dict[str, dict] = {}
         writes: dict[str, dict] = {}
-        extra = []
         for name in running:
             equations_of_block: dict[str, dict] = {}
             writes_of_block: dict[str, dict] = {}
@@ -890,9 +893,8 @@ class Drawing:
             if name in active:
                 equations |= equations_of_block
                 writes |= writes_of_block
-            for out in equations_of_block:
-                if self.owner(out) != name:
-                    continue
+            outputs = [out for out in equations_of_block if self.owner(out) == name]
+            for out in outputs:
                 if name not in active:
                     holds = self.blocks[name]["type"] != "impulse" or out.endswith(".sum")
                     equations[out] = {f"@held {out}": 1} if holds else {}
@@ -906,8 +908,7 @@ class Drawing:
         for name in running:
             if self.blocks[name]["type"].startswith("wall"):
                 self.wall_rows(name, equations, writes)
-        for name in self.late:
-            extra += self.late_rows(name, equations, writes)
+        extra = [row for name in self.late for row in self.late_rows(name, equations, writes)]
         self.plant_rows(equations, writes)
         for name, text in self.port_signals().items():
             equations[name] = self.read_form(parsed(text), "")

@@ -394,16 +394,12 @@ def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
         if state in moves:
             continue
         first, until = cuts[place], ends[place]
-        options = [
-            _next(channel, first, back)
-            for channel, back in zip(channels.values(), before, strict=True)
-        ]
+        receivers = zip(channels.values(), before, strict=True)
+        options = [_next(channel, first, back) for channel, back in receivers]
         moves[state] = {}
         for after in product(*options):
-            parts = [
-                f"{name} {'gets' if new else 'has'} {back}"
-                for name, (back, new) in zip(channels, after, strict=True)
-            ]
+            receivers = zip(channels, after, strict=True)
+            parts = [f"{name} {'gets' if new else 'has'} {back}" for name, (back, new) in receivers]
             letter = f"{first}: {', '.join(parts)}"
             if letter not in schedules:
                 gets = [back if new else None for back, new in after]
@@ -438,10 +434,8 @@ def messages_at_random(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
         first = cuts[place]
         moves[state] = {}
         sends = [(first - loop.phase(name)) % loop.every(name) == 0 for name in channels]
-        fates = [
-            _fates(loop, *channel_facts)
-            for channel_facts in zip(channels, bursts, sends, strict=True)
-        ]
+        facts = zip(channels, bursts, sends, strict=True)
+        fates = [_fates(loop, *facts_of_channel) for facts_of_channel in facts]
         for outcome in product(*fates):
             chance = loop.arithmetic.number(1)
             for _, _, chance_of_channel in outcome:
