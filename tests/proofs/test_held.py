@@ -37,8 +37,8 @@ def test_no_file_is_written_about_another_loop_than_that_of_the_table(command, t
 
 
 def test_radii_are_held_where_ends_are_alike(tmp_path, capsys, monkeypatch):
-    radius_at = of_table.radius_at
-    monkeypatch.setattr(of_table, "radius_at", lambda *loop: radius_at(*loop) * 1.0001)
+    radii_at = of_table.radii_at
+    monkeypatch.setattr(of_table, "radii_at", lambda *loops: [1.0001 * radius for radius in radii_at(*loops)])
     spec = tmp_path / "spec.toml"
     spec.write_text(SERVO, encoding="utf-8")
     assert main(["stability-region", str(spec), "--proof", "--out", str(tmp_path / "out"), "--no-plot"]) == 1

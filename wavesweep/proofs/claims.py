@@ -8,6 +8,7 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import partial
 from hashlib import sha256
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,24 @@ def claims_along(
         outside = run[0].outside
         head = claim | {"sides": {name: [repr(low), repr(high)]}, "outside": outside}
         yield (low, high, outside), [head, *tree(name, run)]
+
+
+def claims_again(tables: dict, numbers: Mapping[str, str], claims: Sequence[Lines]) -> list[Lines]:
+    """Return claims of the own loop with other numbers, none if the checker refuses one of them.
+    Errors: Unreadable."""
+    found: list[Lines] = []
+    for head, *cells in claims:
+        own = head | {"numbers": dict(numbers)}
+        claim = file.claim_of(own)
+        try:
+            family = file.family_of(tables, claim)
+            if family.states != claim.states:
+                return []
+            file.check_cells(family, claim, iter(cells))
+        except Refused:
+            return []
+        found.append([own, *cells])
+    return found
 
 
 def claim_at(tables: dict, kind: str, numbers: Mapping[str, str], radius: float = 1.0) -> Lines:
@@ -223,12 +242,19 @@ def times_of(tables: dict, numbers: Mapping[str, str]) -> tuple[float, float]:
     return float(loop.T), float(loop.schedule().period)
 
 
-def radius_at(tables: dict, numbers: Mapping[str, str]) -> float:
-    """Return the spectral radius of the own loop with these numbers over a frame, in doubles, without
-    drifts. Errors: Refused, Unreadable."""
-    family, _ = _family(tables, numbers, {})
-    A = np.array(family.matrix("", balls.POINT).parts[()], float) / balls.ONE
-    return float(np.abs(np.linalg.eigvals(A)).max(initial=0)) if len(A) else 0.0
+def radii_at(
+    tables: dict, numbers: Mapping[str, str], along: Mapping[str, Sequence[float]]
+) -> list[float]:
+    """Return the spectral radii of the own loop over a frame, in doubles, for each combination of
+    values of some numbers, without what drifts for all of them. Errors: Refused, Unreadable."""
+    sides = {name: (exactly(min(values)), exactly(max(values))) for name, values in along.items()}
+    family, _ = _family(tables, numbers, sides)
+    radii = []
+    for point in product(*along.values()):
+        ends = {name: (exactly(value),) * 2 for name, value in zip(along, point, strict=True)}
+        A = np.array(family.matrix("", balls.Cell(ends)).parts[()], float) / balls.ONE
+        radii.append(float(np.abs(np.linalg.eigvals(A)).max(initial=0)) if len(A) else 0.0)
+    return radii
 
 
 def _family(tables, numbers, sides, radius=1.0, cut=""):

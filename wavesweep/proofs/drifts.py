@@ -1,5 +1,6 @@
 """What drifts in a loop, as the checker counts it: directions of its memory that every equation keeps."""
 
+from collections import defaultdict
 from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
@@ -64,7 +65,7 @@ def drifts_and_rest(
 
 def _cells(sides):
     cells = []
-    for place in PLACES:
+    for place in PLACES if sides else PLACES[:1]:
         point = {}
         for name, (low, high) in sides.items():
             point[name] = (low + (high - low) * place,) * 2
@@ -97,9 +98,10 @@ def _next(rows, live, cells):
     variables = sorted({name for row in rows for name in row} - live)
     memory = sorted(live)
     names = variables + memory
-    if not _kept(rows, names, cells[0]):
+    first = _kept(rows, names, cells[0])
+    if not first:
         return
-    kept = [_kept(rows, names, cell) for cell in cells]
+    kept = [first, *(_kept(rows, names, cell) for cell in cells[1:])]
     powers = _steadiness(kept, memory[::-1])
     eliminated = [memory[::-1][at] for at in np.argsort(powers, kind="stable")]
     kept = [_kept(rows, variables + eliminated, cell) for cell in cells]
@@ -125,18 +127,30 @@ def _kept(rows, names, cell):
     leads are those that no equation is left for.
     """
     ring = cell.ring
-    left = [{name: share.value(cell) for name, share in row.items()} for row in rows]
+    rows = [{name: share.value(cell) for name, share in row.items()} for row in rows]
+    holders = defaultdict(set)  # of each name, the places of rows that have it
+    for place, row in enumerate(rows):
+        for name in row:
+            holders[name].add(place)
+    waiting = {*range(len(rows))}
     solved = {}
     for name in names:
-        pivot = max(left, key=lambda row: _size(row.get(name, NOTHING)), default={})
-        if not _size(pivot.get(name, NOTHING)):
+        size, place = max(
+            ((_size(rows[place][name]), -place) for place in holders[name] & waiting),
+            default=(0, 0),
+        )
+        if not size:
             continue
-        left = [row for row in left if row is not pivot]
+        pivot = rows[-place]
+        waiting.remove(-place)
         inverse = ring.reciprocal(pivot.pop(name))
-        shares = {column: ring.multiply(inverse, entry) for column, entry in pivot.items()}
-        for row in (*left, *solved.values()):
-            _eliminate(ring, row, name, shares)
-        solved[name] = shares
+        for column in pivot:
+            pivot[column] = ring.multiply(inverse, pivot[column])
+        for other in holders[name] - {-place}:
+            _eliminate(ring, rows[other], name, pivot)
+            for column in pivot:
+                holders[column].add(other)
+        solved[name] = pivot
     directions = {name: {name: balls.UNIT} for name in names if name not in solved}
     for name, shares in solved.items():
         for lead, share in shares.items():
@@ -153,8 +167,6 @@ def _size(ball):
 
 def _eliminate(ring, row, name, shares):
     """Take from a row the multiple of an equation, `name + shares = 0`, that leaves it without the name."""
-    if name not in row:
-        return
     factor = balls.negative(row.pop(name))
     for column, share in shares.items():
         term = ring.multiply(factor, share)

@@ -37,8 +37,9 @@ from wavesweep.proofs.claims import (
     claim_of_plane,
     claim_of_set,
     claim_refuted,
+    claims_again,
     claims_along,
-    radius_at,
+    radii_at,
     times_of,
     write,
 )
@@ -243,6 +244,8 @@ class Proofs:
 
     text: of the spec, as its file has it. ran: the kind of question. axis, number: along which rows are, and its name for the
     checker; span: its range. tolerance: J per J sent that a wave channel may add. unproved: why some claims are not there.
+    loops: numbers of those that were held against the engine's.
+    slices: claims of the own loop by the ends of its rows, which other numbers that it does not read leave as they are.
     """
 
     spec: Spec
@@ -255,6 +258,8 @@ class Proofs:
     claims: list[Lines] = field(default_factory=list)
     tolerance: float = 0.0
     unproved: Counter[str] = field(default_factory=Counter)
+    loops: set[tuple] = field(default_factory=set)
+    slices: dict[tuple, list[Lines]] = field(default_factory=dict)
 
     @property
     def tables(self) -> dict[str, Any]:
@@ -333,8 +338,13 @@ class Proofs:
         """Add the claims of the spec's own loop along the number."""
         ends = ends_of(rows, self.span)
         with self.telling("slice"):
-            found = claims_along(self.tables, numbers, self.number, self.span, ends, radius)
-            self.claims += [lines for _, lines in found]
+            key = *ends, radius
+            claims = claims_again(self.tables, numbers, self.slices.get(key, []))
+            if not claims:
+                found = claims_along(self.tables, numbers, self.number, self.span, ends, radius)
+                claims = [lines for _, lines in found]
+            self.slices[key] = claims
+            self.claims += claims
 
     def _of_energy(self, numbers: dict[str, str], rows: Columns, gain: Gain | None) -> None:
         """Add the claims of a gain, or without one of the hand's port, in the intervals of a slice."""
@@ -449,10 +459,13 @@ class Proofs:
         if words := contradicted(line, rows):
             where = ", ".join(f"{name} = {value}" for name, value in numbers.items())
             raise ContradictedError(f"{where or self.spec.name}: {self.axis} {words}")
-        places = [*self.span, *ends_of(rows, self.span), *PLACES @ np.array(self.span)]
-        self.hold_loop(numbers, {self.number: [*map(float, places)]})
+        own = tuple(numbers.items())
+        if own not in self.loops:
+            self.loops.add(own)
+            places = {*self.span, *ends_of(rows, self.span), *PLACES @ np.array(self.span)}
+            self.hold_loop(numbers, {self.number: sorted(map(float, places))})
         if kind in CLAIMED.values():
-            for member in _members(self.tables):
+            for member in filter(None, _members(self.tables)):
                 self.hold_loop(numbers, {name: [value] for name, value in member.items()})
         near = exactly(SAME_END) * max(abs(low), abs(high), high - low)
         intervals = [(low, high, near)]
@@ -486,18 +499,37 @@ class Proofs:
             radii = self.radii_at(values)
         except WavesweepError:  # no loop with these numbers
             return
-        for point, radius in zip(product(*values.values()), radii, strict=True):
-            texts = dict(zip(values, map(repr, point), strict=True))
-            with suppress(Refused, Unreadable):
+        points = [dict(zip(values, point, strict=True)) for point in product(*values.values())]
+        for point, radius, checked in zip(points, radii, self._checked(values), strict=True):
+            if _same(radius, checked):
+                continue
+            # A mode at 1 that this point alone has is a drift where it is asked about alone.
+            alone = {name: [value] for name, value in point.items()}
+            (of_checker,) = self._checked(alone)
+            if not (np.isnan(of_checker) or _same(*self.radii_at(alone), of_checker)):
+                where = ", ".join(f"{name} = {value!r}" for name, value in point.items())
+                raise ContradictedError(
+                    f"{where or self.spec.name}: the spectral radius is {radius:.10g}, and {of_checker:.10g} by the checker"
+                )
+
+    def _checked(self, values: Mapping[str, Sequence[float]]) -> list[float]:
+        """The checker's spectral radius of each combination of these values, NaN if it has none."""
+        numbers = {name: repr(own[0]) for name, own in values.items() if len(own) == 1}
+        along = {name: own for name, own in values.items() if len(own) > 1}
+        points = [*product(*along.values())]
+        with suppress(Refused, Unreadable):
+            radii = radii_at(self.tables, numbers, along)
+            if self.spec.drawing:
+                return radii
+            for place, point in enumerate(points):
+                texts = numbers | dict(zip(along, map(repr, point), strict=True))
                 clock, frame = clock_and_frame(self.spec, self.tables, texts)
-                of_checker = radius_at(self.tables, texts) ** max(1.0, clock / frame)
-                # A mode at 1 that this point alone has is a drift where it is asked about alone.
-                alone = {name: [value] for name, value in zip(values, point, strict=True)}
-                if not (_same(radius, of_checker) or _same(*self.radii_at(alone), of_checker)):
-                    where = ", ".join(f"{name} = {text}" for name, text in texts.items())
-                    raise ContradictedError(
-                        f"{where or self.spec.name}: the spectral radius is {radius:.10g}, and {of_checker:.10g} by the checker"
-                    )
+                radii[place] **= max(1.0, clock / frame)
+            return radii
+        if not along:
+            return [np.nan]
+        each = [dict(zip(along, ([value] for value in point), strict=True)) for point in points]
+        return [radius for point in each for radius in self._checked(dict(values) | point)]
 
     def radii_at(self, values: Mapping[str, list[float]]) -> list[float]:
         """Return the spectral radius of each combination of these values. Errors: WavesweepError."""

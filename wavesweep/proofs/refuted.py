@@ -57,10 +57,8 @@ def _ticks(tables, loop, times) -> Iterator[str]:
 def _messages(loop, messages: Mapping[str, Sequence[int | None]]) -> Iterator[str]:
     """Yield a letter for each tick of a pattern in which a message may come."""
     channels = {name: for_all.channel_of(loop, name) for name in messages}
-    period = lcm(
-        loop.frame_ticks(),
-        *(len(messages[name]) * every for name, (every, *_) in channels.items()),
-    )
+    frame = loop.frame_ticks()
+    period = lcm(frame, *(len(messages[name]) * every for name, (every, *_) in channels.items()))
     newest: dict[str, list[int]] = {}
     for name, (every, phase, *_) in channels.items():
         arrivals: dict[int, int] = {}
@@ -74,7 +72,7 @@ def _messages(loop, messages: Mapping[str, Sequence[int | None]]) -> Iterator[st
             held.append(max(held[-1], arrivals.get(tick, -1)))
         newest[name] = held  # after tick t at t + 1
     for tick in range(TURNS * period, (TURNS + 1) * period):
-        first = tick % loop.frame_ticks()
+        first = tick % frame
         if not any(for_all.may_come(channel, first) for channel in channels.values()):
             continue
         parts = []
