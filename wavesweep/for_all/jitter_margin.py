@@ -18,7 +18,7 @@ large, and only m_0 is kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -170,20 +170,11 @@ class SmallGain:
         units[:, *np.ix_(rest, rest)] = to
         later = np.roll(units, -1, 0)
         back = np.linalg.inv(units)
-        # What a number changes is one more channel, of which w is at most d.
-        taken = [later @ M @ back]
-        outputs = []
-        channel = [*range(slots.size)]
-        for number, half in enumerate(halves, slots.size):
-            left_vectors, size, right = np.linalg.svd(later @ half @ back)
-            some = np.flatnonzero((size > RANK * size.max()).any(0))
-            root = np.sqrt(size[:, None, some])
-            taken.append(left_vectors[..., some] * root)
-            outputs.append(root.mT * right[:, some])
-            channel += [number] * some.size
+        columns, rows, owner = _channels_of((later @ half @ back for half in halves), slots.size)
+        channel = [*range(slots.size), *owner]
         both = np.zeros((ticks.size, n + len(channel) - slots.size, n + len(channel) - slots.size))
-        both[:, :n] = np.concatenate(taken, -1)
-        both[:, n:, :n] = np.concatenate(outputs, 1)
+        both[:, :n] = np.concatenate([later @ M @ back, *columns], -1)
+        both[:, n:, :n] = np.concatenate(rows, 1)
         gains = np.append(self.gains, np.ones(len(channel) - slots.size))
         A, B, C, D = _parts(both, rest, [*slots, *range(n, both.shape[-1])])
         weight = _weights(A, B, C, D, gains, np.array(channel), self.known)
@@ -211,6 +202,28 @@ def _in_units(points, to) -> tuple[np.ndarray, np.ndarray]:
     later = back.inverse().each(lambda units: np.roll(units, -1, 0))
     ticks = later @ (Bounded(E, dE) + Bounded.exact(identity)) @ back
     return ticks.value - identity, ticks.error + EPS * np.abs(ticks.value)
+
+
+def _channels_of(
+    changes: Iterable[np.ndarray], first: int
+) -> tuple[list[np.ndarray], list[np.ndarray], list[int]]:
+    """What numbers change, as channels beside those of the slots: `S = (U s^1/2) (s^1/2 V')` by its
+    singular values, of which the input w is at most d. changes: of each number, `(ticks, n, n)`.
+
+    Return the columns that the inputs enter by, the rows that the outputs read, and the number of each
+    channel, counted from `first`.
+    """
+    columns = []
+    rows = []
+    owner = []
+    for number, change in enumerate(changes, first):
+        U, size, V = np.linalg.svd(change)
+        some = np.flatnonzero((size > RANK * size.max()).any(0))
+        root = np.sqrt(size[:, None, some])
+        columns.append(U[..., some] * root)
+        rows.append(root.mT * V[:, some])
+        owner += [number] * some.size
+    return columns, rows, owner
 
 
 def _parts(M, rest, free):

@@ -158,12 +158,7 @@ def chain_of(
     burst of losses.
     """
     frames = _FramesAtRandom.of(shares, results, symbols)
-    places = range(len(frames.lengths) if frames.recalls else 1)
-    probabilities = {}
-    for before, at_once in product(places, (False, True)):
-        probability = frames.probability(before, at_once)
-        if probability > 0:
-            probabilities[before, at_once] = probability
+    probabilities = frames.probabilities()
     nodes = {node: number for number, node in enumerate(probabilities)}
     bursts = list(product(*(range(1 + (losses.begins > 0)) for losses in lost.values())))
     edges = []
@@ -233,6 +228,16 @@ class _FramesAtRandom:
         if (symbol.delay == 0) != at_once:
             return False
         return not self.recalls or symbol.step in (None, self.lengths[before])
+
+    def probabilities(self) -> dict[tuple[int, bool], float]:
+        """The probability of each node, (length before, at once), that may occur."""
+        lengths = range(len(self.lengths) if self.recalls else 1)
+        probabilities = {}
+        for before, at_once in product(lengths, (False, True)):
+            probability = self.probability(before, at_once)
+            if probability > 0:
+                probabilities[before, at_once] = probability
+        return probabilities
 
     def probability(self, before: int, at_once: bool) -> float:
         """The probability that the next result is in place at once, or is not.

@@ -49,6 +49,21 @@ def _refuting(family, x, periods):
     return word if rate >= 1 and is_refuted(family, word, x) else ()
 
 
+def _reached_by_norms(
+    family: RingFrames, below: float, above: float, goal: float, report: Callable
+) -> float:
+    """Return the number towards the goal that a proof by norms reaches, of a range in which a small
+    gain is proved; it begins where that leaves room."""
+    start = below + NORMS_BEGIN * (above - below)
+    search = RingSearch.at_mean(family, start)
+    centre = search and search.found(start, WORK)
+    if centre is None or not search.proved((start, centre)):
+        return above
+    centre = replace(centre, work=0.0)
+    _, end, _ = covered(search, centre, start, goal, LEAST_STEP, WORK, STEPS, report)
+    return end
+
+
 def bracket_ring(
     family: RingFrames,
     about: tuple[float, float],
@@ -67,20 +82,12 @@ def bracket_ring(
     below = gain.reached(begun, low)
     report(below, reached, 100 * (reached - low) / (high - low))
 
+    def told(end: float, _: float) -> None:
+        report(below, end, 100 * (end - low) / (high - low))
+
     def by_norms(above, goal, _refuted):
-        """The proof by norms, which begins where a small gain leaves room."""
         if above < goal and not family.few:
-            start = below + NORMS_BEGIN * (above - below)
-            search = RingSearch.at_mean(family, start)
-            centre = search and search.found(start, WORK)
-            if centre is not None and search.proved((start, centre)):
-                centre = replace(centre, work=0.0)
-
-                def told(end: float, _: float) -> None:
-                    report(below, end, 100 * (end - low) / (high - low))
-
-                _, end, _ = covered(search, centre, start, goal, LEAST_STEP, WORK, STEPS, told)
-                above = max(above, end)
+            above = max(above, _reached_by_norms(family, below, above, goal, told))
         return above, Refuted()
 
     refuted = nearest_pattern(family, reached, high) if reached != high else Refuted()

@@ -66,6 +66,7 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
     wall: the paths of stiffness and damping.
     """
     names = [name_of(path) for path in wall]
+    signals = READ[: len(names)]
     if not all(plan.drawing.scalar_place(name) for name in names):
         return None
     open_values = {**plan.values, **dict.fromkeys(wall, 0.0)}
@@ -75,18 +76,11 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
 
     def ticks_at(step):
         drawn = plan.schedule.scheduled(loops_at(step).drawn(*names))
-        held_ports = drawn.held(READ[: len(names)])
-        return Ticks.of(
-            drawn,
-            READ[: len(names)],
-            alone=True,
-            through=PRODUCT,
-            held_ports=held_ports,
-            terms=True,
-        )
+        held = drawn.held(signals)
+        return Ticks.of(drawn, signals, alone=True, through=PRODUCT, held_ports=held, terms=True)
 
     twins = map(plan.schedule.scheduled, loops_at(plan.schedule.nominal).twins(*names))
-    drift = MarginalModes.of(*twins, READ[: len(names)])
+    drift = MarginalModes.of(*twins, signals)
     maps, _, index = plan.different_ticks(ticks_at)
     if drift.varying or maps[0].states != drift.states:
         raise UnfitWallError(OTHER_DRIFT)
@@ -99,11 +93,10 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
         raise UnfitWallError("one that acts several times in a frame")
     frames = list(_frames(ticks, befores, samples))
     delays_vary = len({symbol.delay for symbol in symbols}) > 1
-    names = tuple(
-        f"{symbol.ticks} ticks" + f" and a delay of {symbol.delay}" * delays_vary
-        for symbol in symbols
-    )
-    return _without_drift(frames, drift, follows, names)
+    words = []
+    for symbol in symbols:
+        words.append(f"{symbol.ticks} ticks" + f" and a delay of {symbol.delay}" * delays_vary)
+    return _without_drift(frames, drift, follows, tuple(words))
 
 
 def _frames(ticks: Ticks, befores, samples):

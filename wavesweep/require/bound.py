@@ -252,16 +252,20 @@ def _in_time(gain: GainBound | PeakBound | CutBound | FactorBound | TimeBound) -
     return isinstance(gain, TimeBound)
 
 
-def words_of(written: Mapping[str, object], clock: str) -> str:
-    """What is required, in words; written: see `Require.written`. clock: what a radius is per."""
+def _modes_in_words(written: Mapping[str, object], clock: str) -> str:
+    """Where all modes have to be, and how fast to decay; empty if nothing says so."""
     words = {
         "radius": f"within {{:.15g}} per {clock}",
         **{name: f"down to {time.share} in {{:.15g}} s" for name, time in TIMES_OF_MODES.items()},
         "bounded": "on the unit circle",
     }
-    modes = " and ".join(
-        text.format(written[name]) for name, text in words.items() if name in written
-    )
+    texts = (text.format(written[name]) for name, text in words.items() if name in written)
+    return " and ".join(texts)
+
+
+def words_of(written: Mapping[str, object], clock: str) -> str:
+    """What is required, in words; written: see `Require.written`. clock: what a radius is per."""
+    modes = _modes_in_words(written, clock)
     damped = ""
     if "damping_ratio" in written:
         requirement = Damped(

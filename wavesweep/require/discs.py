@@ -210,6 +210,35 @@ class LinesOfModes(Protocol):
         mask; of_discs: the radii of discs in which they are on the panels; None: in the middles."""
 
 
+def _beside(
+    E: np.ndarray, dE: np.ndarray, rims: np.ndarray, delta: np.ndarray, V: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds on what stands beside the eigenvalues delta `(n, r)` in the frames of panels, `(n, r, r)`, and
+    on `|W V - 1|`, `(n,)`; E, dE, rims: see `verdicts`.
+
+    With eigenvectors V of E and W nearly their inverse, the frame E(p) of any p of a panel has the
+    eigenvalues of `W E(p) V (W V)^-1`. Of `W (E(p) - E) V`, which is 0 in the middle and analytic on
+    the circle, an entry is at most half of its largest on the circle (Schwarz's lemma); the rest is
+    rounding.
+    """
+    n = E.shape[-1]
+    rounding = sum_rounding(2 * n, of_complex=True)  # of products of three
+    W = inverse(V)
+    sizes_W = np.abs(W)
+    sizes_V = np.abs(V)
+    off = np.abs(W @ V - np.eye(n)) + rounding * (sizes_W @ sizes_V)
+    loss = off.sum(-1).max(-1)
+    change = np.zeros(E.shape)
+    for rim in (rims, rims.conj()):
+        moved = W[:, None] @ (rim - E[:, None]) @ V[:, None]
+        change = np.maximum(change, np.abs(moved).max(1))
+    residual = np.abs(W @ (E @ V - V * delta[:, None, :]))
+    error = dE + rounding * np.abs(E)
+    defect = residual + sizes_W @ error @ sizes_V
+    entries = SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])
+    return entries / (1 - loss)[:, None, None], loss
+
+
 def verdicts(
     E: np.ndarray,
     dE: np.ndarray,
@@ -220,32 +249,12 @@ def verdicts(
     """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice
     the size about them, `(n, points, r, r)`. lines: where a spiral asks for them.
 
-    With eigenvectors V of E and W nearly their inverse, the frame E(p) of any p of a panel has the
-    eigenvalues of `W E(p) V (W V)^-1`. Of `W (E(p) - E) V`, which is 0 in the middle and analytic on
-    the circle, an entry is at most half of its largest on the circle (Schwarz's lemma); the rest of
-    what stands beside the eigenvalues delta of E is rounding. The row sums of all that bound discs
-    about delta (Gershgorin), also in units in which they are smaller.
+    The row sums of what `_beside` gives bound discs about the eigenvalues delta of E (Gershgorin),
+    also in units in which they are smaller.
     """
-    n = E.shape[-1]
-    rounding = sum_rounding(2 * n, of_complex=True)  # of products of three
     delta, V = eigenvectors(E, place.small)
     with np.errstate(all="ignore"):
-        W = inverse(V)
-        sizes_W = np.abs(W)
-        sizes_V = np.abs(V)
-        off = np.abs(W @ V - np.eye(n)) + rounding * (sizes_W @ sizes_V)
-        loss = off.sum(-1).max(-1)
-
-        change = np.zeros(E.shape)
-        for rim in (rims, rims.conj()):
-            moved = W[:, None] @ (rim - E[:, None]) @ V[:, None]
-            change = np.maximum(change, np.abs(moved).max(1))
-        residual = np.abs(W @ (E @ V - V * delta[:, None, :]))
-        error = dE + rounding * np.abs(E)
-        defect = residual + sizes_W @ error @ sizes_V
-        entries = SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])
-        entries = entries / (1 - loss)[:, None, None]
-
+        entries, loss = _beside(E, dE, rims, delta, V)
         # What an inverse of eigenvectors may be off by.
         finite_panels = np.isfinite(entries).all((-1, -2)) & (loss < 0.1)
         entries, _ = balance(np.where(finite_panels[:, None, None], entries, 1.0))

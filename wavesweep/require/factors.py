@@ -66,6 +66,29 @@ PIECE = np.dtype([("panel", int), ("place", float), ("half", float)])  # of a ra
 LOOKED_AT = 33  # factors at which the largest eigenvalue is looked for, next to an end
 
 
+def _opened(loops: Loops, cut: str) -> Loops:
+    """The loops with a gain at the cut, an input that is added to what it reads, and what comes back as
+    an output."""
+    drawing = loops.drawing
+    wires = dict(drawing.wires)
+    wires[f"{BLOCK}.u"] = (*wires[f"{BLOCK}.u"], (INPUT, ONE))
+    drawing = replace(
+        drawing,
+        wires=tuple(wires.items()),
+        inputs=(*drawing.inputs, (INPUT, INPUT, "")),
+        outputs=(*drawing.outputs, (RETURNED, ((cut, ONE),), "")),
+    )
+    return loops._replace(drawing=drawing)
+
+
+def _range_of(wanted: FactorBound) -> Range:
+    """The factors that have to be borne: logarithms of gains, or angles (rad)."""
+    if wanted.margin == FACTOR_GAIN:
+        end = float(np.log(wanted.size))
+        return Range(-end, end, turning=False)
+    return Range(0.0, float(np.radians(wanted.size)), turning=True)
+
+
 def along_factors(
     loops: Loops, along: str, domain: Domain, wanted: FactorBound, stable: Intervals
 ) -> Intervals:
@@ -87,25 +110,12 @@ def along_factors(
             f"{PATH}.{wanted.margin}: expected Ms in its place, since {wanted.cut!r} is made "
             f"{runs.size} times in a frame, and factors are proved of at most {MOST_RUNS}"
         )
-    drawing = loops.drawing
-    wires = dict(drawing.wires)
-    wires[f"{BLOCK}.u"] = (*wires[f"{BLOCK}.u"], (INPUT, ONE))
-    drawing = replace(
-        drawing,
-        wires=tuple(wires.items()),
-        inputs=(*drawing.inputs, (INPUT, INPUT, "")),
-        outputs=(*drawing.outputs, (RETURNED, ((wanted.cut, ONE),), "")),
-    )
-    loops = loops._replace(drawing=drawing)
+    loops = _opened(loops, wanted.cut)
     route = INPUT, OUTPUT + RETURNED
     span = domain.span
     size = domain.period.size
     drift, port, _, _ = typical_between(loops, along, span, size, route, "margins")
-    if wanted.margin == FACTOR_GAIN:
-        end = float(np.log(wanted.size))
-        factors = Range(-end, end, turning=False)
-    else:
-        factors = Range(0.0, float(np.radians(wanted.size)), turning=True)
+    factors = _range_of(wanted)
     columns = np.arange(size)
     about = loops, along, route, 1.0, drift, needed(port.maps), runs, columns, stable
     judge = Factors(*about, factors, span, np.zeros(size), forms)

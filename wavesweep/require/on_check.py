@@ -31,47 +31,45 @@ def facts(spec: Spec, own: Mapping[str, Any], *_: object) -> dict[str, Any]:
     what = required(spec)
     name = _along(spec)
     if not name:
-        unknown = Claim(
-            what, own_scope(spec), Status.UNKNOWN, "the spec has no number to look along"
-        )
-        return {"claims": [unknown]}
+        no_number = "the spec has no number to look along"
+        return {"claims": [Claim(what, own_scope(spec), Status.UNKNOWN, no_number)]}
     path = spec.names.find(name).path
     low, high = searched(spec, name, path)
     rows = _swept(spec, path, own.get("swept", {}))
     if rows:
         low, high = next((axis.start, axis.stop) for axis in spec.sweep if axis.path == path)
-    found: dict[str, Any] = {"along": name, "from": low, "to": high, "intervals": []}
+    looked_at: dict[str, Any] = {"along": name, "from": low, "to": high, "intervals": []}
     try:
         axis = Axis(name, path, (), low, high, False, "linear")
         if not rows:
             rows = in_memory(job_over(make_grid(spec, (), path), axis, require=spec.require))
     except WavesweepError as error:
         claim = Claim(what, own_scope(spec), Status.UNKNOWN, str(error))
-        return {"required": found | {"certified": False}, "claims": [claim]}
+        return {"required": looked_at | {"certified": False}, "claims": [claim]}
     ends = [(float(a), float(b)) for a, b in zip(rows["low"], rows["high"], strict=True) if a <= b]
-    found |= {"intervals": ends, "certified": bool(rows["certified"].all())}
+    looked_at |= {"intervals": ends, "certified": bool(rows["certified"].all())}
     value = float(spec.values[path])
     status = _status(rows, value, ends)
-    where = " and ".join(span_in_words(*interval) for interval in ends)
-    if where:
-        met = f"met in {where}"
-    else:
-        read = spec.require.bound.notices(own_loop(spec), path, name, (low, high))
-        met = "; ".join([f"met nowhere in {span_in_words(low, high)}", *read])
-    if is_an_end(value, ends):
-        reason = f"{name} = {in_all_digits(value)} on an end, {met}"
-    elif status is Status.REFUTED:
-        reason = f"{name} = {in_all_digits(value)}, {met}"
-    else:
-        doubts = dict.fromkeys(rows["doubt"][~rows["certified"]].tolist())
-        unproved = "; ".join(DOUBTS[word].meaning for word in doubts)
-        inside = any(low < value < high for low, high in ends)
-        known = "was found to meet it" if inside else "was not found to meet it"
-        reason = (
-            f"{name} = {in_all_digits(value)} {known}, {met}, which is not certified: {unproved}"
-        )
+    met = f"met in {' and '.join(span_in_words(*interval) for interval in ends)}"
+    if not ends:
+        notices = spec.require.bound.notices(own_loop(spec), path, name, (low, high))
+        met = "; ".join([f"met nowhere in {span_in_words(low, high)}", *notices])
+    reason = f"{name} = {in_all_digits(value)}{_in_words(value, ends, rows, status, met)}"
     claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
-    return {"required": found, "claims": [claim]}
+    return {"required": looked_at, "claims": [claim]}
+
+
+def _in_words(value: float, ends: list, rows: Any, status: Status, met: str) -> str:
+    """How the design's value stands to the intervals that have what is required, if it is not proved to have it."""
+    if is_an_end(value, ends):
+        return f" on an end, {met}"
+    if status is Status.REFUTED:
+        return f", {met}"
+    doubts = dict.fromkeys(rows["doubt"][~rows["certified"]].tolist())
+    unproved = "; ".join(DOUBTS[word].meaning for word in doubts)
+    inside = any(low < value < high for low, high in ends)
+    verdict = "was found to meet it" if inside else "was not found to meet it"
+    return f" {verdict}, {met}, which is not certified: {unproved}"
 
 
 def _swept(spec: Spec, path: str, swept: Columns) -> Columns:

@@ -83,11 +83,10 @@ def along_time(
     span = domain.span
     size = domain.period.size
     drift, port, number, p = typical_between(loops, along, span, size, route, measure)
-    ticks = port.kind.size
-    refuse_long_frame(ticks, f"sweep.require.{measure}")
+    refuse_long_frame(port.kind.size, f"sweep.require.{measure}")
     level = wanted.at_most * (1 + WHOLE_TICKS * wanted.is_time)
     columns = np.arange(size)
-    about = loops, along, route, level, drift, needed(port.maps), np.arange(ticks)
+    about = loops, along, route, level, drift, needed(port.maps), np.arange(port.kind.size)
     ends = Accuracy(END_EXACTNESS, 8.0, END_EXACTNESS, np.full(size, END_EXACTNESS), slow=True)
 
     # Next to an end of stability discs have loops that grow: there nothing is looked for.
@@ -96,14 +95,13 @@ def along_time(
     inner = replace(stable, low=low, high=high)
     judge = InTime(*about, columns, inner, wanted, port.rate, np.zeros(size))
     if MEASURES[measure].of_step and judge.ends_at_zero(number, p):
-        raise UsageError(
-            f"sweep.require.{measure}: expected a step that ends at another value than 0, found one "
-            f"from {wanted.source} to {wanted.signal}; rms bounds what comes of it"
-        )
+        found = f"one from {wanted.source} to {wanted.signal}; rms bounds what comes of it"
+        expected = "a step that ends at another value than 0"
+        raise UsageError(f"sweep.require.{measure}: expected {expected}, found {found}")
     ends = ends._replace(begun=begun_at_low_end(judge, span))
-    found = along_panels([judge], np.ones(size, bool), domain, ends)
-    found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    return attached(found, stable, SHARE_OF_SPAN * domain.width)
+    intervals = along_panels([judge], np.ones(size, bool), domain, ends)
+    intervals = replace(intervals, low_omega=-intervals.low_omega, high_omega=-intervals.high_omega)
+    return attached(intervals, stable, SHARE_OF_SPAN * domain.width)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -183,11 +183,10 @@ def _is_clear_next_to_one(
     """
     m = poles_at_one(E)
     away = np.sort(np.abs(poles), axis=-1)
-    radius = np.full(len(E), WIDEST)
+    longest = max(late.frames if late else 1, lines.steps.max(initial=1))
+    radius = np.full(len(E), min(WIDEST, 1 / (4 * longest)))  # of a part of a turn
     if m < away.shape[-1]:
         radius = np.minimum(radius, away[:, m] / 4)
-    longest = max(late.frames if late else 1, lines.steps.max(initial=1))
-    radius = np.minimum(radius, 1 / (4 * longest))  # of a part of a turn
     count, clear = count_outside(E / (3 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
     at_angles = StateSpace(*(matrix[:, None] for matrix in condensed))
@@ -288,31 +287,24 @@ def _response(
     row: int = 0,
 ) -> _Response:
     """The response of a row of C and D; right: what B reaches. See `_boundary`."""
-    E, B, C, D = opened
-    C = C[..., row : row + 1, :]
-    D = D[..., row, 0]
-    observed = solver.row(E, C, on_circle(-theta))
+    C = opened.C[..., row : row + 1, :]
+    D = opened.D[..., row, 0]
+    observed = solver.row(opened.E, C, on_circle(-theta))
     terms = observed * right
-    size = np.abs(terms).sum(-1)
     # H at theta, by what B reaches, and at -theta, by what C reads.
     forward = C[..., 0, :] * right
-    back = observed * B[..., 0]
+    back = observed * opened.B[..., 0]
     size_forward = np.abs(forward).sum(-1) + np.abs(D)
     size_back = np.abs(back).sum(-1) + np.abs(D)
     if isinstance(solver, DelayLines):
         roundings = CAUTION + solver.longest
-        of_turning: np.ndarray | float = 0.0
         of_gain: np.ndarray | float = 0.0
-        runs = solver.delayed[solver.steps > 1]
-        if runs.size:  # of the states of a run the products are those of its ends, turned
-            _, turned, _, unsure = _turned(solver.steps[solver.steps > 1], theta[..., None])
-            of_turning = (np.abs(terms[..., runs]) * unsure).sum(-1)
-            terms[..., runs] *= turned
-            size = np.abs(terms).sum(-1)
+        terms, of_turning = _with_turned_runs(solver, terms, theta)
     else:
-        roundings = CAUTION + E.shape[-1]
+        roundings = CAUTION + opened.E.shape[-1]
         some: np.ndarray = loops  # type: ignore[assignment]  # which a form always has
         of_turning, of_gain = _errors_of_form(solver, some, observed, right, theta)
+    size = np.abs(terms).sum(-1)
     both = size_forward + size_back
     return _Response(
         forward=forward.sum(-1) + D,
@@ -325,6 +317,21 @@ def _response(
         turning_off=roundings * size + of_turning,
         square_off=2 * roundings * size_forward * size_back + of_gain * (both + of_gain * EPS),
     )
+
+
+def _with_turned_runs(
+    lines: DelayLines, terms: np.ndarray, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray | float]:
+    """Return the products `(..., n)` of what reaches the states and what is read of them, with those
+    of the runs of delay lines, which are those of a run's ends, turned; and the error of their sum."""
+    long = lines.steps > 1
+    runs = lines.delayed[long]
+    if not runs.size:
+        return terms, 0.0
+    _, turned, _, unsure = _turned(lines.steps[long], theta[..., None])
+    error = (np.abs(terms[..., runs]) * unsure).sum(-1)
+    terms[..., runs] *= turned
+    return terms, error
 
 
 class _Late(NamedTuple):
@@ -430,6 +437,21 @@ def _errors_of_form(
     return error * (of_left * R_right + left_R * of_right), of_gain
 
 
+def _outermost(
+    columns: int, column: np.ndarray, theta: np.ndarray, panels: PanelRoots
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and the last angle of each column at which it may cross, `(columns,)`: the
+    ends of settled panels, on which nothing is known, count as crossings."""
+    owner, low, high = panels.settled
+    first = np.full(columns, np.pi)
+    np.minimum.at(first, column, theta)
+    np.minimum.at(first, owner[low > 0], low[low > 0])
+    last = np.zeros(columns)
+    np.maximum.at(last, column, theta)
+    np.maximum.at(last, owner[high < np.pi], high[high < np.pi])
+    return first, last
+
+
 def _collect(
     columns: CutColumns,
     span: tuple[float, float],
@@ -446,17 +468,15 @@ def _collect(
     column = roots.column[inside]
     seed = roots.x[inside]
     jump = 2.0 * roots.slope_sign[inside]
-    largest = max(map(abs, span))
+    start = columns.along, fixed[column], seed, max(map(abs, span))
     many = None
     if cut.order - cut.late > MANY_STATES:  # of a single column
         loop = cut.at(0)
         many = ManyStates.of(loop.E, loop.B, loop.C)
         inverses = np.zeros((0, *cut.E.shape[-2:]))
-        polished = polish_of_many_states(loop, many, columns.along, fixed[0], seed, largest)
+        polished = polish_of_many_states(loop, many, columns.along, fixed[0], seed, start[-1])
     else:
-        polished, inverses = polish(
-            columns.loops(column), columns.along, fixed[column], seed, largest
-        )
+        polished, inverses = polish(columns.loops(column), *start)
     astray = np.abs(polished.theta - seed) > roots.within[inside] + 1e-9
     complete[column[~polished.converged | astray]] = False
 
@@ -464,14 +484,7 @@ def _collect(
     column = column[new]
     theta = polished.theta[new]
 
-    # What lies on settled panels is not known.
-    owner, low, high = panels.settled
-    first = np.full(fixed.size, np.pi)
-    np.minimum.at(first, column, theta)
-    np.minimum.at(first, owner[low > 0], low[low > 0])
-    last = np.zeros(fixed.size)
-    np.maximum.at(last, column, theta)
-    np.maximum.at(last, owner[high < np.pi], high[high < np.pi])
+    first, last = _outermost(fixed.size, column, theta, panels)
     at_one = np.sign(equations.boundary(first / 2))
     at_minus_one = np.sign(equations.boundary((np.pi + last) / 2))
     ends, at_ends = at_both_ends(columns, at_one, at_minus_one, many)

@@ -42,6 +42,8 @@ MERGED = 3
 # tried again from elsewhere; else so many widths to each side are given up.
 RETRIED = 1e3
 GIVEN_UP = 32
+# Of the way to the edge of a stretch, tried in turn.
+SHARES_OF_WAY = 1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5
 SHORTEST_STRETCH = 1e-3  # of what an end may be off: a stretch so short is given up
 
 # What is spent.
@@ -168,13 +170,8 @@ def _with_ends_in_gaps(tiles: Tiles, errors: FramesOf, slack: Slack) -> Tiles:
     return Tiles.join([tiles, ends])
 
 
-def _unstable_by_traces(panels: Panels) -> tuple[Tiles, _OpenStretches]:
-    """Tiles in which some eigenvalue is outside, as `|tr A| > n` or `|tr A A| > n` for all values
-    there, and what is left open.
-
-    Far beyond the stable values entries are large and turn fast with the number, which would take
-    thousands of tests.
-    """
+def _large_traces(panels: Panels) -> np.ndarray:
+    """Whether `|tr A| > n` or `|tr A A| > n` for all values in each cell of panels, `(panels, CELLS)`."""
     n = panels.error.shape[-1]
     degree = panels.coefficients.shape[1] - 1
     number = np.arange(panels.low.size)
@@ -182,12 +179,9 @@ def _unstable_by_traces(panels: Panels) -> tuple[Tiles, _OpenStretches]:
     with np.errstate(all="ignore"):
         large = (np.abs(_traces(panels.coefficients, np.linspace(-1, 1, 5))) > n).any((0, 2))
         candidates = np.flatnonzero(large)
-        # A copy is spared where all are candidates.
-        coefficients = (
-            panels.coefficients
-            if candidates.size == number.size
-            else panels.coefficients[candidates]
-        )
+        coefficients = panels.coefficients
+        if candidates.size < number.size:  # else a copy is spared
+            coefficients = coefficients[candidates]
         points, transform = nodes(2 * degree)
         size = np.eye(n) + sizes_of(coefficients)
         error = panels.error[candidates] + 8 * degree * EPS * size
@@ -199,12 +193,23 @@ def _unstable_by_traces(panels: Panels) -> tuple[Tiles, _OpenStretches]:
             on_cells = np.einsum("ckl,pl->pck", _restrictions(2 * degree), trace @ transform.T)
             least = np.abs(on_cells[..., 0]) - np.abs(on_cells[..., 1:]).sum(-1)
             proved[candidates] |= least > n + off[:, None]
+    return proved
+
+
+def _unstable_by_traces(panels: Panels) -> tuple[Tiles, _OpenStretches]:
+    """Tiles in which some eigenvalue is outside, as its trace, or that of its square, is above n in
+    size for all values there, and what is left open.
+
+    Far beyond the stable values entries are large and turn fast with the number, which would take
+    thousands of tests.
+    """
+    proved = _large_traces(panels)
     edges = panels.middle[:, None] + panels.half[:, None] * np.linspace(-1, 1, CELLS + 1)
     edges = np.clip(edges, panels.low[:, None], panels.high[:, None])
     edges[:, [0, -1]] = np.stack([panels.low, panels.high], 1)
     # Neighbouring cells that are alike are one stretch.
     first = np.diff(proved, axis=1, prepend=~proved[:, :1])
-    last = np.append(first[:, 1:], np.full((number.size, 1), True), axis=1)
+    last = np.append(first[:, 1:], np.full((len(proved), 1), True), axis=1)
     panel = np.nonzero(first)[0]
     low = edges[:, :-1][first]
     high = edges[:, 1:][last]
@@ -508,30 +513,25 @@ class _Round:
         """How far it is proved from the inner places on to both sides, and how many eigenvalues are
         outside there.
 
-        Shares of the way to the edge of the stretch, or to the next crossing, are tried until one
-        is proved.
+        Ever smaller shares of the way to the edge, or to the next crossing, are tried in turn.
         """
-        m = self.half.size
-        of = np.tile(np.arange(m), 2)  # the test of each side: those below, then those above
-        sign = np.repeat([-1.0, 1.0], m)
+        of = np.tile(np.arange(self.half.size), 2)  # the tests of sides below, and of those above
+        sign = np.repeat([-1.0, 1.0], self.half.size)
         edge = np.concatenate([self.open.low, self.open.high])
         begin = np.concatenate(self.begin)
         ends = np.concatenate(inner)
-        outside = np.zeros(2 * m, int)
+        outside = np.zeros(of.size, int)
         place = self.open.place[of]
         half = self.half[of]
         pad = sign * self.pad[of]
-        radius = self.radius[of]
         whole = (edge - place) / half
-        far = np.abs(whole) > 1
         extent = np.clip(whole, -1, 1) - begin
         away = sign[:, None] * (self.roots[of] - begin[:, None])
         # The first try ends short of the next crossing, as nothing is proved across it.
         to_next = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(extent)
-        first = np.where(radius == 1, np.fmin(1, to_next), 1.0)
+        first = np.where(self.radius[of] == 1, np.fmin(1, to_next), 1.0)
         todo = np.flatnonzero((sign * (edge - ends) > 0) & ~self.toward[of])
-        # Of the way that is wanted, tried in turn.
-        for factor in (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5):
+        for factor in SHARES_OF_WAY:
             if not todo.size:
                 break
             test = of[todo]
@@ -539,10 +539,11 @@ class _Round:
             advance = share * extent[todo]
             start = np.where(begin[todo] == 0, 0.0, begin[todo] - pad[todo])
             stop = begin[todo] + advance + pad[todo]
-            proved, count = self.models.prove(test, start, stop, radius[todo])
+            proved, count = self.models.prove(test, start, stop, self.radius[test])
             reached = place[todo] + half[todo] * (begin[todo] + advance)
             reached = np.clip(reached, self.open.low[test], self.open.high[test])
-            reached = np.where(far[todo] | (share < 1), reached, edge[todo])
+            short = (np.abs(whole[todo]) > 1) | (share < 1)  # of the edge
+            reached = np.where(short, reached, edge[todo])
             ends[todo[proved]] = reached[proved]
             outside[todo[proved]] = count[proved]
             todo = todo[~proved]

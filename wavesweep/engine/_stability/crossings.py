@@ -16,7 +16,13 @@ from wavesweep.engine._monodromy.cut import ERRORS, FIRST, CutColumns, LinearFra
 from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine._monodromy.resolvent import ManyStates
 from wavesweep.engine._monodromy.unit_circle import inverse
-from wavesweep.engine._stability.boundary import polish, real_terms, terms_and_inverse, terms_of
+from wavesweep.engine._stability.boundary import (
+    Terms,
+    polish,
+    real_terms,
+    terms_and_inverse,
+    terms_of,
+)
 from wavesweep.engine._stability.real_roots import Roots, isolate
 from wavesweep.engine.doubles import EPS
 
@@ -207,20 +213,38 @@ def _errors_of_entries(
     solved: np.ndarray,
 ) -> list[np.ndarray]:
     """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`,
-    infinite if not known.
+    infinite if not known, `(loops, points)` each.
 
-    unit, fixed, solved: sizes of these terms, `(loops, points)`. For errors X, Y, W, V of E, B, C, D,
-    with bounds dE, dB, dC, dD, let `R = (w - E)^-1` and `N = (1 - |R| dE)^-1`, which is not negative
-    and bounds `(1 - R X)^-1` entry by entry if the spectral radius of `|R| dE` is below 1. Then
-    `|C R'| <= c = |C R| + |C R| dE N |R|` for the resolvent R' of E + X, and G is off by at most
+    unit, fixed, solved: sizes of these terms, `(loops, points)`. With q of `_errors_of_responses`,
+    a product `a b*` of two terms that are off by da and db moves by at most `q (|a| db + da |b| +
+    da db) + (q - 1) |a| |b|`. The difference of two such polynomials is one of the same degree, so
+    its coefficients are at most twice its largest sample.
+    """
+    dG, q, bounded = _errors_of_responses(cut, w)
+    pole = unit / np.abs(w) if cut.integrates else unit
+    of_solved, of_fixed = terms_of(cut, np.abs(w), dG * pole[..., None], 0.0).along(parameter)
+    errors = []
+    for size, error in ((unit, 0.0), (fixed, of_fixed), (solved, of_solved)):
+        moved = size * of_solved + error * (solved + of_solved)
+        errors.append(np.where(bounded, moved * q + size * solved * (q - 1), np.inf))
+    return errors
+
+
+def _errors_of_responses(
+    cut: LinearFractional, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return bounds dG on the errors of the responses G at w, `(loops, points, numbers)`, and q, by
+    which the square of the pole polynomial may be multiplied, and whether both hold.
+
+    For errors X, Y, W, V of E, B, C, D, with bounds dE, dB, dC, dD, let `R = (w - E)^-1` and `N = (1
+    - |R| dE)^-1`, which is not negative and bounds `(1 - R X)^-1` entry by entry if the spectral
+    radius of `|R| dE` is below 1. Then `|C R'| <= c = |C R| + |C R| dE N |R|` for the resolvent R'
+    of E + X, and G is off by at most
 
         dG = c (dE |R B| + dB) + dC (|R B| + N |R| (dE |R B| + dB)) + dD.
 
-    All terms have the pole polynomial as a factor, which X multiplies by `det(1 - R X)`. Its
-    logarithm is minus the sum of `tr((R X)^k)/k`, so its square is between 1/q and q, `q = det(1 -
-    |R| dE)^-2`. So a product `a b*` of two terms that are off by da and db moves by at most `q (|a|
-    db + da |b| + da db) + (q - 1) |a| |b|`. The difference of two such polynomials is one of the
-    same degree, so its coefficients are at most twice its largest sample.
+    X multiplies the pole polynomial by `det(1 - R X)`. Its logarithm is minus the sum of `tr((R
+    X)^k)/k`, so its square is between 1/q and q, `q = det(1 - |R| dE)^-2`.
     """
     dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
     identity = np.eye(cut.E.shape[-1])
@@ -237,14 +261,7 @@ def _errors_of_entries(
     c = CR + CR @ dE @ NR
     entering = dE @ RB + dB
     dG = (c @ entering + dC @ (RB + NR @ entering) + dD)[..., 0]
-    pole = unit / np.abs(w) if cut.integrates else unit
-    of_solved, of_fixed = terms_of(cut, np.abs(w), dG * pole[..., None], 0.0).along(parameter)
-    q = np.linalg.det(identity - reach) ** -2.0
-    errors = []
-    for size, error in ((unit, 0.0), (fixed, of_fixed), (solved, of_solved)):
-        moved = size * of_solved + error * (solved + of_solved)
-        errors.append(np.where(bounded, moved * q + size * solved * (q - 1), np.inf))
-    return errors
+    return dG, np.linalg.det(identity - reach) ** -2.0, bounded
 
 
 def angle(cosine: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -329,9 +346,7 @@ def crossings(
     side = _side(polynomial, owner[column], fixed[column], cosine, span)
     growth_to_infinity = np.bincount(column, jump * (side > 0), minlength=fixed.size)
     near = side == 0
-    column = column[near]
-    cosine = cosine[near]
-    jump = jump[near]
+    column, cosine, jump = (fact[near] for fact in (column, cosine, jump))
     seed = angle(cosine, polynomial.scale[owner[column]])
     largest = max(map(abs, span))
     polished, inverses = polish(columns.loops(column), columns.along, fixed[column], seed, largest)
@@ -347,24 +362,30 @@ def crossings(
     value = np.concatenate([polished.value, ends.value])
     theta = np.concatenate([polished.theta, ends.theta])
     jump = np.concatenate([jump, ends.jump])
-    # At an infinite value an eigenvalue is on the circle itself, and is not counted as outside. If
-    # it moves outward there (jump > 0), it has come from inside, and the number stays; if inward,
-    # it has come from outside, and the number falls. Of a very large value rounding decides whether
-    # it is reached before infinity or beyond, so nothing is known.
-    low = span[0]
-    size = np.abs(value)
-    told = np.maximum(
-        SLIVER * (span[1] - low), DOUBLES_AT_END * np.spacing(np.maximum(abs(low), size))
-    )
-    growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
-    growth = np.where(size > OTHER_INFINITY * largest, np.nan, growth)
-    growth = np.where(
-        np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth)
-    )
+    growth = _growth_beyond(value, jump, span)
     growth_to_infinity = growth_to_infinity + np.bincount(column, growth, minlength=fixed.size)
     growth_to_infinity[~complete] = np.nan
     every_inverse = np.concatenate([inverses, at_ends])
     return Crossings(column, value, theta, jump, order, every_inverse, complete, growth_to_infinity)
+
+
+def _growth_beyond(value: np.ndarray, jump: np.ndarray, span: tuple[float, float]) -> np.ndarray:
+    """Return by how much each crossing changes the number of eigenvalues outside between the low end
+    of the span and infinite values; NaN if it is not known.
+
+    At an infinite value an eigenvalue is on the circle itself, and is not counted as outside. If it
+    moves outward there (jump > 0), it has come from inside, and the number stays; if inward, it has
+    come from outside, and the number falls. Of a very large value rounding decides whether it is
+    reached before infinity or beyond.
+    """
+    low = span[0]
+    size = np.abs(value)
+    doubles = np.spacing(np.maximum(abs(low), size))
+    told = np.maximum(SLIVER * (span[1] - low), DOUBLES_AT_END * doubles)
+    growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
+    growth = np.where(size > OTHER_INFINITY * max(map(abs, span)), np.nan, growth)
+    growth = np.where(size == np.inf, np.minimum(jump, 0), growth)
+    return np.where(np.isnan(value), np.nan, growth)
 
 
 def _side(
@@ -412,6 +433,16 @@ class CrossingsAtEnds(NamedTuple):
     inverse: np.ndarray
 
 
+def _terms_on_axis(
+    cut: LinearFractional, w: float, many: ManyStates | None
+) -> tuple[Terms, np.ndarray]:
+    """Return the terms of the equation of every loop at a real w, and the inverses of `w I - E`, none
+    of many states."""
+    if many is None:
+        return cut.remembered(w, partial(terms_and_inverse, cut, np.full(cut.batch, w)))
+    return real_terms(cut.at(0), w, many), np.zeros((0, *cut.E.shape[-2:]))
+
+
 def at_both_ends(
     columns: CutColumns,
     sign_at_one: np.ndarray,
@@ -429,19 +460,15 @@ def at_both_ends(
     values = []
     inverses = []
     for w in (0.0, -2.0):
-        if many is None:
-            t, inverse = cut.remembered(w, partial(terms_and_inverse, cut, np.full(cut.batch, w)))
-            inverses.append(inverse)
-        else:
-            t = real_terms(cut.at(0), w, many)
-            inverses.append(np.zeros((0, *cut.E.shape[-2:])))
+        t, inverse = _terms_on_axis(cut, w, many)
+        inverses.append(inverse)
         if w == 0.0 and cut.integrates:
             values.append(np.full(fixed.shape, 0.0 if columns.along == FIRST else np.inf))
             continue
         solved, fixed_term = t.along(columns.along)
         with np.errstate(divide="ignore", invalid="ignore"):
             values.append((t.unit[owner] - fixed * fixed_term[owner]) / solved[owner])
-        if w == 0.0 and cut.poles_at_one and not cut.integrates:
+        if w == 0.0 and cut.poles_at_one:
             # a mass that nothing brakes, but for this wall
             values[-1] = np.where(fixed == 0, 0.0, values[-1])
     ends = CrossingsAtEnds(

@@ -175,6 +175,19 @@ class OpenPlaces:
     high: np.ndarray
 
 
+def _owners(column: np.ndarray, is_stable: np.ndarray) -> np.ndarray:
+    """Return the chain to which each chain of places belongs, by number: to itself if it is stable,
+    else to the stable one below or above in its column, else to the first of the column."""
+    number = np.arange(column.size)
+    below = np.maximum.accumulate(np.where(is_stable, number, 0))
+    above = np.minimum.accumulate(np.where(is_stable, number, number.size - 1)[::-1])[::-1]
+    owner = np.searchsorted(column, column)
+    for neighbour in (above, below):
+        is_near = is_stable[neighbour] & (column[neighbour] == column)
+        owner = np.where(is_near, neighbour, owner)
+    return owner
+
+
 def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     """Return the intervals as rows, and the open places of each: what only these keep apart is one
     interval in doubt.
@@ -192,25 +205,17 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     chain = np.append(0, np.cumsum(~linked))
     begin = np.flatnonzero(np.diff(chain, prepend=-1))
     is_stable = np.logical_or.reduceat(stable, begin)
-    of = intervals.column[begin]
-    number = np.arange(begin.size)
-    below = np.maximum.accumulate(np.where(is_stable, number, 0))
-    above = np.minimum.accumulate(np.where(is_stable, number, number.size - 1)[::-1])[::-1]
-    owner = np.searchsorted(of, of)
-    for neighbour in (above, below):
-        owner = np.where(is_stable[neighbour] & (of[neighbour] == of), neighbour, owner)
+    owner = _owners(intervals.column[begin], is_stable)
     begin = np.flatnonzero(np.diff(owner[chain], prepend=-1))
     last = np.maximum.reduceat(np.where(stable, index, -1), begin)
     has_stable = last >= 0
-    first = np.where(
-        has_stable, np.minimum.reduceat(np.where(stable, index, index.size), begin), begin
-    )
+    first = np.minimum.reduceat(np.where(stable, index, index.size), begin)
+    first = np.where(has_stable, first, begin)
     last = np.where(has_stable, last, begin)
     ended = ~(np.append(False, linked)[first] | np.append(linked, False)[last]) | ~has_stable
-    rows = intervals.take(first)
     rows = replace(
-        rows,
-        low=np.where(has_stable, rows.low, np.nan),
+        intervals.take(first),
+        low=np.where(has_stable, intervals.low[first], np.nan),
         high=np.where(has_stable, intervals.high[last], np.nan),
         high_omega=intervals.high_omega[last],
         high_cause=intervals.high_cause[last],

@@ -94,6 +94,15 @@ def _series(numbers: int) -> _Series:
     return _Series(t, 1 / at_points.T / len(t), at_points, bernstein)
 
 
+def _is_inside(ends: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
+    """Whether the disc of RADIUS half lengths about the middle of each range is within limits, or it is a
+    point; ends: `(boxes, 2)`."""
+    low, high = ends.T
+    reach = RADIUS * (high - low) / 2
+    middle = (low + high) / 2
+    return (low == high) | (middle - reach >= limits[0]) & (middle + reach <= limits[1])
+
+
 def positive(
     functions: Functions,
     box: Box,
@@ -116,10 +125,7 @@ def positive(
         together = max(1, AT_ONCE // per_box)
         boxes = np.array(queue[:together])
         queue = queue[together:]
-        low, high = boxes[..., 0].T
-        reach = RADIUS * (high - low) / 2
-        middle = (low + high) / 2
-        inside = (low == high) | (middle - reach >= limits[0]) & (middle + reach <= limits[1])
+        inside = _is_inside(boxes[..., 0], limits)
         inside[inside] = [resolved(*ends) for ends in boxes[inside][..., 0].tolist()]
         for ends in boxes[~inside]:
             queue += _halves(ends, 0)

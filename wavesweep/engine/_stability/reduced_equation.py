@@ -363,20 +363,8 @@ def tiles_by_lines(
     None if delay lines are short, or something is left open. points: of the span, at which frames
     show their lines; errors, slack: see `tiles_of`.
     """
-    if panels.error.shape[-1] < LONG_LINES:
-        return None
-    column = np.unique(panels.column)
-    E, _ = errors(np.repeat(column, points.size), np.tile(points, column.size))
-    if not np.isfinite(E).all():
-        return None
-    lines = DelayLines.of(E)
-    if lines.delayed.size < max(LONG_LINES, E.shape[-1] / 2):
-        return None
-    off_link = _off_link(panels, lines)
-    if off_link > MOST_OFF_LINK:
-        return None
-    equation = ReducedEquation(panels, lines, off_link)
-    if equation.lag.size > 1000:  # terms of S
+    equation = _reduced(panels, errors, points)
+    if equation is None:
         return None
     pad = FEW_ROUNDINGS * np.abs(span).max() / panels.half
     low = (panels.low - panels.middle) / panels.half - pad
@@ -394,6 +382,26 @@ def tiles_by_lines(
         return None
     stretches = _counted(_stretches(panels, windows), errors)
     return Tiles.join([stretches, _labelled(windows, stretches, equation, errors)])
+
+
+def _reduced(
+    panels: Panels, errors: Callable[..., Any], points: np.ndarray
+) -> ReducedEquation | None:
+    """Return the equation of panels in the states outside of delay lines, None if these are short."""
+    if panels.error.shape[-1] < LONG_LINES:
+        return None
+    column = np.unique(panels.column)
+    E, _ = errors(np.repeat(column, points.size), np.tile(points, column.size))
+    if not np.isfinite(E).all():
+        return None
+    lines = DelayLines.of(E)
+    if lines.delayed.size < max(LONG_LINES, E.shape[-1] / 2):
+        return None
+    off_link = _off_link(panels, lines)
+    if off_link > MOST_OFF_LINK:
+        return None
+    equation = ReducedEquation(panels, lines, off_link)
+    return equation if equation.lag.size <= 1000 else None  # terms of S
 
 
 def _off_link(panels: Panels, lines: DelayLines) -> float:

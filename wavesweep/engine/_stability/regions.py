@@ -129,23 +129,19 @@ def cut_span(
     later[start] = False
     earlier = np.append(later[1:], False)
 
-    theta_low = np.full(columns, np.nan)
-    theta_low[column[at_low]] = theta[at_low]
-    theta_high = np.full(columns, np.nan)
-    theta_high[column[at_high]] = theta[at_high]
+    def filled(index: np.ndarray, values: np.ndarray, nothing: float) -> np.ndarray:
+        """Values at regions of an index, and `nothing` in all others."""
+        of_regions = np.full(region.size, nothing)
+        of_regions[index] = values
+        return of_regions
 
-    lows = np.full(region.size, float(low))
-    lows[later] = value[order]
-    highs = np.full(region.size, float(high))
-    highs[earlier] = value[order]
-    low_theta = np.full(region.size, np.nan)
-    low_theta[start] = theta_low
-    low_theta[later] = theta[order]
-    high_theta = np.full(region.size, np.nan)
-    high_theta[~earlier] = theta_high
-    high_theta[earlier] = theta[order]
-    gain = np.zeros(region.size)
-    gain[later] = crossings.jump[order]
+    lows = filled(later, value[order], float(low))
+    highs = filled(earlier, value[order], float(high))
+    low_theta = filled(later, theta[order], np.nan)
+    low_theta[start[column[at_low]]] = theta[at_low]
+    high_theta = filled(earlier, theta[order], np.nan)
+    high_theta[np.flatnonzero(~earlier)[column[at_high]]] = theta[at_high]
+    gain = filled(later, crossings.jump[order], 0.0)
     return CutSpan(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
 

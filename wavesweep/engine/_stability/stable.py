@@ -88,12 +88,14 @@ def stable_intervals(
     owner = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
     columns = CutColumns(_in_even_units(cut), owner, parameter, flat)
     intervals = _by_each_method(columns, span)
-    intervals = _with_uncontrolled(intervals, cut, owner, span)
+    return _with_zero(_with_uncontrolled(intervals, cut, owner, span), span)
+
+
+def _with_zero(intervals: Intervals, span: tuple[float, float]) -> Intervals:
+    """The intervals, whose ends at 0 within the span are 0, and not what rounding leaves."""
     if not span[0] < 0 < span[1]:
         return intervals
-    nothing = EPS * (
-        span[1] - span[0]
-    )  # an end at 0 within the span is 0, and not what rounding leaves
+    nothing = EPS * (span[1] - span[0])
     low = np.where(np.abs(intervals.low) <= nothing, 0.0, intervals.low)
     high = np.where(np.abs(intervals.high) <= nothing, 0.0, intervals.high)
     return replace(intervals, low=low, high=high)

@@ -3,7 +3,7 @@ or that some cross it there; what ball arithmetic adds, and the regions that fol
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +62,32 @@ class Tiles(Rows):
         )
 
 
+def _between_ends(tiles: Tiles, span: tuple[float, float], columns: int) -> Tiles:
+    """The tiles in order, column by column, each with a tile at the low and one at the high end."""
+    low_ends, high_ends = (
+        Tiles.of(np.arange(columns), np.full(columns, end), np.full(columns, end), 1)
+        for end in map(float, span)
+    )
+    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
+    joined = Tiles.join([low_ends, tiles, high_ends])
+    return joined.take(np.argsort(joined.column, kind="stable"))
+
+
+def _tried_by_balls(
+    tiles: Tiles, outer: np.ndarray, attached: tuple[float, float]
+) -> Iterator[tuple[int, int, int]]:
+    """Yield the column of each stretch in doubt, and the tiles before and after it; if a column has
+    more than eight, all of them together."""
+    pairs = _in_doubt(tiles, outer, attached)
+    of_pairs = tiles.column[pairs[:, 0]]
+    for column in different(of_pairs).tolist():
+        of_column = pairs[of_pairs == column]
+        if len(of_column) > 8:
+            of_column = np.array([[of_column[0, 0], of_column[-1, 1]]])
+        for before, after in of_column.tolist():
+            yield column, before, after
+
+
 def proved_by_balls(
     tiles: Tiles,
     lost: tuple[np.ndarray, ...],
@@ -77,39 +103,28 @@ def proved_by_balls(
     high_theta), None if they stay in doubt; see `Tiles` for theta. lost, attached: see
     `regions_of`.
     """
-    low_ends, high_ends = (
-        Tiles.of(np.arange(columns), np.full(columns, end), np.full(columns, end), 1)
-        for end in map(float, span)
-    )
-    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
-    joined = Tiles.join([low_ends, tiles, high_ends])
-    joined = joined.take(np.argsort(joined.column, kind="stable"))
+    joined = _between_ends(tiles, span, columns)
     outer = np.isin(joined.low, span) & (joined.low == joined.high)
     remains = np.ones(joined.column.size, bool)
     new = []
-    pairs = _in_doubt(joined, outer, attached)
-    for column in different(joined.column[pairs[:, 0]]).tolist():
-        of_column = pairs[joined.column[pairs[:, 0]] == column]
-        # Up to eight stretches in doubt of a column are each proved by themselves.
-        if len(of_column) > 8:
-            of_column = np.array([[of_column[0, 0], of_column[-1, 1]]])
-        for before, after in of_column.tolist():
-            a = float(joined.high[before])
-            b = float(joined.low[after])
-            intervals = balls(column, a, b)
-            if intervals is None:
-                continue
-            begins = bool(intervals) and intervals[0][0] == a
-            stops = bool(intervals) and intervals[-1][1] == b
-            agree_before = outer[before] or (joined.outside[before] == 0) == begins
-            agree_after = outer[after] or (joined.outside[after] == 0) == stops
-            if not (agree_before and agree_after):
-                continue  # what contradicts its neighbours is not taken for proved
-            remains[before + 1 : after] = False
-            if a < b:  # else windows lie between two unstable stretches that meet
-                new.append(_tiles_of_intervals(column, a, b, intervals))
-            elsewhere = (lost[0] != column) | (lost[2] <= a) | (lost[1] >= b)
-            lost = tuple(fact[elsewhere] for fact in lost)
+    for column, before, after in _tried_by_balls(joined, outer, attached):
+        a = float(joined.high[before])
+        b = float(joined.low[after])
+        intervals = balls(column, a, b)
+        if intervals is None:
+            continue
+        begins = bool(intervals) and intervals[0][0] == a
+        stops = bool(intervals) and intervals[-1][1] == b
+        # What contradicts a neighbour, stable or not, is not taken for proved.
+        if not outer[before] and (joined.outside[before] == 0) != begins:
+            continue
+        if not outer[after] and (joined.outside[after] == 0) != stops:
+            continue
+        remains[before + 1 : after] = False
+        if a < b:  # else windows lie between two unstable stretches that meet
+            new.append(_tiles_of_intervals(column, a, b, intervals))
+        elsewhere = (lost[0] != column) | (lost[2] <= a) | (lost[1] >= b)
+        lost = tuple(fact[elsewhere] for fact in lost)
     return Tiles.join([joined.take(remains & ~outer), *new]), lost
 
 

@@ -33,6 +33,21 @@ class OnAverage:
 ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
 
 
+def _even_forms(powers: list[np.ndarray]) -> np.ndarray:
+    """Return P with `P - A' P A = Q`, `(cells, n, n)`, for the diagonal Q with which P and the moments
+    `M - A M A' = Q^-1` have alike diagonals. powers: of A, `(cells, n, n)` each, see `_powers`."""
+    n = powers[0].shape[-1]
+    identity = np.eye(n)
+    back = [power.mT for power in powers]
+    size = np.ones((len(powers[0]), n))
+    P = _summed(powers, identity)
+    for _ in range(SIZING):
+        moments = _summed(back, size[..., None] ** 2 * identity)
+        size = (_diagonal(moments) / _diagonal(P)) ** 0.25
+        P = _summed(powers, size[..., None] ** -2.0 * identity)
+    return P
+
+
 def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None], float]:
     """Return for each of some single matrices, `(cells, n, n)`, a form for the middle of its cell
     and its further terms `(monomials - 1, 1, n, n)`, None if it does not decay there; and the work
@@ -49,15 +64,8 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
     decaying, powers = _powers(A.terms[0])
     if not decaying.size:
         return forms_of_cells, work
-    identity = np.eye(n)
-    back = [power.mT for power in powers]
     with np.errstate(all="ignore"):
-        size = np.ones((decaying.size, n))
-        P = _summed(powers, identity)
-        for _ in range(SIZING):
-            moments = _summed(back, size[..., None] ** 2 * identity)
-            size = (_diagonal(moments) / _diagonal(P)) ** 0.25
-            P = _summed(powers, size[..., None] ** -2.0 * identity)
+        P = _even_forms(powers)
         to = cholesky_of_each(P).mT
         basis = np.linalg.inv(to)
         after = to @ A.terms[:, decaying] @ basis

@@ -539,7 +539,6 @@ def _tried(
     if isinstance(enclosure, int):
         return _without_bound(part, enclosure, narrow)
     A = enclosure.within(part.box)
-    wide = np.flatnonzero(part.box[0] < part.box[1])
     rule: OneRule
     if isinstance(follows, OnAverage):
         rule = (follows.graph, follows.weight)
@@ -554,6 +553,15 @@ def _tried(
         return replace(outcome, used=outcome.used + used)
     if isinstance(follows, OnAverage):
         return _Outcome(None, used, (0,))
+    return _without_norms(part, A, follows, narrow, used)
+
+
+def _without_norms(
+    part: _Part, A: Polynomials, follows: Rule, narrow: np.ndarray, used: float
+) -> _Outcome:
+    """The outcome of a part in the middle of which no norms are found: a word that grows there, its
+    halves, or that the proof ends. A: its frames; used: operations."""
+    wide = np.flatnonzero(part.box[0] < part.box[1])
     basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
     # Without a pole on a rim.
     if isinstance(follows, np.ndarray) and np.isfinite(A.terms).all():
@@ -693,6 +701,14 @@ def _log_of_forms(A: Polynomials, follows: Rule) -> np.ndarray | None:
     return None
 
 
+def _growth_of_words(A: np.ndarray, follows: np.ndarray, words: Sequence[Word]) -> float:
+    """The fastest growth per frame of some words, and of frames that may repeat; 1/2 at the least."""
+    # A message that may not be lost twice in a row keeps what it was meanwhile.
+    repeated = A[np.diagonal(follows)]
+    rates = [growth(A, word) ** (1 / len(word)) for word in words]
+    return max(np.abs(np.linalg.eigvals(repeated)).max(initial=0.5), *rates, 0.5)
+
+
 def _forms(
     A: Polynomials,
     follows: OneRule,
@@ -708,10 +724,7 @@ def _forms(
     if not isinstance(follows, np.ndarray):
         return follows.found(A), OF_OWN
     at_middle = A.terms[0]
-    # A message that may not be lost twice in a row keeps what it was meanwhile.
-    repeated = at_middle[np.diagonal(follows)]
-    rates = [growth(at_middle, word) ** (1 / len(word)) for word in words]
-    radius = max(np.abs(np.linalg.eigvals(repeated)).max(initial=0.5), *rates, 0.5)
+    radius = _growth_of_words(at_middle, follows, words)
     if not radius < 1:
         return None, 0.0
     n = at_middle.shape[-1]

@@ -62,6 +62,35 @@ def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     return Graph(*np.array(edges).T)
 
 
+def _units_of_states(M: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """The units `(n,)` of the states in which M and S have rows and columns of similar sizes."""
+    n = M.shape[1]
+    # Of (s, u): the sizes of what states become, above that of what a displacement takes in.
+    size = np.abs(S).sum(0)
+    size[:n] = np.abs(M).sum(0)
+    _, units_of_batch = balance(size[None], thorough=True)
+    units = units_of_batch[0]
+    return units[:n] / units[n]  # u keeps its own
+
+
+def _dissipating(M: np.ndarray, S: np.ndarray, graph: Graph, forms: np.ndarray) -> Inequality:
+    """Of every edge i to j `S + diag(P_i, d) - M' P_j M - t I >= 0`, in the unknowns: the coordinates
+    of the P_i in the basis `forms`, node by node, then d and t."""
+    n = M.shape[1]
+    m = len(forms)
+    d = graph.nodes * m
+    index = np.empty((len(S), 2 * m + 2), int)
+    index[:, :m] = graph.source[:, None] * m + np.arange(m)
+    index[:, m : 2 * m] = graph.target[:, None] * m + np.arange(m)
+    index[:, 2 * m :] = d, d + 1
+    slopes = np.zeros((len(S), 2 * m + 2, n + 1, n + 1))
+    slopes[:, :m, :n, :n] = forms
+    slopes[:, m : 2 * m] -= M[:, None].mT @ forms @ M[:, None]
+    slopes[:, 2 * m, n, n] = 1.0
+    slopes[:, 2 * m + 1] = -np.eye(n + 1)
+    return Inequality(S, slopes, index)
+
+
 def least_damping(
     M: np.ndarray, S: np.ndarray, follows: np.ndarray
 ) -> Iterator[tuple[Centre, float]]:
@@ -78,12 +107,7 @@ def least_damping(
     which all F are above t I.
     """
     n = M.shape[1]
-    # Of (s, u): the sizes of what states become, above that of what a displacement takes in.
-    size = np.abs(S).sum(0)
-    size[:n] = np.abs(M).sum(0)
-    _, units_of_batch = balance(size[None], thorough=True)
-    units = units_of_batch[0]
-    units = units[:n] / units[n]  # u keeps its own
+    units = _units_of_states(M, S)
     M = M / units[:, None]
     M[..., :n] *= units
     centre, factor = find_norms(M[..., :n], follows)
@@ -101,16 +125,7 @@ def least_damping(
     m = len(forms)
     d = graph.nodes * m  # their places among the unknowns, behind the P_i
     t = d + 1
-    index = np.empty((len(S), 2 * m + 2), int)
-    index[:, :m] = graph.source[:, None] * m + np.arange(m)
-    index[:, m : 2 * m] = graph.target[:, None] * m + np.arange(m)
-    index[:, 2 * m :] = d, t
-    slopes = np.zeros((len(S), 2 * m + 2, n + 1, n + 1))
-    slopes[:, :m, :n, :n] = forms
-    slopes[:, m : 2 * m] -= M[:, None].mT @ forms @ M[:, None]
-    slopes[:, 2 * m, n, n] = 1.0
-    slopes[:, 2 * m + 1] = -np.eye(n + 1)
-    edges = [Inequality(S / largest, slopes, index)]
+    edges = [_dissipating(M, S / largest, graph, forms)]
     unknown = np.eye(t + 1)
     least = minimised(unknown[d], edges, -unknown[[t]], np.zeros(1))[d]
     for room in ROOM if np.isfinite(least) else ():

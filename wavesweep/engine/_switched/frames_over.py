@@ -334,6 +334,18 @@ def inside_of(box: np.ndarray) -> np.ndarray:
     return np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
 
 
+def _weighed_inverse(rows: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return the pseudoinverse of rows `(..., m, n)` known to an error `(..., m)`, in which they count
+    by how well they are known, and columns alike, so that what is left out of them hardly grows."""
+    unknown = error + EQUATION_ROUNDINGS * UNIT_ROUNDING * np.abs(rows).sum(-1)
+    weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
+    weighed = rows * weight[..., None]
+    largest = np.abs(weighed).max(-2, initial=0.0)
+    unit = np.divide(1.0, largest, out=np.ones_like(largest), where=largest > 0)
+    pseudoinverse = np.linalg.pinv(weighed * unit[..., None, :])
+    return unit[..., None] * pseudoinverse * weight[..., None, :]
+
+
 def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> Polynomials:
     """Return changes of all kinds of ticks, `(kinds, cells, n, n)`, as changes of the states that
     remain without drift.
@@ -364,16 +376,7 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     # "`E_R V = -E_S` of all ticks together".
     E_R = _below(E.at(range(n), remaining))
     E_S = _below(E.at(range(n), leads))
-    # Rows count by how well they are known, and columns alike, so that what is left out of them
-    # hardly grows.
-    rounding = EQUATION_ROUNDINGS * UNIT_ROUNDING * np.abs(E_R.terms[0]).sum(-1)
-    unknown = E_R.rest.sum(-1) + E_S.rest.sum(-1) + rounding
-    weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
-    weighed = E_R.terms[0] * weight[..., None]
-    largest = np.abs(weighed).max(-2, initial=0.0)
-    unit = np.divide(1.0, largest, out=np.ones_like(largest), where=largest > 0)
-    pseudoinverse = np.linalg.pinv(weighed * unit[..., None, :])
-    inverse = unit[..., None] * pseudoinverse * weight[..., None, :]
+    inverse = _weighed_inverse(E_R.terms[0], E_R.rest.sum(-1) + E_S.rest.sum(-1))
     J = Polynomials.constant(inverse, E.numbers, E.order)
     # "`V = -(J E_R)^-1 J E_S` with J near to an inverse"; the sign is left off.
     minus_V = (J @ E_R).inverse() @ (J @ E_S)

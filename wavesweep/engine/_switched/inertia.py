@@ -99,21 +99,27 @@ def _eigenvectors(A: np.ndarray) -> np.ndarray:
     return basis
 
 
+def _inverse_of_stein(M: np.ndarray) -> np.ndarray:
+    """The inverse of `X -> X - M' X M` on matrices as vectors, `(cells, n n, n n)`, for M `(cells, n, n)`."""
+    n = M.shape[-1]
+    fixed_part = np.einsum("cki,clj->cijkl", M, M).reshape(-1, n * n, n * n)
+    less = np.nan_to_num(np.eye(n * n) - fixed_part)
+    try:
+        return np.linalg.inv(less)
+    except np.linalg.LinAlgError:  # two eigenvalues of a cell have the product 1
+        return np.linalg.pinv(less)
+
+
 def _series(A: Polynomials, pieces: int) -> np.ndarray:
-    """The terms of the series of the forms."""
+    """The terms of the Taylor series of the forms P_j with `P_j - A_j' P_(j+1) A_j = I` over each cell of
+    A `(monomials, cells pieces, n, n)`: a frame's pieces follow each other, and the first the last."""
     n = A.rest.shape[-1]
     by_cell = (-1, pieces, n, n)
     middle = A.terms[0].reshape(by_cell)
     before = [np.broadcast_to(np.eye(n), middle[:, 0].shape)]  # the pieces before each
     for piece in range(pieces):
         before.append(middle[:, piece] @ before[-1])
-    M = before.pop()
-    fixed_part = np.einsum("cki,clj->cijkl", M, M).reshape(-1, n * n, n * n)
-    less = np.nan_to_num(np.eye(n * n) - fixed_part)
-    try:
-        inverse = np.linalg.inv(less)
-    except np.linalg.LinAlgError:  # two eigenvalues of a cell have the product 1
-        inverse = np.linalg.pinv(less)
+    inverse = _inverse_of_stein(before.pop())
     degree = A.exponents.sum(1)
 
     def solved(right: np.ndarray) -> np.ndarray:

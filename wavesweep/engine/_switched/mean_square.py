@@ -476,6 +476,22 @@ def _bracket(loop: Chances, part: tuple[float, float], limits: tuple[float, floa
     return Bracket(low, high, below, above, tuple(stretches))
 
 
+def _proved(
+    loop: Chances, start: float, P_start: np.ndarray, end: float, P_end: np.ndarray
+) -> ProvedStretch | None:
+    """The stretch between two numbers, proved by forms that move from one's to the other's or by those
+    of the end; None if neither proves it."""
+    low, high = sorted((start, end))
+    between = [P_start, P_end] if start < end else [P_end, P_start]
+    if loop.proves_between(np.stack(between), low, high):
+        proof = between
+    elif loop.proves(P_end, low, high):
+        proof = [P_end]
+    else:
+        return None
+    return ProvedStretch(low, high, tuple(Norms(P, loop.graph) for P in proof))
+
+
 def _side(
     loop: Chances, start: float, end: float, limit: float
 ) -> tuple[float, Refuted, list[ProvedStretch]]:
@@ -502,17 +518,9 @@ def _side(
     while at != goal and len(stretches) < 200 and abs(step) > 1e-9 * abs(goal - start):  # stretches
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
-        low, high = sorted((at, to))
-        between = [known, P] if at < to else [P, known]
-        if loop.proves_between(np.stack(between), low, high):
-            proof = between
-        elif loop.proves(P, low, high):
-            proof = [P]
-        else:
-            proof = []
-        if proof:
-            norms = tuple(Norms(each, loop.graph) for each in proof)
-            stretches.append(ProvedStretch(low, high, norms))
+        stretch = _proved(loop, at, known, to, P)
+        if stretch:
+            stretches.append(stretch)
             known = P
             at = to
             step = step if failed else 2 * step

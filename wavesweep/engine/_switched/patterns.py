@@ -64,6 +64,29 @@ def _rate(A: np.ndarray, word: Word) -> float:
     return growth(A, word) ** (1 / len(word))
 
 
+def _of_large_products(
+    A: np.ndarray, follows: np.ndarray, extended_words: int, longest: int
+) -> dict[Word, float]:
+    """The growth per matrix of words up to a length, each of which extends one of those `extended_words`
+    of the length before whose products are largest."""
+    rates: dict[Word, float] = {}
+    words = np.arange(len(A))[:, None]
+    products = A
+    for length in range(1, longest + 1):
+        order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
+        may_repeat = follows[words[order, -1], words[order, 0]]
+        closing = order[may_repeat][:120]  # words of each length whose eigenvalues are computed
+        places, fastest = _fastest(products[closing], np.full(closing.size, length), LEADING)
+        for i, rate in zip(closing[places], fastest, strict=True):
+            rates[_least(tuple(words[i].tolist()))] = rate
+        extended = order[:extended_words]
+        first, symbol = np.nonzero(follows[words[extended, -1]])
+        first = extended[first]
+        words = np.concatenate([words[first], symbol[:, None]], axis=1)
+        products = A[symbol] @ products[first]
+    return rates
+
+
 def growing(
     A: np.ndarray,
     follows: np.ndarray,
@@ -86,20 +109,7 @@ def growing(
     A = np.linalg.inv(basis) @ A @ basis
     rates = {word: _rate(A, word) for word in words_before}
     rates |= _of_two_runs(A, follows)
-    words = np.arange(len(A))[:, None]
-    products = A
-    for length in range(1, more * longest + 1):
-        order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
-        may_repeat = follows[words[order, -1], words[order, 0]]
-        closing = order[may_repeat][:120]  # words of each length whose eigenvalues are computed
-        places, fastest = _fastest(products[closing], np.full(closing.size, length), LEADING)
-        for i, rate in zip(closing[places], fastest, strict=True):
-            rates[_least(tuple(words[i].tolist()))] = rate
-        extended = order[: more * WORDS_KEPT]
-        first, symbol = np.nonzero(follows[words[extended, -1]])
-        first = extended[first]
-        words = np.concatenate([words[first], symbol[:, None]], axis=1)
-        products = A[symbol] @ products[first]
+    rates |= _of_large_products(A, follows, more * WORDS_KEPT, more * longest)
     if norms is None:
         graph = Graph.least(follows)
         P = np.broadcast_to(np.eye(len(basis)), (graph.nodes, *basis.shape))
@@ -151,26 +161,10 @@ def _of_walks(A: np.ndarray, follows: np.ndarray, norms: Norms) -> dict[Word, fl
     which it does most. Such a pattern is as long as some halves of the period, if these are about
     a whole number of matrices, which may be over a hundred.
     """
-    graph = norms.graph
     n = A.shape[-1]
     scale = np.linalg.norm(A, axis=(-2, -1)).max() or 1.0
     A = A / scale
-    state = np.random.default_rng(0).normal(size=(WALKS, n))
-    leads_to = np.full((graph.nodes, len(A)), -1)
-    leads_to[graph.source, graph.symbol] = graph.target
-    walker = np.arange(WALKS)
-    node = walker % graph.nodes
-    walks = np.empty((WALKS, WALKED), int)
-    for step in range(WALKED):
-        moved = np.einsum("sij,wj->wsi", A, state)
-        target = leads_to[node]
-        size = np.einsum("wsi,wsij,wsj->ws", moved, norms.P[target], moved)
-        symbol = np.where(target < 0, -1.0, size).argmax(1)
-        walks[:, step] = symbol
-        state = moved[walker, symbol]
-        node = target[walker, symbol]
-        state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), NEXT_TO_ZERO)
-    ends = np.unique(walks[:, -LONGEST_RETURN:], axis=0)
+    ends = np.unique(_walks(A, norms)[:, -LONGEST_RETURN:], axis=0)
     products = np.broadcast_to(np.eye(n), (len(ends), n, n))
     closed = []
     parts = []
@@ -186,6 +180,28 @@ def _of_walks(A: np.ndarray, follows: np.ndarray, norms: Norms) -> dict[Word, fl
         i, length = closed[place]
         rates[_least(tuple(ends[i, -length:].tolist()))] = scale * rate
     return rates
+
+
+def _walks(A: np.ndarray, norms: Norms) -> np.ndarray:
+    """The symbols `(WALKS, WALKED)` of walks from random states, each the one after which the state
+    is largest in the norm of the node that it leads to."""
+    graph = norms.graph
+    state = np.random.default_rng(0).normal(size=(WALKS, A.shape[-1]))
+    leads_to = np.full((graph.nodes, len(A)), -1)
+    leads_to[graph.source, graph.symbol] = graph.target
+    walker = np.arange(WALKS)
+    node = walker % graph.nodes
+    walks = np.empty((WALKS, WALKED), int)
+    for step in range(WALKED):
+        moved = np.einsum("sij,wj->wsi", A, state)
+        target = leads_to[node]
+        size = np.einsum("wsi,wsij,wsj->ws", moved, norms.P[target], moved)
+        symbol = np.where(target < 0, -1.0, size).argmax(1)
+        walks[:, step] = symbol
+        state = moved[walker, symbol]
+        node = target[walker, symbol]
+        state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), NEXT_TO_ZERO)
+    return walks
 
 
 def _fastest(

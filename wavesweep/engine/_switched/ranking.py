@@ -102,6 +102,16 @@ def seems_refuted(family: Family, x: float, tried: list[Word]) -> bool:
     return bool(words)
 
 
+def _waiting(rows: list[list[_Ranked]], ends: np.ndarray, designs: np.ndarray | None) -> np.ndarray:
+    """Whether words of a row are still to be searched: of designs, only if it may be the best one."""
+    waiting = np.array([not all(ranked.searched for ranked in row) for row in rows])
+    if designs is not None:
+        worst = np.full(designs.max() + 1, np.inf)
+        np.minimum.at(worst, designs, ends)
+        waiting &= worst[designs] == worst.max()
+    return waiting
+
+
 def least_refuted(
     families: Sequence[Sequence[Family]],
     limits: np.ndarray,
@@ -131,11 +141,7 @@ def least_refuted(
         ends = limits.copy()
         for index, row in enumerate(rows):
             ends[index] = min([limits[index], *(ranked.end for ranked in row)])
-        waiting = np.array([not all(ranked.searched for ranked in row) for row in rows])
-        if designs is not None:
-            worst = np.full(designs.max() + 1, np.inf)
-            np.minimum.at(worst, designs, ends)
-            waiting &= worst[designs] == worst.max()
+        waiting = _waiting(rows, ends, designs)
         if not waiting.any():
             return ends
         for ranked in rows[int(np.argmax(waiting))]:
@@ -148,6 +154,22 @@ def least_refuted(
                     other.follow(new)
 
 
+def _first_of_grid(
+    family: Family, words: Sequence[Word], limit: float
+) -> tuple[float, float, list[Word]]:
+    """The first of 24 numbers, from a hundredth of the limit on, at which words grow, with the number
+    before it and those words, none without one."""
+    tried = np.geomspace(1e-2 * limit, limit, 24)
+    rates = rates_of(np.array([family.at(x) for x in tried]), words, 1.0)
+    growing_at = np.flatnonzero((rates >= 1).any(1))
+    if not growing_at.size:
+        return limit, limit, []
+    first = int(growing_at[0])
+    low = float(tried[first - 1]) if first else 0.0
+    growing_words = [words[i] for i in np.flatnonzero(rates[first] >= 1).tolist()]
+    return low, float(tried[first]), growing_words
+
+
 def first_growing(family: Family, words: Sequence[Word], limit: float) -> tuple[float, Word]:
     """Return about the least number up to the limit from which on one of some words grows, and that
     word; the limit and () without one.
@@ -157,16 +179,9 @@ def first_growing(family: Family, words: Sequence[Word], limit: float) -> tuple[
     """
     if not limit > 0:
         return limit, ()
-    # 24 numbers from a hundredth of the limit on.
-    tried = np.geomspace(1e-2 * limit, limit, 24)
-    rates = rates_of(np.array([family.at(x) for x in tried]), words, 1.0)
-    growing_at = np.flatnonzero((rates >= 1).any(1))
-    if not growing_at.size:
+    low, high, words = _first_of_grid(family, words, limit)
+    if not words:
         return limit, ()
-    first = int(growing_at[0])
-    high = float(tried[first])
-    low = float(tried[first - 1]) if first else 0.0
-    words = [words[i] for i in np.flatnonzero(rates[first] >= 1).tolist()]
     below = _logarithms(family, words, low)
     above = _logarithms(family, words, high)
     grew = False
@@ -176,10 +191,10 @@ def first_growing(family: Family, words: Sequence[Word], limit: float) -> tuple[
         wide = high - low
         x = low + wide / 2
         if step % MIDDLE_EVERY < MIDDLE_EVERY - 1:
+            begins = low - wide * (below / np.maximum(above - below, NEXT_TO_ZERO)).max()  # secant
             # A little beyond the estimate, or short of it: the bracket closes from both sides.
-            begins = low - wide * (below / np.maximum(above - below, NEXT_TO_ZERO)).max()
             beside = -CLOSE / 3 * high if grew else CLOSE / 3 * high
-            x = min(max(begins + beside, low + LEAST_STEP * wide), high - LEAST_STEP * wide)
+            x = np.clip(begins + beside, low + LEAST_STEP * wide, high - LEAST_STEP * wide).item()
         there = _logarithms(family, words, x)
         grow = np.flatnonzero(there >= 0)
         grew = bool(grow.size)

@@ -35,6 +35,27 @@ class ProvedStretch:
     norms: tuple[Norms, ...]
 
 
+def _proved_ahead(
+    search: Search, centre: Centre, end: float, goal: float, shortest: float
+) -> tuple[tuple[Norms, ...] | None, float, Centre]:
+    """Return norms that prove the stretch from an end to a number x, that number and the forms there:
+    the goal is tried first, then half of the way that forms went; None if it is shorter than allowed."""
+    ahead = centre
+    target = x = goal
+    while True:
+        try:
+            ahead, x = advanced(centre, search.at, end, target)
+            ahead = ahead.rounded()
+        except np.linalg.LinAlgError:  # singular to rounding
+            return None, x, ahead
+        if abs(x - end) < shortest or x == end:
+            return None, x, ahead
+        norms = search.proved((end, centre), (x, ahead))
+        if norms:
+            return norms, x, ahead
+        target = (x + end) / 2
+
+
 def covered(
     search: Search,
     centre: Centre,
@@ -59,19 +80,7 @@ def covered(
         rest = abs(goal - end)
         share = least * min(rest, max(abs(end), SHORTEST_LEFT * whole))
         shortest = min(rest, max(share, SHORTEST * whole))
-        target = goal
-        ahead = centre
-        norms = None
-        while not norms:
-            try:
-                ahead, x = advanced(centre, search.at, end, target)
-                ahead = ahead.rounded()
-            except np.linalg.LinAlgError:  # singular to rounding
-                break
-            if abs(x - end) < shortest or x == end:
-                break
-            norms = search.proved((end, centre), (x, ahead))
-            target = (x + end) / 2
+        norms, x, ahead = _proved_ahead(search, centre, end, goal, shortest)
         if not norms:
             return tuple(stretches), end, replace(centre, work=ahead.work)
         stretches.append(ProvedStretch(min(end, x), max(end, x), norms))
