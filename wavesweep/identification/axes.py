@@ -40,10 +40,9 @@ def identified_axes(
     forces = np.stack([log.force for log in logs])
     if np.linalg.cond(np.corrcoef(forces)) > MOST_ALIKE:
         raise UsageError(ALIKE)
-    of_logs = [
-        (log.reading - log.reading[0], log.period, step)
-        for log, step in zip(logs, steps, strict=True)
-    ]
+    of_logs = []
+    for log, step in zip(logs, steps, strict=True):
+        of_logs.append((log.reading - log.reading[0], log.period, step))
     coupled: list[list[np.ndarray]] = [[] for _ in logs]
     rounds = []
     # All axes: alone, beside the motion of the others as it was found, and twice again.
@@ -55,18 +54,15 @@ def identified_axes(
         rounds.append(_numbers(axes, predictions))
         coupled_before = coupled
         coupled = _coupled(axes, rounds[-1], forces, predictions)
-    alone = []
-    wider = 1.0
     M = _mass_matrix(axes, rounds[-1])
     jumping = (M - np.diag(np.diag(M))) @ np.linalg.solve(M, forces)
-    for mean_force, force, of_log, resisting, held in zip(
-        predictions, forces, of_logs, coupled_before, jumping, strict=True
-    ):
-        resistance = np.tensordot(mean_force.theta[-len(resisting) :], np.array(resisting)[:, 0], 1)
-        earlier = as_early_as_the_force(resistance, held, mean_force.searched["delay"])
-        fit, verdict = identified(model, force - earlier, *of_log)
-        alone.append((fit, verdict))
-        wider = max(wider, 1 + np.max((fit.extra / fit.half)[:2]))
+    alone = []
+    of_axes = zip(predictions, forces, of_logs, coupled_before, jumping, strict=True)
+    for prediction, force, of_log, resisting, held in of_axes:
+        resistance = np.tensordot(prediction.theta[-len(resisting) :], np.array(resisting)[:, 0], 1)
+        earlier = as_early_as_the_force(resistance, held, prediction.searched["delay"])
+        alone.append(identified(model, force - earlier, *of_log))
+    wider = max(1.0, *(1 + np.max((fit.extra / fit.half)[:2]) for fit, _ in alone))
     numbers = {}
     for name, (value, half) in rounds[-1].items():
         numbers[name] = value, wider * (half + abs(value - rounds[-2][name][0]))

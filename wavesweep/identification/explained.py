@@ -291,6 +291,14 @@ def _larger(model):
         yield "spring", replace(model, spring=True)
 
 
+def _odds_of_bands(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first lines of 24 bands of a spectrum, equally wide in octaves, and the end of the last one;
+    and the probability that white noise has at least the power of each, which is Gamma distributed."""
+    edges = np.unique(np.round(np.geomspace(1, len(noise) // 2 + 1, 25)).astype(int))
+    powers = np.add.reduceat(np.abs(np.fft.rfft(noise))[: edges[-1]] ** 2, edges[:-1])
+    return edges, gammaincc(np.diff(edges), powers / np.sum(noise**2))
+
+
 def judged(fit: Fit) -> Verdict:
     """Judge a fit."""
     rows = fit.rows
@@ -300,12 +308,7 @@ def judged(fit: Fit) -> Verdict:
     basis = np.linalg.qr(_sized(root[:, None] * estimate.slopes))[0]
     whitened = estimate.score / np.maximum(root, NEXT_TO_ZERO)
     whitened = whitened - basis @ (basis.T @ whitened)
-    # The first lines of the bands of a spectrum, and the end of the last one; powers of white noise
-    # are Gamma distributed.
-    # 24 bands of the spectrum, equally wide in octaves.
-    edges = np.unique(np.round(np.geomspace(1, len(whitened) // 2 + 1, 25)).astype(int))
-    powers = np.add.reduceat(np.abs(np.fft.rfft(whitened))[: edges[-1]] ** 2, edges[:-1])
-    odds = gammaincc(np.diff(edges), powers / np.sum(whitened**2))
+    edges, odds = _odds_of_bands(whitened)
     seen = _seen(fit, root, basis, whitened)
     residual = fit.residual[rows.skip :]
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
@@ -314,9 +317,8 @@ def judged(fit: Fit) -> Verdict:
     alike = _like_friction(fit)
     # The probability of the power of a band below which white noise does not explain it.
     remains = not exact and (seen.effect or float(odds.min()) < 1e-8)
-    stretch = [
-        *takewhile(itemgetter(1), dropwhile(lambda effect: not effect[1], seen.frequencies))
-    ]  # in which a resonance would be seen
+    # In which a resonance would be seen.
+    stretch = [*takewhile(itemgetter(1), dropwhile(lambda effect: not effect[1], seen.frequencies))]
     band = (stretch[0][0], stretch[-1][0]) if stretch else None
     unseen = band is None and not fit.model.load
     missing = next((word for word, holds in (("one-way", alike), ("unseen", unseen)) if holds), "")

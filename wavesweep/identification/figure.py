@@ -22,6 +22,15 @@ from wavesweep.program.plots.style import (
 )
 
 
+def _draw_spectrum(panel: Any, columns: Columns, facts: Mapping[str, Any], unit: str) -> None:
+    """Draw the spectrum of the residual over that of the encoder and white noise."""
+    hertz, density, white = _spectrum(columns, facts)
+    panel.loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
+    look = {"color": "0.5", "linewidth": 0.8, "linestyle": "--"}
+    panel.loglog(hertz, white, label="encoder and\nwhite noise", **look)
+    panel.set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
+
+
 def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw an `identify` table: force, measured and fitted position, the residual with half a
     step either way, its spectrum."""
@@ -31,15 +40,13 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     times = columns["time_s"]
     if "axes" in facts:  # one after the other
         times = facts["period_s"] * np.arange(len(times))
-    force = "torque (N·m)" if facts["turns"] else "force (N)"
-    unit = READ[measured]
-    unit = (turned(unit) if facts["turns"] else unit).replace("^2", "²")
+    unit = (turned(READ[measured]) if facts["turns"] else READ[measured]).replace("^2", "²")
     angle = {"position": "angle", "velocity": "speed"} if facts["turns"] else {}
     place = f"{angle.get(measured, measured)} ({unit})"
     with figure(TWO_COLUMNS, 5.2) as canvas:
         panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
         panels[0].plot(*extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
-        panels[0].set_ylabel(force)
+        panels[0].set_ylabel("torque (N·m)" if facts["turns"] else "force (N)")
         look = {"color": distinct_colour(0), "linewidth": 1.6, "label": "measured"}
         panels[1].plot(*extremes(times, columns[measured]), **look)
         look = {"color": IDEAL, "linewidth": 0.8, "linestyle": "--", "label": "fitted"}
@@ -52,11 +59,7 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
             said = "half a step" if side > 0 else None
             panels[2].axhline(side * facts["resolution"], label=said, **look)
         panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
-        hertz, density, white = _spectrum(columns, facts)
-        panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
-        look = {"color": "0.5", "linewidth": 0.8, "linestyle": "--"}
-        panels[3].loglog(hertz, white, label="encoder and\nwhite noise", **look)
-        panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
+        _draw_spectrum(panels[3], columns, facts, unit)
         _legends(panels, [1, 2, 3] if facts["resolution"] else [1, 3])
         for axes in panels:
             axes.grid(**GRID)

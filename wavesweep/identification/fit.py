@@ -111,6 +111,13 @@ def by_prediction(
     )
 
 
+def _moved_by(turned: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """How far the numbers move, `(numbers,)`, if what the turn changes in the readings, `(rows,)`, is left
+    out: to first order, by the slopes J of the readings along the numbers."""
+    size = np.linalg.norm(J, axis=0)
+    return np.abs(np.linalg.lstsq(J / size, turned, rcond=1e-12)[0] / size)
+
+
 def fitted(
     model: Model,
     force: np.ndarray,
@@ -145,17 +152,13 @@ def fitted(
     count = len(theta)
     # The model takes the size of friction.
     theta = np.where(np.array(model.names) == "friction", np.abs(end.theta), end.theta)
-    # What the turn changes in the readings is known to first order: the numbers move by what it would
-    # change in them if it were left out.
     turned = end.slopes[:, count:] @ end.estimates.step[count:]
-    J = end.slopes[:, :count]
-    size = np.linalg.norm(J, axis=0)
-    half = end.estimates.half[:count]
-    half = half + np.abs(np.linalg.lstsq(J / size, turned, rcond=1e-12)[0] / size)
+    half = end.estimates.half[:count] + _moved_by(turned, end.slopes[:, :count])
     places = readings(model, theta, force, period, rows.skip) + turned
     places = np.append(np.full(rows.skip, np.nan), places)
-    residual = reading - places
-    return Fit(model, theta, half, rows, places, residual, end.estimates.noise, end.estimates)
+    return Fit(
+        model, theta, half, rows, places, reading - places, end.estimates.noise, end.estimates
+    )
 
 
 class _Secants(NamedTuple):

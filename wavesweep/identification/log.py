@@ -158,17 +158,8 @@ def read_log(
     if not any(file.names):
         expected = "expected a header and rows of numbers below it"
         raise UsageError(f"{path}: {expected}, found an empty file")
-    turning = {**PUSHES, **MOTIONS}
-    column_names = dict.fromkeys(["time", *turning, *turning.values()])
-    _refuse_unknown(columns, scales, column_names)
-    places = _places_of(file.names, column_names, columns)
-    turns = _is_turning(columns, places)
-    push = _taken_name(PUSHES, turns, columns, places)
-    motion = _taken_name(MOTIONS, turns, columns, places)
-    used = ("time", push, motion)
-    for name in used:
-        if name not in places:
-            _refuse_missing(path, name, columns.get(name, name), file)
+    places, turns, used = _columns_used(path, file, columns, scales)
+    _, push, motion = used
     _refuse_constant_of_motor(path, push, turns, constant)
     taken_columns = [places[name][0] for name in used]
     beside = [name for name in OF_AXES if name in file.names and name not in taken_columns]
@@ -188,6 +179,25 @@ def read_log(
     of_file = file.sha256, tuple(scales), tuple(filter(None, taken)), tuple(rows[:, len(used) :].T)
     times = period, first, turns, jitter
     return Log(force, readings[motion], measured, *times, *of_file, period_half)
+
+
+def _columns_used(
+    path: str | Path, file: Csv, columns: Mapping[str, str], scales: Mapping[str, float]
+) -> tuple[dict, bool, tuple[str, str, str]]:
+    """The place of each name in a file, whether it is of a turning device, and the names of time, push
+    and motion that are read. Errors: UsageError for names that are not known or not there."""
+    turning = {**PUSHES, **MOTIONS}
+    column_names = dict.fromkeys(["time", *turning, *turning.values()])
+    _refuse_unknown(columns, scales, column_names)
+    places = _places_of(file.names, column_names, columns)
+    turns = _is_turning(columns, places)
+    push = _taken_name(PUSHES, turns, columns, places)
+    motion = _taken_name(MOTIONS, turns, columns, places)
+    used = ("time", push, motion)
+    for name in used:
+        if name not in places:
+            _refuse_missing(path, name, columns.get(name, name), file)
+    return places, turns, used
 
 
 def _places_of(

@@ -112,8 +112,7 @@ def records_for_ticks(
             refuted.append(above)
             within += f", refuted at {in_all_digits(above.x)} by {above.text}"
         unproved.append(within)
-    nowhere = not nominal["intervals"].any()
-    records = rules.recorded(rows, certified, agreed=True, none=nowhere)
+    records = rules.recorded(rows, certified, agreed=True, none=not nominal["intervals"].any())
     if refuted and not rows:
         records["fails_from"] = refuted[0].x
         records["counterexample"] = shorten(refuted[0].text, TEXT, placeholder=" ...")

@@ -478,8 +478,6 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, other_loops: Others = ()) -
     Margins of a lifted signal are those of eigenvalues, which L of the signal's rate meets as far
     as what comes back of a sine is a sine of its frequency.
     """
-    from matplotlib.ticker import MultipleLocator
-
     hertz, L = loop.bode
     both = decibels_and_degrees(L, False)
     top = loop.rate / 2
@@ -488,11 +486,9 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, other_loops: Others = ()) -
     shown = (hertz >= lowest) & (hertz <= ALMOST * top) & np.isfinite(both[0])
     for member, look, _ in other_loops:
         values_of = decibels_and_degrees(member.bode[1], False)
-        inside = (
-            (member.bode[0] >= LOWEST_SHOWN * member.rate / 2)
-            & (member.bode[0] <= ALMOST * member.rate / 2)
-            & np.isfinite(values_of[0])
-        )
+        f = member.bode[0]
+        half = member.rate / 2
+        inside = (f >= LOWEST_SHOWN * half) & (f <= ALMOST * half) & np.isfinite(values_of[0])
         for axes, values, seen_values in zip((gain, phase), values_of, family_seen, strict=True):
             axes.plot(member.bode[0], values, **member.drawn(look, points=False))
             seen_values.append(values[inside])
@@ -511,13 +507,16 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, other_loops: Others = ()) -
         axes.grid(**GRID)
     gain.set_ylabel("gain of L (dB)")
     gain.tick_params(labelbottom=False)
-    phase.set(
-        xlabel=f"frequency (Hz), up to half the {'signal' if loop.several else 'frame'}'s rate",
-        ylabel="phase of L (deg)",
-    )
-    for axes, steps in ((gain, (5, 10, 20, 40, 60)), (phase, (15, 45, 90, 180, 360))):
-        low, high = axes.get_ylim()
-        # Marks of an axis of gain or phase.
-        fitting_steps = [step for step in steps if high - low <= 7 * step]
-        step = fitting_steps[0] if fitting_steps else steps[-1]
-        axes.yaxis.set_major_locator(MultipleLocator(step))
+    until = f"up to half the {'signal' if loop.several else 'frame'}'s rate"
+    phase.set(xlabel=f"frequency (Hz), {until}", ylabel="phase of L (deg)")
+    _mark_by(gain, (5, 10, 20, 40, 60))
+    _mark_by(phase, (15, 45, 90, 180, 360))
+
+
+def _mark_by(axes: Any, steps: Sequence[float]) -> None:
+    """Put marks on the upright axis at the least of these steps that makes at most seven, or the last."""
+    from matplotlib.ticker import MultipleLocator
+
+    low, high = axes.get_ylim()
+    step = next((step for step in steps if high - low <= 7 * step), steps[-1])
+    axes.yaxis.set_major_locator(MultipleLocator(step))

@@ -506,6 +506,24 @@ def _peaks(loop, wanted) -> Iterator[Margin]:
             yield peak_margin(name, peak, loop.period, bound)
 
 
+def _climbed(loop, points: np.ndarray, size: np.ndarray, highest: int) -> tuple[float, float]:
+    """The largest radius about one of some angles (rad per frame), and its angle; size: the radii there."""
+    best = 0.0
+    angle = 0.0
+    while True:
+        if size[highest] > best:
+            best = float(size[highest])
+            angle = float(points[highest])
+        below = points[max(highest - 1, 0)]
+        above = points[min(highest + 1, points.size - 1)]
+        # How far a peak may be from the angle that is found.
+        if above - below < 1e-12:
+            return best, angle
+        points = np.linspace(below, above, 9)  # angles in each step of a refinement
+        size = np.nan_to_num(loop.radius(points))
+        highest = int(size.argmax())
+
+
 def _disk(loop):
     """The disk margin, its angle (rad per frame), and the doubt."""
     few = max(100, GRID // loop.times)
@@ -520,21 +538,10 @@ def _disk(loop):
     for _ in range(4):  # each proof that fails shows the angle of a larger peak
         size = np.nan_to_num(loop.radius(points))
         for top in np.argsort(size)[-3:]:
-            near = points
-            near_size = size
-            highest = top
-            while True:
-                if near_size[highest] > best:
-                    best = float(near_size[highest])
-                    at = float(near[highest])
-                below = near[max(highest - 1, 0)]
-                above = near[min(highest + 1, near.size - 1)]
-                # Rad per frame: how far a peak may be from the angle that is found.
-                if above - below < 1e-12:
-                    break
-                near = np.linspace(below, above, 9)  # angles in each step of a refinement
-                near_size = np.nan_to_num(loop.radius(near))
-                highest = int(near_size.argmax())
+            peak, angle = _climbed(loop, points, size, top)
+            if peak > best:
+                best = peak
+                at = angle
         disk = min(1 / best, 2.0)
         reach = disk / 2 * (1 - DISK_GAP)
         intervals = loop.along_turn(

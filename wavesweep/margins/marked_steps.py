@@ -1,6 +1,6 @@
 """Step responses with their rise time, overshoot and settling time marked."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,26 @@ from wavesweep.program.plots.style import GRID, Look, distinct_colour
 
 MARK = "0.2"
 _MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
+
+
+def _figures(step: Step) -> Iterator[tuple[str, tuple[float, ...], str]]:
+    """Yield rise, peak and settling of a step response, those that it has: kind, times (s) and words."""
+    first, second = step.rise_s
+    if second > first:
+        rise = f"rise time {_in_time(second - first)}"
+    else:
+        rise = f"rise time < {_in_time(step.period)}"
+    if second > 0:
+        yield "rise", (first, second), rise
+    when = _in_time(step.peak_s)
+    if step.overshoot > 0:
+        overshoot = f"overshoot {100 * step.overshoot:.4g}\N{NO-BREAK SPACE}% at {when}"
+        yield "peak", (step.peak_s,), overshoot
+    elif not step.known:
+        yield "peak", (step.peak_s,), f"farthest {step.value_at(step.peak_s):.4g} at {when}"
+    if step.settling_s > 0:
+        settled = f"within 2\N{NO-BREAK SPACE}% after {_in_time(step.settling_s)}"
+        yield "settled", (step.settling_s,), settled
 
 
 def draw_step(axes: Any, step: Step) -> list[tuple[Any, str]]:
@@ -24,30 +44,10 @@ def draw_step(axes: Any, step: Step) -> list[tuple[Any, str]]:
     axes.axhline(final, color="0.6", linewidth=0.8, linestyle="--")
     axes.set(xlabel=f"time ({unit})", ylabel="step response of T", xlim=(0, scale * times[-1]))
     axes.grid(**GRID)
-    first, second = step.rise_s
-    if second > first:
-        rise = f"rise time {_in_time(second - first)}"
-    else:
-        rise = f"rise time < {_in_time(step.period)}"
-    points = {"rise": ((first, second), rise)} if second > 0 else {}
-    if step.overshoot > 0:
-        points["peak"] = (
-            (step.peak_s,),
-            f"overshoot {100 * step.overshoot:.4g}\N{NO-BREAK SPACE}% at {_in_time(step.peak_s)}",
-        )
-    elif not step.known:
-        points["peak"] = (
-            (step.peak_s,),
-            f"farthest {step.value_at(step.peak_s):.4g} at {_in_time(step.peak_s)}",
-        )
     if step.settling_s > 0:
         axes.axhspan(final * (1 - BAND), final * (1 + BAND), color="0.85", linewidth=0, zorder=0.5)
-        points["settled"] = (
-            (step.settling_s,),
-            f"within 2\N{NO-BREAK SPACE}% after {_in_time(step.settling_s)}",
-        )
     marks = []
-    for kind, (times, words) in points.items():
+    for kind, times, words in _figures(step):
         style = {"marker": _MARKS[kind][0], "color": MARK, "markersize": 4.5, "linestyle": "none"}
         style |= {"markerfacecolor": "none" if kind == "rise" else MARK}
         (handle,) = axes.plot(

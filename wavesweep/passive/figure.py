@@ -236,34 +236,22 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for look, rows in zip(family_looks(len(shown)), shown, strict=True):
             name = ", ".join(valued(axis, columns[axis][rows[0]], facts) for axis in axes)
             for panel, values in zip(panels, ("llewellyn", "damping_margin"), strict=True):
-                style = {
-                    "color": look.colour,
-                    "linestyle": look.line,
-                    "linewidth": 1,
-                    "label": name or None,
-                }
-                panel.plot(columns["frequency_hz"][rows], columns[values][rows], **style)
+                style = {"color": look.colour, "linestyle": look.line, "label": name or None}
+                panel.plot(columns["frequency_hz"][rows], columns[values][rows], lw=1, **style)
         least = [np.nanmin(columns["damping_margin"][rows], initial=np.inf) for rows in shown]
-        most = 4 * max(
-            map(abs, least)
-        )  # excess in plenty, as at high frequencies, would hide where there is little
-        panels[1].set_ylim(min(*least, 0.0) - most / 20, most)
+        # Excess in plenty, as at high frequencies, would hide where there is little.
+        highest = 4 * max(map(abs, least))
+        panels[1].set_ylim(min(*least, 0.0) - highest / 20, highest)
         for panel, limit, scale in zip(panels, (1.0, 0.0), ("log", "linear"), strict=True):
             ends = columns["frequency_hz"].min(), columns["frequency_hz"].max()
             panel.set(xscale="log", yscale=scale, xlabel="frequency (Hz)", xlim=ends)
             panel.set_ylim(top=max(panel.get_ylim()[1], limit + 0.1))
             panel.axhspan(limit, panel.get_ylim()[1], **_PASSIVE)
             panel.grid(**GRID)
-        panels[0].set_ylabel(
-            "Llewellyn's index" + ", up to 1000" * bool((columns["llewellyn"] > 999).any())
-        )
+        cut_off = ", up to 1000" * bool((columns["llewellyn"] > 999).any())
+        panels[0].set_ylabel("Llewellyn's index" + cut_off)
         panels[1].set_ylabel(at_hand("damping in excess", "damping_margin", "N*s/m", facts))
         _legend(canvas, panels[0], "absolutely stable")
-        note_below(
-            canvas,
-            f"Shown: {len(shown)} of {len(curves)} combinations."
-            if len(shown) < len(curves)
-            else "",
-            assumption(facts),
-        )
+        said = f"Shown: {len(shown)} of {len(curves)} combinations." * (len(shown) < len(curves))
+        note_below(canvas, said, assumption(facts))
     return canvas

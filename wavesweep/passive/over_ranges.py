@@ -12,7 +12,7 @@ of the Hermitian part changes its sign there and no pole reaches the circle: so 
 passive if one of them is.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -124,6 +124,21 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     return remembered(maps)
 
 
+def _ruler(device: str, parts: Collection[str]) -> Block:
+    """A block in the place of the device, whose position is the sum of all displacements that enter."""
+    n = len(parts)
+    return Block(
+        device,
+        inputs=tuple(port.removeprefix(f"{device}.") for port in parts),
+        outputs=("x", "v"),
+        states=("x",),
+        E=np.zeros((1, 1)),
+        B=np.ones((1, n)),
+        C=np.eye(2, 1),
+        D=np.zeros((2, n)),
+    )
+
+
 def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, list[int]]:
     """The ticks from the displacement of the device (m) to the force against it (N), and its
     position among the states.
@@ -136,23 +151,8 @@ def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, lis
     device = loop.device
     force, *_ = loop.drawing.hand
     parts = loop.parts  # input of the device -> share of the tick
-    n = len(parts)
-    ruler = Block(
-        device,
-        inputs=tuple(port.removeprefix(f"{device}.") for port in parts),
-        outputs=("x", "v"),
-        states=("x",),
-        E=np.zeros((1, 1)),
-        B=np.ones((1, n)),
-        C=np.eye(2, 1),
-        D=np.zeros((2, n)),
-    )
-    placed = []
-    for placed_block in drawn.placed:
-        if placed_block.block.name == device:
-            placed.append(replace(placed_block, block=ruler))
-        else:
-            placed.append(placed_block)
+    ruler = _ruler(device, parts)
+    placed = tuple(replace(p, block=ruler) if p.block.name == device else p for p in drawn.placed)
     sums = dict(drawn.sums)
     moves = []
     pushed = {}  # what pushes the device from this part of the tick on
@@ -167,7 +167,7 @@ def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, lis
         moves.append(move)
     inputs = (*drawn.inputs, *moves)
     outputs = tuple(f"{REACTION}.{port}" for port in parts)
-    with_ruler = replace(drawn, placed=tuple(placed), sums=sums, inputs=inputs, exact=None)
+    with_ruler = replace(drawn, placed=placed, sums=sums, inputs=inputs, exact=None)
     ticks = Ticks.of(with_ruler, outputs)
     moved = [ticks.maps[0].inputs.index(move) for move in moves]
     maps = [(each.E, each.B[..., moved], each.C, each.D[..., moved]) for each in ticks.maps]

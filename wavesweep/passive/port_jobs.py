@@ -57,6 +57,21 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     )
     if spec.drawing:
         port_at_hand(spec)
+    _refuse_long_frames(spec, grid)
+    if not sends_waves(spec):
+        return {"port": port}
+    inside = channels_of(grid)
+    inside.resolve_all()
+    # Channels in a chunk, each of which takes about a millisecond.
+    chunks = Chunks(inside.loops, 1, 256, 1)
+    return {
+        "channel": Job(WAVES, inside, chunks, CHANNEL, {"records": "channels"}),
+        "port": port,
+    }
+
+
+def _refuse_long_frames(spec: Spec, grid: Grid) -> None:
+    """UsageError if a loop of the grid has a frame, or a channel, that is too long."""
     names = {axis.path: axis.name for axis in grid.loop_axes}
     # Combinations of the values that decide how a loop is built, whose frames are seen before the
     # work.
@@ -72,16 +87,6 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
         # Ticks of a frame, from which on a channel may be too large.
         if ticks > 100 and (channel := channel_of(*loops)):
             channel.refuse_large()
-    if not sends_waves(spec):
-        return {"port": port}
-    inside = channels_of(grid)
-    inside.resolve_all()
-    # Channels in a chunk, each of which takes about a millisecond.
-    chunks = Chunks(inside.loops, 1, 256, 1)
-    return {
-        "channel": Job(WAVES, inside, chunks, CHANNEL, {"records": "channels"}),
-        "port": port,
-    }
 
 
 def _task(of_loops, job, chunk):

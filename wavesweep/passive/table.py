@@ -53,11 +53,8 @@ def passivity(
     axes = tuple(axis for axis in spec.sweep if axis.values)
     done = run(jobs_of(spec, axes), Work.of(work))
     grid = done.jobs["port"].grid
-    counts = {
-        "computed": grid.loops,
-        "skipped": grid.size - grid.loops,
-        "certified": certified_slices(done),
-    }
+    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops}
+    counts["certified"] = certified_slices(done)
     methods = METHODS | ({"damping_needed": "not computed"} if not_computed(grid) else {})
     facts = facts_of(
         spec,

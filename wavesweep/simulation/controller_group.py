@@ -1,7 +1,7 @@
 """One controller of a loop: the blocks that one program runs, what they read and give, and what it
 assumes of the rest."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import gcd
 
@@ -62,13 +62,7 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
     loop = loop_of(drawing, spec.values)
     known = _run_by_programs(spec, drawing, loop)
     named = [block_name.strip() for block_name in name.split(",") if block_name.strip()]
-    for block_name in named or [name]:
-        if block_name not in known:
-            near = nearest(block_name, known)
-            meant = f"; did you mean {near}?" if near else ""
-            raise UsageError(
-                f"--controller: expected blocks that a program runs ({', '.join(known)}), found {block_name}{meant}"
-            )
+    _refuse_unknown(named or [name], known)
     if "," not in name:
         named = _connected(loop, known, named[0])
     blocks = tuple(block for block in loop.blocks if block.name in named)
@@ -76,17 +70,8 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
     phases = sorted(phase for block in blocks for phase in block.rhythm.phases)
     apart = [phase - phases[0] for phase in phases]
     every = gcd(*apart, *(block.rhythm.every for block in blocks))
-    reached = ControllerGroup(name, drawing, loop, blocks, phases[0], every, (), ())
-    read = {signal: None for terms in reached.own_wires.values() for _, signal in terms}
-    text = {
-        signal
-        for port, terms in loop.wires.items()
-        if port in loop.ports and not reached.has(port)
-        for _, signal in terms
-    }
-    inputs = tuple(signal for signal in read if not reached.has(signal))
-    ports = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
-    outputs = tuple(signal for signal in ports if signal in text)
+    group = ControllerGroup(name, drawing, loop, blocks, phases[0], every, (), ())
+    inputs, outputs = _exchanged(group)
     if not (inputs and outputs):
         lacking = "gives nothing to the rest" if inputs else "reads nothing of the rest"
         whole = ", ".join(block.name for block in blocks)
@@ -94,7 +79,31 @@ def group_of(spec: Spec, name: str) -> ControllerGroup:
             f"--controller: expected a controller that acts on a rest, found one that {lacking} ({whole}); some of these with commas "
             "between are that alone"
         )
-    return replace(reached, inputs=inputs, outputs=outputs)
+    return replace(group, inputs=inputs, outputs=outputs)
+
+
+def _exchanged(group: ControllerGroup) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The signals that a group reads of the rest of its loop, and those that it gives to it."""
+    loop = group.loop
+    read = {signal: None for terms in group.own_wires.values() for _, signal in terms}
+    inputs = tuple(signal for signal in read if not group.has(signal))
+    read_by_rest = set()
+    for port, terms in loop.wires.items():
+        if port in loop.ports and not group.has(port):
+            read_by_rest.update(signal for _, signal in terms)
+    ports = [f"{block.name}.{port}" for block in group.blocks for port in block.outputs]
+    return inputs, tuple(signal for signal in ports if signal in read_by_rest)
+
+
+def _refuse_unknown(names: Sequence[str], known: Collection[str]) -> None:
+    """UsageError for a name of no block that a program runs."""
+    for name in names:
+        if name not in known:
+            near = nearest(name, known)
+            meant = f"; did you mean {near}?" if near else ""
+            raise UsageError(
+                f"--controller: expected blocks that a program runs ({', '.join(known)}), found {name}{meant}"
+            )
 
 
 def _run_by_programs(spec: Spec, drawing: Drawing, loop: MarchedLoop) -> dict[str, RunningBlock]:

@@ -25,6 +25,22 @@ from wavesweep.simulation.record import Simulation
 from wavesweep.simulation.running_blocks import FrameClock
 
 
+def _changed(effects: Effects, changes: Mapping[str, Any]) -> Effects:
+    """The effects with other values of some fields. Errors: UsageError for other names."""
+    names = [field.name for field in fields(Effects)]
+    if unknown := [name for name in changes if name not in names]:
+        raise UsageError(
+            f"option {', '.join(unknown)}: expected some of {', '.join(names)}, found an unknown name"
+        )
+    return replace(effects, **changes)
+
+
+def _entry_of_records(spec: Spec, records: Mapping[str, np.ndarray]) -> str:
+    """The input at which a run begins: the hand's force if it is recorded, else the first record's."""
+    hand = spec.drawing.hand[0] if spec.drawing and spec.drawing.hand else "f_h"
+    return hand if hand in records else next(iter(records))
+
+
 def simulated(
     spec: Spec, force=None, records: Mapping[str, np.ndarray] | None = None, **changes: Any
 ) -> Simulation:
@@ -39,34 +55,27 @@ def simulated(
     cannot be read, a force that is not a vector of finite numbers, an option that does not exist or
     is out of range, or frames that the loop cannot have.
     """
-    effect_names, units = (
-        [field.name for field in fields(Effects)],
-        (spec.at_port("m"), spec.at_port("N")),
-    )
-    if unknown := [name for name in changes if name not in effect_names]:
-        raise UsageError(
-            f"option {', '.join(unknown)}: expected some of {', '.join(effect_names)}, found an unknown name"
-        )
-    effects = replace(effects_of(spec), **changes)
+    effects = _changed(effects_of(spec), changes)
     entry = entry_of(spec)
     other_records = {**(records or {})}
     if records:
-        hand = spec.drawing.hand[0] if spec.drawing and spec.drawing.hand else "f_h"
-        entry = hand if hand in records else next(iter(records))
+        entry = _entry_of_records(spec, records)
         force = other_records.pop(entry)
     elif force is None:
         force = hand_force(spec.asking("simulate"), effects.seed).force
     else:
         force = inputs.given(force).force
     frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
-    described = {
-        "drawing": spec.drawing,
-        "units": units,
-        "entry": entry,
-        "other_records": other_records,
-    }
     return simulate(
-        spec.values, force, effects, **described, frames=frames, messages=spec.simulate["messages"]
+        spec.values,
+        force,
+        effects,
+        drawing=spec.drawing,
+        units=(spec.at_port("m"), spec.at_port("N")),
+        entry=entry,
+        other_records=other_records,
+        frames=frames,
+        messages=spec.simulate["messages"],
     )
 
 

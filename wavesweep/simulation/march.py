@@ -260,37 +260,45 @@ class March:
             names.values(), force.tolist(), lengths, x, units, other_records
         )
         count = len(rows)
-        signals = {"time_s": np.concatenate([[0.0], np.cumsum(lengths)])[:count]}
-        entries = dict(loop.entries)
-        if loop.hand:
-            entries["f_h"] = loop.hand
-        for name, signal in entries.items():
-            record = other_records.get(signal, np.zeros(len(force)))
-            signals[name] = (force if signal == self.entry else record)[:count]
-        columns = np.array(rows).reshape(count, len(names)).T
-        for name, column in zip(names, columns, strict=True):
+        signals = {"time_s": np.concatenate([[0.0], np.cumsum(lengths)])}
+        signals |= self._records(force, other_records)
+        signals = {name: column[:count] for name, column in signals.items()}
+        for name, column in zip(names, np.array(rows).reshape(count, len(names)).T, strict=True):
             signals[name] = column.copy()
         if "f_m" in signals:
             limit = np.inf if self.effects.max_force is None else self.effects.max_force
             signals["f_device"] = np.clip(signals["f_m"], -limit, limit)
         signals["touching"] = np.array(touched, dtype=bool)
         moved = np.diff(signals["x"], append=last) if loop.hand else np.zeros(count)
-        late = np.array(late, int)
-        signals["late"] = late[results[:count]]  # the last of all, 0, before the first
-        shown_results = results[count - 1] + 1 if count else 0
-        late = late[:shown_results]
+        of_results = np.array(late, int)
+        signals["late"] = of_results[results[:count]]  # the last of all, 0, before the first
+        late = of_results[: results[count - 1] + 1 if count else 0]
         for column in (*signals.values(), late):
             column.flags.writeable = False
         seen = [column for column, name in loop.shown.items() if name.startswith(SEEN)]
-        shown = (*dict(loop.entries), *seen)
+        shown = *dict(loop.entries), *seen
         starts = loop.frames.starts if loop.frames else (0,)
         energy = energies(loop, signals, moved)
-        times = signals["time_s"]
-        ages = {each.channel: each.ages(times) for each in self.results if each.channel}
-        lacking = None  # of a controller, whose table has all columns
-        if self.drawn:
-            lacking = frozenset(["touching"] * (not loop.walled) + ["late"] * (not self.late))
+        ages = {r.channel: r.ages(signals["time_s"]) for r in self.results if r.channel}
+        lacking = self._lacking() if self.drawn else None  # a controller's table has all columns
         return Simulation(signals, energy, late, loop.frame, stopped, shown, lacking, starts, ages)
+
+    def _lacking(self) -> frozenset[str]:
+        """Columns that a drawn loop does not have."""
+        return frozenset(["touching"] * (not self.loop.walled) + ["late"] * (not self.late))
+
+    def _records(
+        self, force: np.ndarray, others: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """What enters the loop at each of its inputs, by name, `(ticks,)`; 0 without a record."""
+        entries = dict(self.loop.entries)
+        if self.loop.hand:
+            entries["f_h"] = self.loop.hand
+        records = {}
+        for name, signal in entries.items():
+            record = others.get(signal, np.zeros(len(force)))
+            records[name] = force if signal == self.entry else record
+        return records
 
     def draw_lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is

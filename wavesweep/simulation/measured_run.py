@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,6 +61,27 @@ def _places(
     return places
 
 
+def _refuse_unknown(flag: str, names: Iterable[str], known: Collection[str]) -> None:
+    """UsageError for a name that the run does not have."""
+    for name in names:
+        if name not in known:
+            near = nearest(name, known)
+            meant = f"; did you mean {near}?" if near else ""
+            raise UsageError(
+                f"{flag} {name}: expected one of {', '.join(known)}, found {name}{meant}"
+            )
+
+
+def _refuse_lacking(
+    path: str | Path, file: Csv, role: str, names: Collection[str], places: Collection[str]
+) -> None:
+    """UsageError for a log without any column of a role, which may have some names."""
+    if not any(name in places for name in names):
+        expected = f"a column of {role} ({', '.join(sorted(names))})"
+        hint = f"--column {min(names)}=NAME gives its name"
+        raise UsageError(f"{path}: expected {expected}, found {file.listed}; {hint}")
+
+
 def read_run(
     path: str | Path, columns: Mapping[str, str], scales: Mapping[str, float], spec: Spec
 ) -> MeasuredRun:
@@ -74,39 +95,27 @@ def read_run(
     """
     entries, shown = _names(spec)
     known_units = {"time": "s"} | {name: unit for name, (_, unit) in entries.items()} | shown
-    for flag, by_name in (("--column", columns), ("--scale", scales)):
-        for name in by_name:
-            if name not in known_units:
-                near = nearest(name, known_units)
-                meant = f"; did you mean {near}?" if near else ""
-                raise UsageError(
-                    f"{flag} {name}: expected one of {', '.join(known_units)}, found {name}{meant}"
-                )
+    _refuse_unknown("--column", columns, known_units)
+    _refuse_unknown("--scale", scales, known_units)
     file = read_csv(path, 1_000_000_000)  # bytes
     places = _places(path, file, known_units, columns)
-    taken = {"input": set(entries) & set(places), "output": set(shown) & set(places)}
-    for role, names in (("time", {"time"}), ("input", entries), ("output", shown)):
-        if not names & places.keys():
-            raise UsageError(
-                f"{path}: expected a column of {'an ' * (role != 'time')}{role} ({', '.join(sorted(names))}), found {file.listed}; "
-                f"--column {next(iter(sorted(names)))}=NAME gives its name"
-            )
+    for role, names in (("time", ["time"]), ("an input", entries), ("an output", shown)):
+        _refuse_lacking(path, file, role, names, places)
     rows = file.numbers([column for column, _ in places.values()], 2)
     values = {}
     said = []
-    for index, (name, place) in enumerate(places.items()):
+    for (name, place), column in zip(places.items(), rows.T, strict=True):
         unit = known_units[name]
+        values[name] = column * scales.get(name, 1.0)
         if unit:
-            values[name], text = converted(rows[:, index], place, path, name, scales, unit)
+            values[name], text = converted(column, place, path, name, scales, unit)
             said.append(text)
-        else:
-            values[name] = rows[:, index] * scales.get(name, 1.0)
     newest = _newest_rows(path, values["time"], spec.tick_hz)
     return MeasuredRun(
         inputs={entries[name][0]: values[name][newest] for name in entries if name in places},
         outputs={name: values[name][newest] for name in shown if name in places},
         fresh=np.diff(newest, prepend=-1) > 0,
-        units={name: shown[name] for name in taken["output"]},
+        units={name: unit for name, unit in shown.items() if name in places},
         columns={name: column for name, (column, _) in places.items()},
         said=tuple(filter(None, said)),
         sha256=file.sha256,

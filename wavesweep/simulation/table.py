@@ -279,35 +279,10 @@ def _notices(spec: Spec) -> Iterator[str]:
 def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The run, the linear loop behind it, contact, saturation, timing and energies; None if
     something does not apply."""
-    spec = facts["spec"]
-    options = spec["simulate"]
-    tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
-    rows = len(columns["tick"])
-    ports = spec.get("ports", {})
-    entry = ""
-    if "hand" not in ports:
-        entry = next(iter(ports.get("inputs") or ()), "")
-    numbers: Numbers = {
-        "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
-        "input": "log" if "log" in facts else options["input"],
-        "from": facts["log"]["file"] if "log" in facts else options.get("from") or entry,
-        "ticks": rows,
-        "wanted_ticks": facts["ticks"]["wanted"],
-        "seconds": rows * tick,
-        "stopped": facts["ticks"]["stopped"],
-        "linear_loop": dict(facts["linear_loop"]),
-        "contact": None,
-        "rest_s": None,
-        "max_force": options.get("max_force"),
-        "share_at_max_force": None,
-        "frames": None,
-        "slow_results": None,
-        "energy": None,
-        "outputs": {},
-        "log": facts.get("log", {}).get("apart"),
-    }
-    if not rows:
+    numbers = _numbers_at_first(len(columns["tick"]), facts)
+    if not numbers["ticks"]:
         return numbers
+    options = facts["spec"]["simulate"]
     if "wall" in options:
         numbers["contact"] = _contact(columns) | {"pulls": options.get("pulls", True)}
     if options.get("friction"):
@@ -327,6 +302,36 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     for name, final in facts.get("settles_at", {}).items():
         numbers["outputs"][name] = _after_step(columns, name, final, options["at_s"])
     return numbers
+
+
+def _numbers_at_first(rows: int, facts: Mapping[str, Any]) -> Numbers:
+    """The numbers of a run that need none of its rows."""
+    spec = facts["spec"]
+    options = spec["simulate"]
+    tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
+    ports = spec.get("ports", {})
+    entry = ""
+    if "hand" not in ports:
+        entry = next(iter(ports.get("inputs") or ()), "")
+    return {
+        "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
+        "input": "log" if "log" in facts else options["input"],
+        "from": facts["log"]["file"] if "log" in facts else options.get("from") or entry,
+        "ticks": rows,
+        "wanted_ticks": facts["ticks"]["wanted"],
+        "seconds": rows * tick,
+        "stopped": facts["ticks"]["stopped"],
+        "linear_loop": dict(facts["linear_loop"]),
+        "contact": None,
+        "rest_s": None,
+        "max_force": options.get("max_force"),
+        "share_at_max_force": None,
+        "frames": None,
+        "slow_results": None,
+        "energy": None,
+        "outputs": {},
+        "log": facts.get("log", {}).get("apart"),
+    }
 
 
 def _contact(columns: Columns) -> dict[str, float]:

@@ -205,12 +205,10 @@ class TickSums:
             for name in block.inputs:
                 port = f"{block.name}.{name}"
                 sums[port] = self._read(wires.get(port, ()), block.rhythm.slow)
-            for name, terms in law.gives.items():
-                sums[f"{block.name}.{name}"] = _named(block, terms)
-            for name, terms in law.keeps.items():
-                keeps[f"{block.name}.{name}"] = _named(block, terms)
-            for name, pair in law.limits.items():
-                limits[f"{block.name}.{name}"] = pair
+            for terms_of_law, lines in ((law.gives, sums), (law.keeps, keeps)):
+                for name, terms in terms_of_law.items():
+                    lines[f"{block.name}.{name}"] = _named(block, terms)
+            limits |= {f"{block.name}.{name}": pair for name, pair in law.limits.items()}
             for name, sources in law.stops.items():
                 stops[f"{block.name}.{name}"] = [f"{block.name}.{source}" for source in sources]
             for source, names in law.moves:
@@ -227,20 +225,12 @@ class TickSums:
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         first, met, second = self._ordered(running, sums, limits)
         limits = {self.place(name): pair for name, pair in limits.items()}
-        stops = [
-            (line, *map(self.place, stops[name]))
-            for line, name in enumerate(keeps)
-            if name in stops
-        ]
-        return Program(
-            self.lines(first),
-            met,
-            self.lines(second),
-            self.lines(keeps.items()),
-            moves,
-            limits,
-            stops,
-        )
+        stops_of_lines = []
+        for line, name in enumerate(keeps):
+            if name in stops:
+                stops_of_lines.append((line, *map(self.place, stops[name])))
+        first, second, kept = map(self.lines, (first, second, keeps.items()))
+        return Program(first, met, second, kept, moves, limits, stops_of_lines)
 
     def _add_pushed_apart(self, sums, wires):
         """Let inputs of plants read what comes from outside apart from the rest."""

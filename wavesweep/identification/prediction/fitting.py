@@ -29,7 +29,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.identification.model import ORDER, OWN, Model, late, of_modes, resonance
 from wavesweep.identification.prediction.innovations import errors_of, mean_square, projected
 from wavesweep.identification.prediction.intervals import Prediction, estimated_at
-from wavesweep.identification.prediction.scaled_log import scaled, spikes
+from wavesweep.identification.prediction.scaled_log import ScaledLog, scaled, spikes
 from wavesweep.identification.prediction.search import (
     MOST,
     RATES,
@@ -59,6 +59,15 @@ NO_FRICTION = (
 )
 
 
+def _strongest_part(log: ScaledLog, rows: int) -> ScaledLog:
+    """So many rows with the largest forces, from which a long log's numbers are found first."""
+    if len(log.force) <= rows:
+        return log
+    sizes = log.force[: len(log.force) // rows * rows].reshape(-1, rows).std(axis=1)
+    first = rows * int(np.argmax(sizes))
+    return log.part(first, first + rows)
+
+
 def predicted(
     model: Model,
     force: np.ndarray,
@@ -80,13 +89,7 @@ def predicted(
     whole = scaled(model, force, between, period, resolution)
     beside = tuple(-each / whole.pushed for each in coupled)
     whole = replace(whole, beside=beside, coupled=len(beside))
-    log = whole
-    # Rows with the largest forces, from which a long log's numbers are found first.
-    rows = 3000 if model.load else 6000  # half as many of two masses
-    if len(force) > rows:
-        sizes = whole.force[: len(force) // rows * rows].reshape(-1, rows).std(axis=1)
-        first = rows * int(np.argmax(sizes))
-        log = whole.part(first, first + rows)
+    log = _strongest_part(whole, 3000 if model.load else 6000)  # half as many of two masses
     search, point, skip = _near(log, whole)
     if log is not whole:
         point = least_of(whole, search, point, skip, 5)
@@ -100,9 +103,8 @@ def predicted(
             rounds = smoothed(Rounds(rounds.log, point), search, skip)
             # What the form of friction does to mass and delay shows how well it tells them.
             of_form = [name in ("log_mass", "delay") for name in model.names if name not in OWN]
-            rounds = rounds._replace(
-                moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line))
-            )
+            moved = np.maximum(rounds.moved, of_form * np.abs(rounds.before - line))
+            rounds = rounds._replace(moved=moved)
     estimate = estimated_at(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
     return replace(estimate, used=~wild[skip:])
 

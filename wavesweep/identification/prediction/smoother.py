@@ -35,6 +35,18 @@ class Rounds(NamedTuple):
     moved: np.ndarray | float = 0.0
 
 
+def _start(log, search, point: np.ndarray, skip: int) -> np.ndarray:
+    """The point of a search, or the same with another speed at which friction turns round, from which
+    the mean square is least: from far above that speed a search does not get there."""
+    turning = search.names.index("turning")
+    tried = [point]
+    for ratio in TURNING_TRIED:
+        other = point.copy()
+        other[turning] = np.log(ratio * log.slowest)
+        tried.append(other)
+    return min(tried, key=lambda start: mean_square(log, search, start, skip))
+
+
 def smoothed(rounds, search, skip):
     """Rounds of a smoother that gives the velocity, and of a search with the friction at this
     velocity."""
@@ -43,9 +55,8 @@ def smoothed(rounds, search, skip):
     square = np.inf
     passed = log, point
     for number in range(1, 1 + SMOOTHER_PASSES):
-        FIT_LOGGER.info(
-            "friction along the motion, round %d of at most %d", number, SMOOTHER_PASSES
-        )
+        said = "friction along the motion, round %d of at most %d"
+        FIT_LOGGER.info(said, number, SMOOTHER_PASSES)
         predictor, errors, effects = errors_of(log, search.found(point), skip)
         gains, innovations = projected(errors, effects)
         if not gains[0] > 0:
@@ -68,21 +79,12 @@ def smoothed(rounds, search, skip):
         if not np.corrcoef(speeds, log.speeds)[0, 1] > 0.5:
             break
         # No device rests under a force above its friction, though its encoder may stand still.
-        held = np.abs(_forces(log, smoothed_fit, gains, states[-1])).max(axis=0) <= _rest(
-            smoothed_fit, gains
-        )
+        pushing = np.abs(_forces(log, smoothed_fit, gains, states[-1])).max(axis=0)
+        held = pushing <= _rest(smoothed_fit, gains)
         log = replace(log, moving=np.where(still & held, 0.0, 1.0))
         path = path_within_ticks(log, smoothed_fit, gains, speeds, walk=states[-1])
         log = replace(log, speeds=speeds, path=path)
-        # A search from far above the speed at which friction turns round does not get there.
-        at = search.names.index("turning")
-        tried = [point]
-        for ratio in TURNING_TRIED:
-            other = point.copy()
-            other[at] = np.log(ratio * log.slowest)
-            tried.append(other)
-        point = min(tried, key=lambda each: mean_square(log, search, each, skip))
-        point = least_of(log, search, point, skip, 8)
+        point = least_of(log, search, _start(log, search, point, skip), skip, 8)
     return Rounds(log, point, before, moved)
 
 

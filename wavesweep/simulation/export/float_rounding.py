@@ -99,10 +99,9 @@ def float_rounding(spec: Spec) -> FloatRounding:
     steps = steps_of(spec)
     effects = effects_of(spec)
     loop = loop_with(spec, drawing_of(spec, amplifier=True), spec.values, None)
-    controller = controller_of(
-        with_late_device(loop_with(spec, drawing_of(spec), spec.values, None)),
-        bool(effects.late or effects.dropped or loop.channels or steps),
-    )
+    linear = with_late_device(loop_with(spec, drawing_of(spec), spec.values, None))
+    loses = bool(effects.late or effects.dropped or loop.channels or steps)
+    controller = controller_of(linear, loses)
     refuse_decisions(controller)
     blocks = [replace(each, plant=each.plant or each.type == "dead time") for each in loop.blocks]
     exact = {block.name for block in blocks if block.plant}
@@ -156,9 +155,9 @@ def floats_in_words(spec: Spec) -> str:
     return f"floats: in the run of [simulate] rounding moves {', '.join(said)}{''.join(stalled)}"
 
 
-def _map_of(program: Program, rounded: Sequence[bool], outputs, places) -> _TickMap:
-    """The map of a program; rounded: whether the sum in each place is. places: of the wall's
-    depth, speed and force."""
+def _sums_of(program: Program, places) -> list[tuple[tuple, float]]:
+    """The sums of a program in their order, and how much worse each is rounded than a plain sum: that
+    of the wall's force divides by `1 - K yields - B slows`."""
     sums = [(line, 1.0) for line in program.first]
     if program.wall:
         K, B, yields, slows, *_ = program.wall
@@ -167,9 +166,16 @@ def _map_of(program: Program, rounded: Sequence[bool], outputs, places) -> _Tick
         # Of the divisor, whose terms may cancel.
         worse = 1.0 + 4.0 * (1.0 + abs(K * yields) + abs(B * slows)) / abs(rest)
         sums.append(((force, ((K / rest, depth), (B / rest, speed))), worse))
-    sums += [(line, 1.0) for line in program.second]
+    return sums + [(line, 1.0) for line in program.second]
+
+
+def _map_of(program: Program, rounded: Sequence[bool], outputs, places) -> _TickMap:
+    """The map of a program; rounded: whether the sum in each place is. places: of the wall's
+    depth, speed and force."""
+    sums = _sums_of(program, places)
+    n = len(rounded)
     count = len(sums) + len(program.keeps)
-    now = np.eye(len(rounded), len(rounded) + count)
+    now = np.eye(n, n + count)
     share = []
     terms = []
 
@@ -179,30 +185,29 @@ def _map_of(program: Program, rounded: Sequence[bool], outputs, places) -> _Tick
         total = np.zeros(now.shape[1])
         for factor, source in products:
             total += factor * now[source]
-            terms.append(now[source, : len(rounded)].copy())
+            terms.append(now[source, :n].copy())
         share.append([])
         for factor, _ in products:
             often = len(products) + 2 * (abs(factor) != 1)
             off = (1 + UNIT) ** often - 1
             share[-1].append(rounded[target] * worse * off * abs(factor))
-        total[len(rounded) + len(share) - 1] += 1.0
+        total[n + len(share) - 1] += 1.0
         return total
 
     for line, worse in sums:
         now[line[0]] = summed(line, worse)
     shown = now[outputs]
-    states_kept = [(line[0], summed(line, 1.0)) for line in program.keeps]
-    for target, total in states_kept:
+    totals = [summed(line, 1.0) for line in program.keeps]
+    for (target, _), total in zip(program.keeps, totals, strict=True):
         now[target] = total
     for source, first, last in program.moves:
         now[first + 1 : last] = now[first : last - 1].copy()
         now[first] = now[source]
-    n = len(rounded)
     of_terms = np.zeros((count, len(terms)))
     column = 0
-    for row, share_of_term in enumerate(share):
-        of_terms[row, column : column + len(share_of_term)] = share_of_term
-        column += len(share_of_term)
+    for row, shares in zip(of_terms, share, strict=True):
+        row[column : column + len(shares)] = shares
+        column += len(shares)
     terms = np.array(terms).reshape(-1, n)
     return _TickMap(now[:, :n], now[:, n:], shown[:, :n], shown[:, n:], terms, of_terms)
 

@@ -1,7 +1,7 @@
 """One controller of a loop as C, with the rest of the loop around it in its check."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from textwrap import wrap
 
@@ -38,15 +38,30 @@ def exported_controller(spec: Spec, name: str, about: Sequence[str]) -> dict[str
     spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
     group = group_of(spec, name)
-    stem = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
     run = _Run(spec, group)
     in_c = dict(zip(run.signals, identifiers(run.signals), strict=True))
+    flags = {"sent": bool(run.sent), "single": False}
+    values = _texts(spec, name, group, in_c, about) | run.texts()
+    stem = values["stem"]
+    return {
+        f"{stem}.h": filled("step.h", flags, values),
+        f"{stem}.c": filled("guards.c", flags, values) + filled("step.c", flags, values),
+        "check.c": filled("check_step.c", flags, values),
+        "vectors.csv": table_of(run.columns(in_c)),
+        "Makefile": filled("Makefile.step", flags, values),
+    }
+
+
+def _texts(
+    spec: Spec, name: str, group: ControllerGroup, in_c: Mapping[str, str], about: Sequence[str]
+) -> dict[str, str]:
+    """The texts for names in the templates that need no run. in_c: the names of signals in C."""
+    stem = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
     inputs = [in_c[signal] for signal in group.inputs]
     outputs = [in_c[signal] for signal in group.outputs]
-    declared = [f"double {each}" for each in inputs] + [f"double *{each}" for each in outputs]
+    declared = [f"double {entry}" for entry in inputs] + [f"double *{result}" for result in outputs]
     period = group.every * group.loop.tick
-    flags = {"sent": bool(run.sent), "single": False}
-    values = {
+    return {
         "title": f"The controller {comment(name)}",
         "own_header": f"{stem}.h",
         "stem": stem,
@@ -59,14 +74,6 @@ def exported_controller(spec: Spec, name: str, about: Sequence[str]) -> dict[str
         "arguments": ", ".join(declared),
         "passed": ", ".join([*inputs, *outputs]),
         **_step_texts(group, in_c),
-        **run.texts(),
-    }
-    return {
-        f"{stem}.h": filled("step.h", flags, values),
-        f"{stem}.c": filled("guards.c", flags, values) + filled("step.c", flags, values),
-        "check.c": filled("check_step.c", flags, values),
-        "vectors.csv": table_of(run.columns(in_c)),
-        "Makefile": filled("Makefile.step", flags, values),
     }
 
 

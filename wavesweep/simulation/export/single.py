@@ -26,6 +26,10 @@ def operations_of(functions: Sequence[str]) -> int:
     )
 
 
+# says how far floats move an output, in the place of the line that takes the output
+TOLD = r'    printf("%s: off by at most %.2g, within %.2g\\n", NAME[\1], off[\1], widest[\1]);'
+
+
 def refuse_decisions(controller: ExportedController) -> None:
     """Raise UsageError for a controller whose ticks decide something by the size of a number."""
     wall = controller.loop.wall
@@ -34,6 +38,12 @@ def refuse_decisions(controller: ExportedController) -> None:
             "export: --float is for a linear loop, and [simulate] has late results, frames that vary or a one-sided wall; --set "
             "leaves them out"
         )
+
+
+def _renamed(text: str, letter: str) -> str:
+    """A file with a letter in all names of the controller, so that several stand beside each other."""
+    apart = text.replace('"controller', f'"controller_{letter}')
+    return re.sub(r"\b(ws|WS)_", rf"\1{letter}_", apart)
 
 
 def single(
@@ -49,33 +59,26 @@ def single(
     """
     refuse_decisions(controller)
 
-    def renamed(text, letter):
-        apart = text.replace('"controller', f'"controller_{letter}')
-        return re.sub(r"\b(ws|WS)_", rf"\1{letter}_", apart)
-
     def program(flags, values):
         return filled("guards.c", flags, values) + filled("controller.c", flags, values)
 
     flags = flags | {"single": True}
     beside = {
-        "read": renamed(values["read"], "D"),
-        "compared": renamed(values["compared"], "D"),
-        "told": re.sub(
-            r" +out\.\w+ = z\[(\w+)\];",
-            r'    printf("%s: off by at most %.2g, within %.2g\\n", NAME[\1], off[\1], widest[\1]);',
-            values["taken"],
-        ),
+        "read": _renamed(values["read"], "D"),
+        "compared": _renamed(values["compared"], "D"),
+        "told": re.sub(r" +out\.\w+ = z\[(\w+)\];", TOLD, values["taken"]),
         "names": re.sub(r"ws_z_(\w+)", r'"\1"', values["places"]),
     }
     unsigned = values | {"programs": _without_signs(values["programs"])}
+    sizes = {"single": False, "sizes": True}
     header = files["controller.h"]
     return {
         "controller.h": _in_floats(filled("controller.h", flags, values)),
         "controller.c": _in_floats(program(flags, values)),
-        "controller_D.h": renamed(header, "D"),
-        "controller_D.c": renamed(files["controller.c"], "D"),
-        "controller_A.h": renamed(header, "A"),
-        "controller_A.c": renamed(program(flags | {"single": False, "sizes": True}, unsigned), "A"),
+        "controller_D.h": _renamed(header, "D"),
+        "controller_D.c": _renamed(files["controller.c"], "D"),
+        "controller_A.h": _renamed(header, "A"),
+        "controller_A.c": _renamed(program(flags | sizes, unsigned), "A"),
         "check.c": filled("check_floats.c", flags, values | beside),
         "example.c": _in_floats(files["example.c"]),
         "vectors.csv": files["vectors.csv"],

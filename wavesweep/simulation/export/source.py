@@ -4,7 +4,7 @@ The device consists of the blocks whose inputs are always held over a tick: mass
 models. It is the host's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from textwrap import fill
 from typing import Any
 
@@ -153,6 +153,16 @@ def _amplifier_ticks(spec: Spec, controller: ExportedController) -> float:
     return spec.values["device.delay"] + spec.values["device.dead_time"] * controller.loop.rate
 
 
+def _sums(spec: Spec, controller: ExportedController) -> Iterator[str]:
+    """Lines that say what enters each output, one for each term."""
+    for port, made in terms_of(spec).items():
+        yield f" *   {port} = {made['sum']}"
+        for term in made["terms"]:
+            yield f" *     {term['coefficient']:g} times {term['from']}"
+    for port in controller.beside:
+        yield f" *   {as_drawn(port)}: from outside alone, so the host's"
+
+
 def _values(
     spec: Spec, controller: ExportedController, entry: str, steps: Steps | None
 ) -> dict[str, Any]:
@@ -164,14 +174,6 @@ def _values(
         tick_function(index, program, names) for index, program in enumerate(controller.programs)
     ]
     in_drawing = bool(spec.drawing)
-    # what enters each output, a line for each term
-    lines = []
-    for port, made in terms_of(spec).items():
-        lines.append(f" *   {port} = {made['sum']}")
-        for term in made["terms"]:
-            lines.append(f" *     {term['coefficient']:g} times {term['from']}")
-    for port in controller.beside:
-        lines.append(f" *   {as_drawn(port)}: from outside alone, so the host's")
     texts = {
         "entry": f"{entry} = 1 from rest" if in_drawing else "pushed with 1 N from rest",
         "own_header": "controller.h",
@@ -190,7 +192,7 @@ def _values(
         "table": listed(controller.table),
         "sets": len(controller.table) // len(controller.ticks.sets),
         "cases": "\n".join(branch(index) for index in reversed(range(len(functions)))),
-        "sums": "\n".join(lines),
+        "sums": "\n".join(_sums(spec, controller)),
         "places": "\n".join(f"    {name}," for name in controller.places.values()),
     }
     texts |= constants({"fast_hz": loop.rate, "T": loop.tick})
