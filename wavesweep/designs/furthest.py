@@ -38,6 +38,17 @@ def wanted_number(spec: Spec) -> tuple[Wish, int] | None:
     return free[0], names.index(free[0].options["number"])
 
 
+def _moves(axes: int, number: int, sign: float) -> tuple[np.ndarray, np.ndarray]:
+    """Moves of genes, `(moves, axes)`: those that make a number better, alone first, then with another one
+    up or down, as far or a sixteenth as far; and those of another one alone."""
+    other_axes = np.delete(np.eye(axes), number, axis=0)
+    aside = np.concatenate([other_axes, -other_axes])
+    ahead = np.concatenate([np.zeros((1, axes)), aside, aside])
+    ahead[:, number] = sign
+    ahead[axes * 2 - 1 :, number] /= 16  # beside a limit that rises slowly with another number
+    return ahead, aside
+
+
 def climbed(
     spec: Spec,
     judge: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
@@ -51,13 +62,8 @@ def climbed(
     long. If none does, the next is half as long.
     """
     wish, number = wanted_number(spec)
-    axes = len(spec.design.vary)
     whole = np.array([1 / len(axis.values) if axis.values else 0.0 for axis in spec.design.vary])
-    other_axes = np.delete(np.eye(axes), number, axis=0)
-    aside = np.concatenate([other_axes, -other_axes])
-    ahead = np.concatenate([np.zeros((1, axes)), aside, aside])
-    ahead[:, number] = 1.0 if wish.kind.more else -1.0
-    ahead[axes * 2 - 1 :, number] /= 16  # beside a limit that rises slowly with another number
+    ahead, aside = _moves(len(whole), number, 1.0 if wish.kind.more else -1.0)
     moves = np.concatenate([ahead, aside])
     length = LONGEST
     clear = 0.0

@@ -666,31 +666,13 @@ class ClosedLoop:
         """
         self._refuse_ends(source, output)
 
-        def of_port(port: Port) -> tuple[Floats, Floats, Bools]:
-            ticks = TickMaps.of(
-                [(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps],
-                port.kind,
-                port.batch,
-            )
-            frame = ticks.frame()
-            stable = is_stable(frame) & (port.outputs == 1)
-            lost = ~np.isfinite(frame).all((-1, -2))
-            value = np.where(lost, np.nan, unbounded)
-            theta = np.full(ticks.loops, np.nan)
-            certified = ~stable & ~lost
-            stable_loops = np.flatnonzero(stable)
-            if stable_loops.size:
-                value[stable_loops], theta[stable_loops], certified[stable_loops] = extreme(
-                    ticks.at(stable_loops).in_even_units()
-                )
-            return value, theta * port.rate / (2 * np.pi * port.kind.size), certified
-
         def of_batch(loops: Loops, size: int) -> tuple[Floats, Floats, Bools]:
             value = np.empty(size)
             frequency = np.empty(size)
             certified = np.empty(size, bool)
             for members, port in ports_of_batch(loops.read, size, (source, output)):
-                value[members], frequency[members], certified[members] = of_port(port.observable())
+                found = _extreme_of_port(port.observable(), extreme, unbounded)
+                value[members], frequency[members], certified[members] = found
             radius = loops.read.radii(size)
             value = np.where(radius < 1, value, np.where(np.isnan(radius), np.nan, unbounded))
             frequency = np.where(radius < 1, frequency, np.nan)
@@ -703,3 +685,22 @@ class ClosedLoop:
 def _sum(terms: Terms) -> str:
     """A linear expression as a text."""
     return " + ".join(f"({gain.text})*{signal}" for signal, gain in terms)
+
+
+def _extreme_of_port(
+    port: Port, extreme: Callable[[TickMaps], tuple[Floats, Floats, Bools]], unbounded: float
+) -> tuple[Floats, Floats, Bools]:
+    """The extreme of each loop of a port, its frequency (Hz), and whether it is certified; `unbounded`
+    of a loop that is not stable, NaN of one whose frame overflows."""
+    maps = [(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps]
+    ticks = TickMaps.of(maps, port.kind, port.batch)
+    frame = ticks.frame()
+    stable = is_stable(frame) & (port.outputs == 1)
+    lost = ~np.isfinite(frame).all((-1, -2))
+    value = np.where(lost, np.nan, unbounded)
+    theta = np.full(ticks.loops, np.nan)
+    certified = ~stable & ~lost
+    loops = np.flatnonzero(stable)
+    if loops.size:
+        value[loops], theta[loops], certified[loops] = extreme(ticks.at(loops).in_even_units())
+    return value, theta * port.rate / (2 * np.pi * port.kind.size), certified

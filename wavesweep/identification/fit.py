@@ -111,11 +111,14 @@ def by_prediction(
     )
 
 
-def _moved_by(turned: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """How far the numbers move, `(numbers,)`, if what the turn changes in the readings, `(rows,)`, is left
-    out: to first order, by the slopes J of the readings along the numbers."""
+def _without_turn(end: "_Secants", numbers: int) -> tuple[np.ndarray, np.ndarray]:
+    """What the turn changes in the readings, `(rows,)`, and half the widths of the intervals of the
+    numbers, `(numbers,)`, with what these would move by if that were left out, to first order."""
+    turned = end.slopes[:, numbers:] @ end.estimates.step[numbers:]
+    J = end.slopes[:, :numbers]
     size = np.linalg.norm(J, axis=0)
-    return np.abs(np.linalg.lstsq(J / size, turned, rcond=1e-12)[0] / size)
+    moved = np.abs(np.linalg.lstsq(J / size, turned, rcond=1e-12)[0] / size)
+    return turned, end.estimates.half[:numbers] + moved
 
 
 def fitted(
@@ -126,12 +129,11 @@ def fitted(
     resolution: float,
     prediction: Prediction | None = None,
 ) -> Fit | None:
-    """Fit a model to a log by the likelihood of rounded readings. prediction: the fit by predictions, if
-    there is one.
+    """Fit a model to a log by the likelihood of rounded readings; None if the errors grow over the log as
+    those of no encoder do.
 
-    force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2).
-    period: s. resolution: step of the readings. None if the errors grow over the log as those of no
-    encoder do.
+    force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2). period:
+    s. resolution: step of the readings. prediction: the fit by predictions, if there is one.
     """
     rows = LogRows(force, reading, period, resolution)
     begun = replace(model, without=_hidden(model, reading, moves(model, reading)))
@@ -149,11 +151,9 @@ def fitted(
     end = _by_secants(model, theta, rows)
     if end is None:
         return None
-    count = len(theta)
     # The model takes the size of friction.
     theta = np.where(np.array(model.names) == "friction", np.abs(end.theta), end.theta)
-    turned = end.slopes[:, count:] @ end.estimates.step[count:]
-    half = end.estimates.half[:count] + _moved_by(turned, end.slopes[:, :count])
+    turned, half = _without_turn(end, len(theta))
     places = readings(model, theta, force, period, rows.skip) + turned
     places = np.append(np.full(rows.skip, np.nan), places)
     return Fit(

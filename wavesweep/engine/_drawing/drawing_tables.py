@@ -1,6 +1,6 @@
 """Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -379,14 +379,8 @@ class _TableReader(PortReader):
                     meanings[name] = expanded(texts[name], otherwise)
             return tree.with_trees(meanings).with_trees(built_in).remembered(self.signals)[0]
 
-        into_plants = {}
-        for port, leaf in tables["wire"].items():
-            if port.rpartition(".")[0] in plants and isinstance(leaf.value, str):
-                into_plants[port] = parse(leaf.value)
-        of_plants: set[str] = set()
-        for name in plants:
-            _, outputs = self.ports[name] or ((), ())
-            of_plants.update(f"{name}.{port}" for port in outputs)
+        into_plants = _wires_into(plants, tables)
+        of_plants = self._outputs_of(plants)
         for name, text in texts.items():
             meant = expanded(text, {})
             read = of_plants & dict(meant.linear(self.signals)).keys()
@@ -399,13 +393,19 @@ class _TableReader(PortReader):
                     for signal in read & shares.keys():
                         share = shares[signal]
                         share_before, port_before = first.setdefault(signal, (share, port))
-                        # Two wires of a signal that acts continuously differ by less through
-                        # rounding.
+                        # Wires of one that acts continuously differ by less through rounding.
                         if abs(share - share_before) > 1e-9:
-                            self._refuse_meanings(
-                                tables, name, {share: port, share_before: port_before}
-                            )
+                            ports = {share: port, share_before: port_before}
+                            self._refuse_meanings(tables, name, ports)
                             return
+
+    def _outputs_of(self, blocks: Iterable[str]) -> set[str]:
+        """The signals that blocks give."""
+        signals: set[str] = set()
+        for name in blocks:
+            _, outputs = self.ports[name] or ((), ())
+            signals.update(f"{name}.{port}" for port in outputs)
+        return signals
 
     def _refuse_meanings(self, tables: Tables, name: str, ports: Mapping[float, str]) -> None:
         """Refuse a name of which more is held in one port than in another. ports: by the share of
@@ -467,3 +467,12 @@ class _TableReader(PortReader):
                 kind = "number" if name in self.numbers else "signal"
                 expected = f"a {kind} that an expression reads"
                 self.refuse(self.leaf(path), path, expected, "one that nothing reads")
+
+
+def _wires_into(blocks: Collection[str], tables: Tables) -> dict[str, Tree]:
+    """The texts of the wires into ports of blocks, parsed, by port."""
+    wires = {}
+    for port, leaf in tables["wire"].items():
+        if port.rpartition(".")[0] in blocks and isinstance(leaf.value, str):
+            wires[port] = parse(leaf.value)
+    return wires

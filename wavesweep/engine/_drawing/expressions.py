@@ -472,8 +472,7 @@ class Tree:
         numbers: name -> number, or array of numbers, real or complex. library: has the functions of
         such values, as `math` has them. watch: is called with every operation on two terms and
         every function, their values and its own. shared: of trees evaluated before, at the same
-        numbers with the same library and watch. Errors: those of Python's arithmetic for single
-        numbers, such as ZeroDivisionError.
+        numbers with the same library and watch. Errors: those of Python's arithmetic.
         """
         operation = self.operation
         if operation == "number":
@@ -482,15 +481,12 @@ class Tree:
             return numbers[self.leaf]
         if shared is None:
             shared = SharedParts()
-        known_values = shared.values
         key = id(self)  # what a name stands for is one part wherever it is read
-        if key in known_values:
-            return known_values[key]
+        if key in shared.values:
+            return shared.values[key]
         operands = self.operands
         first = operands[0].evaluate(numbers, library, watch, shared)
-        second = None
-        if len(operands) == 2:
-            second = operands[1].evaluate(numbers, library, watch, shared)
+        second = operands[1].evaluate(numbers, library, watch, shared) if operands[1:] else None
         if operation == "negative":
             value = -first
         elif operation == "**":
@@ -501,7 +497,7 @@ class Tree:
             value = _OPERATIONS[operation](first, second)
         if watch and operation != "negative":
             watch(self, first, second, value)
-        known_values[key] = value
+        shared.values[key] = value
         return value
 
     def lost_digits(self, first: Any, second: Any, result: Any) -> Any:

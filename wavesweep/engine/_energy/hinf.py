@@ -55,21 +55,16 @@ def hinf_norm(
     low ones is then climbed to. enough: values, beyond which the search ends, without a
     certificate. Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma,
     M. Steinbuch, ibid. 14 (1990): between two neighbouring angles at which a level is met the
-    response is on one side of it, so their middle shows which, and the next level is the value
-    found there. Quadratic convergence: 2 to 5 rounds.
+    response is on one side of it; that in their middle is the next level. 2 to 5 rounds.
     """
     value = np.full(loops, -np.inf)
     theta = np.zeros(loops)
     certified = np.zeros(loops, bool)
     active = np.arange(loops)
     further = np.broadcast_to(further, (loops, np.shape(further)[-1]))
-    for grid in (np.broadcast_to(START, (loops, START.size)), further):
-        _raise(value, theta, value_at, active, grid)
-    soft = np.isfinite(further).any(-1)
-    if soft.any():
-        for factors in CLIMB:
-            slow = np.flatnonzero((theta > 0) & (theta <= START[2]) & soft)
-            _raise(value, theta, value_at, slow, theta[slow, None] * factors)
+    _raise(value, theta, value_at, active, np.broadcast_to(START, (loops, START.size)))
+    _raise(value, theta, value_at, active, further)
+    _climb(value, theta, value_at, np.isfinite(further).any(-1))
     for _ in range(RAISES):
         active = active[value[active] <= np.broadcast_to(enough, (loops,))[active]]
         if not active.size:
@@ -197,3 +192,12 @@ class Element:
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:
     return (matrix + matrix.mT) / 2
+
+
+def _climb(
+    value: np.ndarray, theta: np.ndarray, value_at: Callable[..., np.ndarray], soft: np.ndarray
+) -> None:
+    """Raise the values of the loops `soft` whose largest is at a low angle, step by step about it."""
+    for factors in CLIMB if soft.any() else ():
+        slow = np.flatnonzero((theta > 0) & (theta <= START[2]) & soft)
+        _raise(value, theta, value_at, slow, theta[slow, None] * factors)

@@ -125,13 +125,19 @@ def sections_of_angle(
             through = sine * sine * over
         of_pairs.append(([[real, 2 * q], [-2 * q, real]], B, C, [[through]]))
     if order % 2:
-        over = 1 / (sine + cosine)
-        low = sine * over
-        high = cosine * over
-        passed = 2 * low * high
-        C = [[-passed]] if highpass else [[passed]]
-        of_pairs.append(([[-2 * low]], [[1]], C, [[high]] if highpass else [[low]]))
+        of_pairs.append(_first_order(sine, cosine, highpass))
     return of_pairs
+
+
+def _first_order(sine: Any, cosine: Any, highpass: bool) -> _Rows:
+    """The section with the pole -s/c, see `sections_of_angle`."""
+    over = 1 / (sine + cosine)
+    low = sine * over
+    high = cosine * over
+    passed = 2 * low * high
+    if highpass:
+        return [[-2 * low]], [[1]], [[-passed]], [[high]]
+    return [[-2 * low]], [[1]], [[passed]], [[low]]
 
 
 def _single(warped: np.ndarray | float, highpass: bool, library: SimpleNamespace) -> _Rows:

@@ -454,10 +454,7 @@ def equations_of(
     values: flat numbers. varied: names of those that other loops have other values of. out: a
     number that is 0, or empty.
     """
-    numbers = {}
-    for name, number in scalars(values).items():
-        if isinstance(number, (int, float)):
-            numbers[name] = decimal(number)
+    numbers = {n: decimal(x) for n, x in scalars(values).items() if isinstance(x, (int, float))}
     if out:
         numbers[out] = decimal(0.0)
 

@@ -67,9 +67,9 @@ class Port:
         places = len(ports.forces)
         reads = ticks.maps[0].C[..., :places, :]
         for row, signal in enumerate(ports.signals[:places]):
+            read = reads[..., row, :]
             if any(
-                np.any(tick.D[..., row, :]) or np.any(tick.C[..., row, :] != reads[..., row, :])
-                for tick in ticks.maps
+                np.any(t.D[..., row, :]) or np.any(t.C[..., row, :] != read) for t in ticks.maps
             ):
                 raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {signal}")
         shifts = _Shifts.of(ticks, drift, reads)
@@ -89,13 +89,12 @@ class Port:
         position = None if moving and not ports.others else reads[..., shifts.remaining]
         moves = shifts.share_of(reads)
         drifts = int(np.linalg.matrix_rank(moves, rtol=GONE_SUM).max()) if moving else 0
-        timing = _timing(drawn)
         return Port(
             maps,
             sizes,
             ticks.kind,
             position=position,
-            **timing,
+            **_timing(drawn),
             drifts=drifts,
             moves=moves,
             pivot=ticks.facts[0],

@@ -55,18 +55,17 @@ class Step:
         loop = Lifted.of(port)
         ticks = port.kind.size
         if port.outputs > 1 or ticks > MOST_STEP_TICKS or loop.lost.any():
-            fault = (
-                "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
-            )
+            moves = port.outputs > 1
+            fault = "one that moves without end" if moves else f"a frame of {ticks} ticks"
             expected = f"a signal that comes to rest, in frames of at most {MOST_STEP_TICKS} ticks"
             raise UsageError(f"step: expected {expected}, found {fault}")
         frame = Stretch.of(port)
         D = Bounded(frame.impulse_map(), frame.impulse_map(1)).sum(-1)
         g = frame.controllability.sum(-1)
         moved = reached(g.value != 0, (frame.E.value != 0).T)
+        g = g.part(moved)
         E = frame.E.part(moved[:, None], moved)
         C = frame.observability.part(0).part(slice(None), moved)
-        g = g.part(moved)
         rest = _until_rest(E.value, g.value, C.value, D.value, most_states)
         X = Bounded.exact(rest.states)
         later = Bounded.exact(np.vstack([rest.states[1:], rest.after]))
@@ -74,14 +73,14 @@ class Step:
         read = (X @ C.mT + D).error
         error = rest.gain * float((residual / rest.unit).max(initial=0.0)) + float(read.max())
         final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
-        if np.isnan(of_final * final):
-            # which all later frames have, but for the tail
-            final = float(rest.value[-1].mean())
-            error = error + rest.tail
-        else:
-            error = error + of_final * abs(final)
+        of_limit = of_final * abs(final)
+        if np.isnan(of_limit):
+            final = float(rest.value[-1].mean())  # of all later frames, but for the tail
+            of_limit = rest.tail
         time_s = np.arange(rest.value.size) * port.period
-        return Step(time_s, rest.value.ravel(), port.period, ticks, final, error, rest.tail)
+        return Step(
+            time_s, rest.value.ravel(), port.period, ticks, final, error + of_limit, rest.tail
+        )
 
     @property
     def known(self) -> bool:

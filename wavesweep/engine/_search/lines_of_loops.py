@@ -50,6 +50,19 @@ def lines_in_loops(loops: Loops, s: np.ndarray) -> np.ndarray:
     return lines
 
 
+def _with_leads(
+    E: np.ndarray, delta: np.ndarray, vector: np.ndarray, inner: np.ndarray, leads: Sequence[int]
+) -> np.ndarray:
+    """Return eigenvectors of frames E `(loops, n, n)` with eigenvalues delta, `(loops, n, 1)`, given what
+    they are in the inner states; of a lead that drifts `x = (E x)/delta`, 0 if delta is."""
+    state = np.zeros((*E.shape[:-1], 1), complex)
+    state[:, inner, 0] = vector
+    for lead in leads:
+        moved = (E[:, lead] * state[..., 0]).sum(-1)
+        state[:, lead, 0] = np.where(delta == 0, 0.0, moved / delta)
+    return state
+
+
 def lines_of_each(
     loops: Loops, modes: Sequence[np.ndarray], *, ranges: bool = False
 ) -> Iterator[np.ndarray]:
@@ -84,14 +97,9 @@ def lines_of_each(
             nearest = np.argmin(np.abs(values[..., None] - np.expm1(s)[:, None]).min(-1), -1)
             delta = values[np.arange(size), nearest]
             left, right = (vectors.reshape(units.shape) for vectors in vectors_of(balanced, delta))
-            state = np.zeros((size, n, 1), complex)
             participation = np.zeros((size, n))
-            state[:, inner, 0] = right * units
             participation[:, inner] = np.abs(left * right)
-            for lead in leads:
-                state[:, lead, 0] = np.where(
-                    delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta
-                )
+            state = _with_leads(E, delta, right * units, inner, leads)
             taking = participation > NO_PARTICIPATION * participation.max(-1, keepdims=True)
             rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
             moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
@@ -308,6 +316,17 @@ def _with_lower_half(matrices: np.ndarray, n: int, points: int) -> np.ndarray:
     return np.concatenate([matrices, matrices[:, 1:].conj()], axis=1)
 
 
+def _least_ahead(ahead: np.ndarray, sure: np.ndarray, optional: np.ndarray) -> np.ndarray:
+    """Return the least by which the best line may be ahead of each, `(n, modes, lines)`, of how far it is
+    in each state, `(n, modes, states, lines)`: with those that surely count, and any of the optional
+    ones; where none surely counts, with one of these."""
+    least = np.where(optional, np.minimum(ahead, 0.0), 0.0).sum(2)
+    least += np.where(sure, ahead, 0.0).sum(2)
+    least_of_one = np.where(optional, ahead, np.inf).min(2, initial=np.inf)
+    least_of_one = np.where(least_of_one < np.inf, least_of_one, -np.inf)
+    return np.where(sure.any(2), least, least_of_one)
+
+
 def _turns_of(
     share: np.ndarray,
     off_by: np.ndarray,
@@ -339,10 +358,7 @@ def _turns_of(
         together = _with_conjugate(share, conjugate[..., None, :])
         best = np.argmax((counting * together).sum(2), -1)[..., None, None]
         ahead = np.take_along_axis(together, best, -1) - together - 2 * off_by[..., None]
-        least = np.where(optional, np.minimum(ahead, 0.0), 0.0).sum(2)
-        least += np.where(sure[..., None], ahead, 0.0).sum(2)
-        least_of_one = np.where(optional, ahead, np.inf).min(2, initial=np.inf)
-        least = np.where(some, least, np.where(least_of_one < np.inf, least_of_one, -np.inf))
+        least = _least_ahead(ahead, sure[..., None], optional)
         near = near | may_be & ~(least > SHARE_ROUNDING * share.shape[2])
     strongest = _with_conjugate((counting * share).sum(2), conjugate_turns)
     w = np.abs(theta + 2 * np.pi * turns)

@@ -501,27 +501,26 @@ class _Evaluation:
         E = moved.at(range(n), range(n))
         return E - E.identity(), moved.at(range(n), range(n, n + m))
 
-    def _plant(self, plant: Plant, period: Any, shares: Mapping[str, Any]) -> BlockModel:
-        """Blocks that act on each other by `u = K y + e`, e held over the period; see
-        `_loops.plant.plant_of`."""
+    def _couplings(self, plant: Plant) -> Polynomials:
+        """K of `u = K y + e`, `(*cells, inputs, outputs)`."""
         inputs, outputs = plant.drawn_ports
-        members = []
-        for block in plant.members:
-            members.append(self._arranged(definitions.continuous(block.type, self._keys(block))))
-        A, B, C, D = (_diagonal(matrices) for matrices in zip(*members, strict=True))
         gains: list[list[Any]] = [[0] * len(outputs) for _ in inputs]
         for port, terms in plant.couplings:
             for signal, gain in terms:
                 gains[inputs.index(port)][outputs.index(signal)] = self.value(gain)
-        K = self._matrix(gains, (len(inputs), len(outputs)))
-        L = D @ K
+        return self._matrix(gains, (len(inputs), len(outputs)))
+
+    def _plant(self, plant: Plant, period: Any, shares: Mapping[str, Any]) -> BlockModel:
+        """Blocks that act on each other by `u = K y + e`, e held over the period; see
+        `_loops.plant.plant_of`."""
+        inputs, outputs = plant.drawn_ports
+        members = (
+            self._arranged(definitions.continuous(b.type, self._keys(b))) for b in plant.members
+        )
+        A, B, C, D = (_diagonal(matrices) for matrices in zip(*members, strict=True))
+        K = self._couplings(plant)
         back = B @ K
-        shown = C
-        through = D
-        if L.whole.any():
-            M = (L.identity() - L).inverse()
-            shown = M @ C
-            through = M @ D
+        shown, through = _shown(C, D, K)
         A = A + back @ shown
         B = B + back @ through
         E, G = self._held(A, B, period)
@@ -541,12 +540,12 @@ class _Evaluation:
             rows_of_C.append(row + row @ moved)
             direct = [through.at(i, range(len(inputs))) + row @ pushed]
             for port, earlier in plant.arriving:
-                j = [inputs.index(port)]
-                if self.loop.known[f"block.{earlier}.before.{name}"]:
-                    late = (shares[earlier] + shares[name] - 1) * period
-                    direct.append(through.at(i, j) + row @ self._held(A, B.at(states, j), late)[1])
-                else:
+                if not self.loop.known[f"block.{earlier}.before.{name}"]:
                     direct.append(nothing.at([0], [0]))
+                    continue
+                j = [inputs.index(port)]
+                late = (shares[earlier] + shares[name] - 1) * period
+                direct.append(through.at(i, j) + row @ self._held(A, B.at(states, j), late)[1])
             rows_of_D.append(_joined(direct, -1))
         return BlockModel(E, _joined(columns, -1), _joined(rows_of_C, -2), _joined(rows_of_D, -2))
 
@@ -611,3 +610,12 @@ def _joined(parts: list[Polynomials], axis: int) -> Polynomials:
     terms = np.concatenate([part.terms for part in parts], axis)
     rest = np.concatenate([part.rest for part in parts], axis)
     return Polynomials(terms, rest, parts[0].numbers, parts[0].order)
+
+
+def _shown(C: Polynomials, D: Polynomials, K: Polynomials) -> tuple[Polynomials, Polynomials]:
+    """`M C` and `M D` with `M = (1 - D K)^-1`: the outputs of blocks that act on each other by K."""
+    L = D @ K
+    if not L.whole.any():
+        return C, D
+    M = (L.identity() - L).inverse()
+    return M @ C, M @ D
