@@ -10,6 +10,7 @@ from support.proofs import checked
 
 from wavesweep.checker import balls, file
 from wavesweep.checker.reader import for_all
+from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._switched.norms import find_norms
 
 SPEC = """
@@ -297,3 +298,9 @@ def test_a_block_that_runs_once_in_a_frame_is_that_of_its_length(kind):
     for n in (1, 2, 3):
         alone = sizes(spec, claim="modes", numbers={"n": Fraction(n)})
         assert sizes(spec, claim="refuted", word=[f"n={n}"]) == pytest.approx(alone, rel=1e-6), n
+
+
+def test_each_type_of_block_says_what_it_does_in_a_step_that_varies():
+    """A new type stands in `STEPPED` or `STEADY`, or here if no frame of another length is read of it."""
+    without = {"butterworth", "channel", "impulse", "inertia", "lead", "local_model", "mass", "mass_matrix", "notch", "spring"}
+    assert {*TYPES} == for_all.STEPPED | for_all.STEADY | without
