@@ -89,6 +89,40 @@ def test_crossings_between_unstable_stretches_are_found_by_the_proof(tmp_path, c
     assert "2 of 2 claims proved by the checker" in capsys.readouterr().out
 
 
+LAG = """rates.tick_hz = "1/h"
+[numbers]
+h = 0.5
+k = 3.0
+[block]
+lag = { type = "tf", num = [1], den = [1, 1] }
+hold = { type = "hold" }
+[wire]
+"hold.u" = "-k*lag.y"
+"lag.u" = "hold.y"
+[sweep]
+along = "h"
+h = { start = 0.1, stop = 2 }
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["stability-region", "check"])
+def test_a_range_of_periods_and_the_ranges_of_check_have_proofs(tmp_path, command):
+    # x+ = e x - k (1 - e) x with e = exp(-h) is stable where k < (1 + e)/(1 - e)
+    spec = _written(tmp_path, LAG, command, *["--no-plot"][command == "check" :])
+    proof = tmp_path / "out" / f"{command}.proof"
+    assert checked_file(spec, proof)[0] == 0
+    ends = {}
+    for line in _lines(proof)[1:]:
+        if "claim" in line and line.get("sides"):
+            ((name, (low, high)),) = line["sides"].items()
+            ends[name, line["outside"]] = float(low), float(high)
+    limits = {"h": np.log(2), "k": (1 + np.exp(-0.5)) / (1 - np.exp(-0.5))}
+    for name in limits if command == "check" else ["h"]:
+        assert ends[name, 0][1] == pytest.approx(limits[name], rel=1e-8)
+        assert ends[name, 1][0] == pytest.approx(limits[name], rel=1e-8)
+
+
 @pytest.mark.parametrize(("gain", "outside"), [(20.0, 0), (900.0, 2)])
 def test_the_own_design_has_a_proof(tmp_path, gain, outside):
     spec = _written(tmp_path, SERVO.replace("value = 20.0", f"value = {gain}"), "check")

@@ -2,7 +2,7 @@
 
 import pytest
 from checker.test_contact import DIRECT, DRAWN
-from support.proofs import checked_file, lines_of, written
+from support.proofs import changed, checked_file, lines_of, written
 
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.file import spec_of
@@ -13,6 +13,7 @@ def unfolded(capsys):
     return capsys.readouterr().err.replace("\n    ", " ")
 
 
+VARYING = '"rates.ratio" = { values = [19, 20], varying = true }\n[sweep]'
 CONTACT = "[for_all]\ncontact = true\n[sweep]\n"
 
 
@@ -31,10 +32,31 @@ def test_check_writes_the_motion_that_refutes_its_wall(tmp_path, capsys):
     text = DIRECT + "environment.K_VE = 255\n" + CONTACT
     spec, proof = written(tmp_path, text, "check")
     assert "for any wall that pushes and never pulls at K_VE = 255, B_VE = 1: refuted" in unfolded(capsys)
-    assert [line["claim"] for line in lines_of(proof) if "claim" in line] == ["modes", "goes on"]
+    assert [line["claim"] for line in lines_of(proof) if "claim" in line][:2] == ["modes", "goes on"]
     code, words = checked_file(spec, proof)
     assert code == 0
     assert "a wall that pushes and never pulls, K_VE = 255, B_VE = 1: its forces are" in words
+
+
+@pytest.mark.slow
+def test_the_motion_that_refutes_a_wall_while_frames_vary_is_in_frames_of_one_kind(tmp_path):
+    text = DIRECT + "environment.K_VE = 260\n" + CONTACT.replace("[sweep]", VARYING)
+    spec, proof = written(tmp_path, text, "check")
+    (claim,) = (line for line in lines_of(proof) if line.get("claim") == "goes on")
+    (frame,) = claim["word"]
+    assert checked_file(spec, proof)[0] == 0
+    other = {"rates.ratio=19": "rates.ratio=20", "rates.ratio=20": "rates.ratio=19"}[frame]
+    forged = {
+        "no wall that pushes and never pulls": {"word": [other]},
+        "in frames of several kinds": {"word": ["rates.ratio=19", "rates.ratio=20"]},
+        "does not allow": {"word": ["rates.ratio=18"]},
+        "has a word where frames vary": {"word": []},
+    }
+    for words, change in forged.items():
+        changed(proof, lambda line, change=change: line | (change if line.get("claim") == "goes on" else {}))
+        code, said = checked_file(spec, proof)
+        assert code == 1
+        assert words in said
 
 
 def test_a_linear_wall_that_refutes_is_no_motion():
@@ -56,7 +78,7 @@ def test_a_row_through_contact_has_a_proof(tmp_path, capsys):
     assert checked_file(spec, proof)[0] == 0
 
 
-IN_FRAMES = DIRECT + CONTACT.replace("[sweep]", '"rates.ratio" = { values = [19, 20], varying = true }\n[sweep]')
+IN_FRAMES = DIRECT + CONTACT.replace("[sweep]", VARYING)
 
 
 @pytest.mark.slow

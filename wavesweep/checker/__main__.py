@@ -49,7 +49,8 @@ def motions_in_words(claim: Claim) -> str:
         return f"every motion comes to rest, if its force is any {WALLS}"
     if claim.claim == "goes on":
         forces = ", ".join(map(plain, claim.forces))
-        return f"its forces are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
+        frames = f" in frames {', '.join(claim.word)}" * bool(claim.word)
+        return f"its forces{frames} are {forces} and so on for ever, under a push that adds constants, if its force is a certain {WALLS}"
     if claim.claim == "port":
         return "stable, and the hand's port is passive if its force is held over a tick"
     if claim.gain:

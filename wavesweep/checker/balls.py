@@ -472,7 +472,9 @@ def exact(value) -> Fraction:
     return least(value)
 
 
-time = number
+def time(value):
+    """A time, exact where it is the same in the whole of the sides."""
+    return value if number(value).moves else least(value)
 
 
 def least(value) -> Fraction:

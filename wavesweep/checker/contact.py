@@ -45,6 +45,21 @@ edges, so the sums of these are finite: zeta and u decay in any order of frames,
 u = 0. Phi(f_before) converges, so the values that p comes near are an interval in which u = 0, and p converges: within it u would
 be 0 from then on. By its entry of u^2 each frame has one u. Up to sums that cancel from frame to frame (3) is (2) with e_1 = a,
 h_1 = h + a and g = 1 - e_1 - h_1. With the same weights it is linear in P, K and B as well.
+
+How (3) stands in a file. The only equation with the wall's numbers gives u in place of its terms with them. u is the memory
+"@force of the wall", with which a frame begins; its row in the matrix of a frame is y. What K_VE multiplies in that equation, of all
+that it multiplies the sum, is written to the memory "@last read by the wall with K_VE" there; what it is more than this was before
+is x or v of f less that of f_before. All rows are taken without the drifts and without "rest", whose shares follow from the
+equations of the loop with K = 0 as those of a drift do. "states" are eta, x and v by their names, sorted, with "@force of the wall"
+left out; a form has a row for each of them in this order, and a last one for u_before. L has a matrix at the low end of the side
+that has a range, and one at its high end; one alone if no side has a range. P_i = L' L, and what is (3) at an end takes the numbers
+of the wall, the matrices of frames and P_i of that end. The line has h, and each edge g and a behind its nodes; without "rest" f is
+the row of y less u, and with it what g multiplies is left out. The walk over frames is that of other graphs.
+
+Of a motion that goes on the forces u_0 .. u_(P-1) are in the file, two of them different. eta_0 is what they lead back to after P
+frames, q_(t+1) = q_t + R (u_t less the mean of all), which a push makes up for, and q_0 = 0, as a constant more in f is a push. It is
+proved if f_t = k q_t + (c - k w) eta_t + (d - 1) u_t does not fall in the order of u_t, and of f_t where some are the same: then a
+phi with slopes from 0 to 1 goes through all points (y_t, u_t). Where frames vary "word" names the frames, of one kind.
 """
 
 from collections.abc import Mapping

@@ -104,7 +104,7 @@ class Claims:
                 values.pop(_path(self.tables, along), None) if along else (Fraction(0), Fraction(0))
             )
             numbers = frozenset((name, values[name]) for name in names if name in values)
-            exceeds = len(values) > len(numbers) and claim.claim != "refuted"
+            exceeds = len(values) > len(numbers) and claim.claim not in ANSWERS
             if not span or len(numbers) < len(names) or exceeds:
                 continue
             state = ENERGIES.get(ask.claim) or STATES[ask.radius != 1][bool(claim.outside)]

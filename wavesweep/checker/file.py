@@ -24,7 +24,8 @@ open      true in place of it: a map, whose cells have any counts or none
     rest      of contact: what drifts besides while the wall is not touched, as a drift; none if nothing does
     forces    of what goes on: those of the wall, frame by frame, which are repeated for ever
     word      of refuted: frames that are repeated for ever, by their letters; of [for_all] tick the times of ticks (s) from the first
-              of a period on, or "start" and "stop" for the shortest and the longest
+              of a period on, or "start" and "stop" for the shortest and the longest; of what goes on while frames vary: its frames,
+              which are all of one kind, and of which the loop is then that of a spec without [for_all]
     ticks     of [for_all] tick: times at which these are divided, rising; the letters of the parts are "0", "1", ...
 
 Cells divide the whole of the sides, in this order:
@@ -90,6 +91,7 @@ SIDES = 6
 NODES = 256
 KINDS = ("modes", "for all", "refuted", "mean square", "contact", "goes on", "gain", "port")
 OF_WALLS = "contact", "goes on"
+ALIKE = {None: {"": ("", None, None)}}  # the moves of frames of one kind
 FIELDS = {
     "claim",
     "numbers",
@@ -198,7 +200,7 @@ def family_of(tables: dict, claim: Claim, member: dict | None = None) -> Family:
         schedules, free = cut_at_wall(tables, schedules)
     words = steps_of(schedules)
     word = []
-    if claim.word and "" in words:
+    if claim.claim == "refuted" and claim.word and "" in words:
         raise Refused("frames of a word, and the spec has no frames that differ")
     if claim.claim == "refuted" and "" not in words:
         word = _repeated(moves, claim.word)
@@ -256,7 +258,7 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker, or nothing reads it")
-    alike = {"": schedule}, {None: {"": ("", None, None)}}, None  # all frames
+    alike = {"": schedule}, ALIKE, None
     if claim.claim in ("modes", "gain", "port"):
         return alike
     return _schedules_of_set(tables, claim, loop, loop_with) or alike
@@ -273,8 +275,8 @@ def _schedules_of_set(tables: dict, claim: Claim, loop, loop_with: Callable):
         return *for_all.ticks_of(loop, claim.times), 0
     if claim.claim in OF_WALLS and (messages or allowed.ranges or allowed.tick):
         raise Refused("a wall that lets go beside ranges, or ticks and messages that vary")
-    if claim.claim == "goes on" and vary:
-        raise Refused("a motion that goes on beside frames that vary")
+    if claim.claim == "goes on" and vary != bool(claim.word):
+        raise Refused("a motion that goes on has a word where frames vary, and nowhere else")
     if vary and messages:
         raise Unreadable(
             "frames that vary beside messages that are late or lost have no proof here"
@@ -282,7 +284,13 @@ def _schedules_of_set(tables: dict, claim: Claim, loop, loop_with: Callable):
     if messages and not allowed.tick:
         return for_all.messages_at_random(loop) if random else for_all.messages_of(loop)
     if vary:
-        return for_all.frames_of(allowed, loop_with, random)
+        schedules, moves, start = for_all.frames_of(allowed, loop_with, random)
+        if claim.claim != "goes on":
+            return schedules, moves, start
+        kind, *others = set(_repeated(moves, claim.word))
+        if others:
+            raise Refused("a motion that goes on in frames of several kinds")
+        return {"": schedules[kind]}, ALIKE, None
     if random:
         raise Unreadable("the spec has no chances")
     return None
@@ -511,8 +519,8 @@ def claim_of(line) -> Claim:
         raise Unreadable(f"a claim says {asks}")
     letters = _expect(line.get("word", []), list, "word")
     word = [_expect(letter, str, "a letter") for letter in letters]
-    if word and kind != "refuted":
-        raise Unreadable("what is refuted alone has a word")
+    if word and kind not in ("refuted", "goes on"):
+        raise Unreadable("what is refuted and what goes on alone have a word")
     radius = _fraction(line.get("radius", "1"))
     if radius <= 0 or ("radius" in line and kind != "modes"):
         raise Unreadable("modes alone are within a circle of another radius, above 0")

@@ -334,11 +334,20 @@ class Proofs:
             return
         self._close(kind, numbers, rows, self.claims[first:])
 
+    def of_limit(self, numbers: dict[str, str], limit: Mapping[str, Any]) -> None:
+        """Add what `check` found along a number. limit: from where to where, and the stable intervals."""
+        self.axis = limit["name"]
+        self.number = checked_name(key_named(self.spec, self.axis).path)
+        self.span = float(limit["from"]), float(limit["to"])
+        low, high = np.array(limit["intervals"] or [[np.nan, np.nan]], float).T
+        others = {name: value for name, value in numbers.items() if name != self.number}
+        self.of_rows("spec", others, {"low": low, "high": high})
+
     def _of_slice(self, numbers: dict[str, str], rows: Columns, radius: float) -> None:
         """Add the claims of the spec's own loop along the number."""
         ends = ends_of(rows, self.span)
         with self.telling("slice"):
-            key = *ends, radius
+            key = self.number, *ends, radius
             claims = claims_again(self.tables, numbers, self.slices.get(key, []))
             if not claims:
                 found = claims_along(self.tables, numbers, self.number, self.span, ends, radius)
@@ -410,7 +419,7 @@ class Proofs:
                 (rows["fails_from"][at], refuters.high),
             )
             for end, text in refuted:
-                if np.isfinite(end) and text.startswith("a wall through"):
+                if np.isfinite(end) and text.startswith(("a wall through", "a wall, in frames")):
                     walls[self.number] = (exactly(float(end)),) * 2
                     with self.telling("refuted end"):
                         self.claims.append(claim_of_motion(self.tables, numbers, walls, text))
@@ -459,7 +468,7 @@ class Proofs:
         if words := contradicted(line, rows):
             where = ", ".join(f"{name} = {value}" for name, value in numbers.items())
             raise ContradictedError(f"{where or self.spec.name}: {self.axis} {words}")
-        own = tuple(numbers.items())
+        own = self.number, *numbers.items()
         if own not in self.loops:
             self.loops.add(own)
             places = {*self.span, *ends_of(rows, self.span), *PLACES @ np.array(self.span)}
@@ -684,6 +693,9 @@ def of_design(
                 proofs.claims.append(
                     claim_of_motion(tables, numbers, walls, wall["counterexample"])
                 )
+    for limit in () if spec.require else found["limits"]:
+        if limit["certified"] and not limit["stopped"]:
+            proofs.of_limit(numbers, limit)
     for words in others:
         proofs.ask(words, numbers, {})
         proofs.unproved[f"no proof file for {words}"] += 1

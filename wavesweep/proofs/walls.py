@@ -15,9 +15,11 @@ from wavesweep.capabilities import offered
 from wavesweep.checker import balls, contact, file
 from wavesweep.checker.balls import Refused
 from wavesweep.checker.reader import for_all
+from wavesweep.program.tables.refuters import Refuter
 from wavesweep.proofs.cells import Cell, exactly, tree, written
 from wavesweep.proofs.drifts import drifts_and_rest
 from wavesweep.proofs.forms import form_of
+from wavesweep.proofs.refuted import word_of
 from wavesweep.proofs.sets import decimals
 
 DIGITS = 9  # of the weights of a multiplier
@@ -57,11 +59,19 @@ def claim_of_motion(tables: dict, numbers: Mapping[str, str], ends: Ends, text: 
     ends: the wall's numbers. Errors: Refused for another text, or if the checker does not find them
     to; Unreadable.
     """
-    if not text.startswith("a wall through "):
+    motion = re.match(
+        r"a wall(?:, in frames of (\d+) ticks(?: and a (delay) of (\d+))?,)? through ", text
+    )
+    if not motion:
         raise Refused(f"what refutes it is no motion that repeats: {text}")
     forces = re.findall(r"\(\S+, (\S+)\)", text)
     others = {name: value for name, value in numbers.items() if name not in ends}
-    claim = file.Claim("goes on", {name: Fraction(value) for name, value in others.items()}, ends)
+    exact = {name: Fraction(value) for name, value in others.items()}
+    claim = file.Claim("goes on", exact, ends)
+    ticks, *delay = motion.groups()
+    if ticks:
+        refuter = Refuter(frames=[(int(ticks), " ".join(filter(None, delay)))])
+        claim.word = word_of(tables, replace(claim, claim="for all"), refuter)
     claim.drifts, claim.rest = drifts_and_rest(tables, claim, {})
     family = file.family_of(tables, claim)
     loop = file.opened_at(family, {name: low for name, (low, _) in ends.items()})
@@ -70,6 +80,8 @@ def claim_of_motion(tables: dict, numbers: Mapping[str, str], ends: Ends, text: 
     sides = {name: [decimals(low), decimals(high)] for name, (low, high) in ends.items()}
     head = {"claim": "goes on", "numbers": others, "sides": sides, "forces": forces}
     own = {"drifts": claim.drifts, "states": family.states}
+    if claim.word:
+        own["word"] = claim.word
     return [head | own | ({"rest": claim.rest} if claim.rest else {})]
 
 

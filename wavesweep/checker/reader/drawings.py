@@ -173,7 +173,7 @@ class Drawing:
         self.numbers = named_numbers(self.key("numbers", {}))
         self.known: dict[str, object] = {}
         self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
-        hz = arithmetic.exact(self.number(self.key("rates.tick_hz")))
+        hz = arithmetic.time(self.number(self.key("rates.tick_hz")))
         ABOVE_0.refuse("rates.tick_hz", hz, arithmetic)
         self.T = 1 / hz
         self.signals = self.key("signals", {})

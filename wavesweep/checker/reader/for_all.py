@@ -310,9 +310,10 @@ def _controller(table: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
 def time_of_tick(loop: Loop, entry: dict) -> tuple[Fraction, Fraction]:
     """The shortest and the longest time (s) of a tick of [for_all] tick; the program counts with its own one."""
     exact = loop.arithmetic.exact
+    own = exact(loop.T)
     keys = entry.keys() - {"steps"}
     if keys == {"late"}:
-        low, high = loop.T, loop.T + exact(entry["late"])
+        low, high = own, own + exact(entry["late"])
     elif keys == {"start", "stop"}:
         low, high = exact(entry["start"]), exact(entry["stop"])
     else:
@@ -321,7 +322,7 @@ def time_of_tick(loop: Loop, entry: dict) -> tuple[Fraction, Fraction]:
         raise Unreadable(
             "for_all.tick: a program that divides by the measured time has no proof here"
         )
-    if not 0 < low <= loop.T <= high or low == high:
+    if not 0 < low <= own <= high or low == high:
         raise Unreadable(
             "for_all.tick: times up from start to stop, above 0, with the spec's own one among them"
         )
@@ -515,8 +516,8 @@ def _stretch(loop: Drawing, channels, first: int, until: int, gets) -> Schedule:
     messages[first] = dict(zip(channels, gets, strict=True))
     whole = loop.schedule(messages)
     times = [(time + again * whole.period, kind) for again in (0, 1) for time, kind in whole.times]
-    begin = first * loop.T
-    end = until * loop.T
+    begin = first * loop.arithmetic.exact(loop.T)
+    end = until * loop.arithmetic.exact(loop.T)
     times = [
         (time - begin, kind) for time, kind in times if begin <= loop.arithmetic.least(time) < end
     ]

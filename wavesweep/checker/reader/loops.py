@@ -126,7 +126,7 @@ def ticks_and_rest(seconds, T: Fraction, path: str, arithmetic) -> tuple[int, An
     """A dead time in whole ticks and the rest (s)."""
     if arithmetic.ends(seconds / T)[1] > MOST_LATE:
         raise Unreadable(f"{path} is more than {MOST_LATE} ticks")
-    whole = math.floor(arithmetic.least(seconds) / T)
+    whole = math.floor(arithmetic.least(seconds) / arithmetic.exact(T))
     return whole, seconds - whole * T
 
 
