@@ -79,6 +79,11 @@ def test_a_gain_is_proved_next_to_its_closed_form_and_nothing_below(tmp_path, sp
         claim(spec, gain._replace(at_most=Fraction(norm * (1 - 1e-9))))
 
 
+def test_a_level_that_is_the_gain_at_rest_is_told():
+    with pytest.raises(file.Refused, match="at rest it is 0.02, and forms show a millionth more"):
+        claim(LOOP, of("ref", "y", Fraction(1, 50)))
+
+
 def test_a_gain_is_proved_along_a_number_up_to_its_end(tmp_path):
     # Ms = 2/(2 - K) is 1.6 at K = 0.75
     lines = claim(LOOP, at("gain.y", "0", 1.6), "K", (0.1, 0.75))

@@ -65,6 +65,12 @@ def least_eigenvalue(K: float, B: float) -> float:
 
 
 @pytest.mark.slow
+def test_a_port_is_proved_in_frames_of_more_ticks_than_a_loop_may_have_memory(tmp_path):
+    spec = WALL.replace("ratio = 3", "ratio = 210").replace("K_VE = 100", "K_VE = 4").replace("damping = 3.0", "damping = 8")
+    assert checked(tmp_path, spec, claim(spec))[0] == 0
+
+
+@pytest.mark.slow
 def test_a_port_is_proved_up_to_where_a_scan_of_frequencies_says_that_it_ends(tmp_path):
     low, high = 0.5, 100.0
     for _ in range(30):

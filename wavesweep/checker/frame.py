@@ -23,9 +23,10 @@ from .balls import (
     least,
     number,
 )
-from .reader.loops import OUTPUT, Instant, Schedule, Unreadable
+from .reader.loops import INPUT, OUTPUT, Instant, Schedule, Unreadable
 
 LARGEST = 200  # memory of a loop
+LONGEST = 1000  # inputs and outputs of a frame beside it
 INSTANTS = 20_000  # of a frame
 BLOCK = 4  # terms of the series of an exponential that are multiplied with the same power
 
@@ -224,8 +225,12 @@ class Frames:
             if before == live:
                 break
             live = before
-        if len(live) > LARGEST:
-            raise Unreadable(f"a memory of {len(live)} values; at most {LARGEST}")
+        outside = sum(name.startswith((INPUT, OUTPUT)) for name in live)
+        if len(live) - outside > LARGEST or outside > LONGEST:
+            raise Unreadable(
+                f"a memory of {len(live) - outside} values, and {outside} inputs and outputs of a frame; "
+                f"at most {LARGEST}, and {LONGEST}"
+            )
         self.live = live
         self.words = {name: self._gathered(steps) for name, steps in words.items()}
 
@@ -276,7 +281,7 @@ def _needed(steps, live) -> list[frozenset[str]]:
     wanted = [frozenset(live)]
     for step in reversed(steps):
         wanted.append(frozenset(k for name in wanted[-1] for k in step.reads.get(name, (name,))))
-        if len(wanted[-1]) > 2 * LARGEST:  # also what is written before a frame ends
+        if len(wanted[-1]) > 2 * LARGEST + LONGEST:  # also what is written before a frame ends
             raise Unreadable(f"a memory of more than {LARGEST} values")
     return wanted[::-1]
 

@@ -663,7 +663,7 @@ def of_design(
             proofs.of_factors(numbers, gain)
             continue
         proofs.ask("gain", numbers, {}, gain=gain)
-        with proofs.telling("what is required"):
+        with proofs.telling("gain that is required"):
             proofs.claims += claims_of_energy(tables, numbers, "", (0.0, 0.0), gain)
     others = [words for kind, words in UNCLAIMED_FACTS.items() if found.get(kind)]
     if spec.require and not (sizes_alone(spec) or gains_alone(spec)):
