@@ -68,9 +68,9 @@ def test_a_spec_with_two_meanings_is_refused(case, tmp_path):
 @pytest.mark.parametrize("where", ["numbers", "sides"])
 def test_a_number_has_one_name_in_a_claim(where, tmp_path):
     values = {"numbers": ("5", "0.5"), "sides": (["0", "5"], ["0", "0.5"])}[where]
-    claim = CLAIM | {where: dict(zip(("block.left.kp", "left_kp"), values, strict=True))}
+    claim = CLAIM | {where: dict(zip(("numbers.left_kp", "left_kp"), values, strict=True))}
     code, words = checked(tmp_path, CLASSES, [claim, ROUND])
-    assert (code, words) == (2, "not checked: block.left.kp and left_kp are one number\n")
+    assert (code, words) == (2, "not checked: numbers.left_kp and left_kp are one number\n")
 
 
 def test_a_claim_is_printed_with_all_its_digits(tmp_path):

@@ -37,6 +37,7 @@ ONE_NUMBER = [
     '[for_all]\ndevice.mass = [1, 2]\n"device.mass" = [3]', '[for_all]\n"rates.slow_hz" = [50]',
     f'filters.lp1 = {{ {EDGES} }}\n[for_all]\n"filters.lp1.order" = [1, 2]',
     'rates.slow_hz = 50\n[for_all]\n"rates.fast_hz" = [500, 1000]',
+    '[sweep]\ndevice.mass = [1, 2]\n"device.mass" = { start = 1, stop = 2 }',
 ]  # fmt: skip
 NO_VALUE = [
     "environment.delay = 21", "rates.slow_hz = 60\nenvironment.delay = 18", "local_model.delay = 5", "controller.b = '25'",
@@ -64,6 +65,7 @@ TAKEN = [
     "filters.lp1 = { order = 0, cutoff_hz = 600 }", 'rates.slow_hz = 50\n[sweep]\n"rates.ratio" = [10, 20]',
     "[sweep]\nb = [1, 2]\n[bode]\nb = [1]", "[for_all]\nb = { start = 2, stop = 2 }", "[for_all]\ndevice.mass = [1, 2]",
     "rates.slow_hz = 50\n[for_all]\n" + RATIOS + " }", "[for_all]\ntick = { late = 0.0001 }\ncontact = false",
+    '[sweep]\n"filters.lp2.cutoff_hz" = [400, 600]',
 ]  # fmt: skip
 DRAWINGS = {
     "a number by its path": '[for_all]\n"numbers.m" = { start = 0.1, stop = 0.2 }\nm = { start = 5, stop = 6 }',
@@ -106,6 +108,16 @@ def test_a_controller_that_the_program_refuses_is_refused(text, tmp_path):
     assert (code, words.count("\n"), "cannot be read: " in words) == (2, 1, False), words
 
 
+@pytest.mark.parametrize(
+    "own", ["controller.b = 'x'\n[for_all]\nb = [3, 4]", 'rates.slow_hz = 1.62\n[for_all]\n"rates.ratio" = [15, 17]']
+)
+def test_a_number_of_the_spec_is_read_where_a_claim_has_others(own):
+    theirs, _ = refused(KIND + own)
+    assert theirs
+    with pytest.raises(file.Unreadable):
+        file.spec_of((KIND + own).encode())
+
+
 @pytest.mark.parametrize("text", TAKEN)
 def test_a_controller_that_the_program_takes_is_taken(text):
     assert refused(KIND + text) == ("", "")
@@ -129,6 +141,42 @@ def test_a_number_may_have_the_name_of_a_key(name, tmp_path):
     assert (code, "the sides are not the ranges of [for_all]" in words) == (1, True), words
     code, words = checked(tmp_path, spec, [claim | {"sides": {name: ["0.5", "1"]}}])
     assert (code, f"{name} from 0.5 to 1" in words and "the states are" in words) == (1, True), words
+
+
+@pytest.mark.parametrize(("name", "ranges"), [("block", "block.c.phase = [0]"), ("numbers", "numbers.numbers = [2, 3]")])
+def test_a_number_may_have_the_name_of_a_table(name, ranges):
+    spec = DRAWN.format("hold").replace("k =", f"{name} =").replace("-k*", f"-{name}*")
+    assert refused(f"{spec}[for_all]\n{ranges}") == ("", "")
+
+
+@pytest.mark.parametrize(("name", "taken"), [("s_k", True), ("numbers.s_k", True), ("block.s.k", False)])
+def test_a_number_of_a_class_has_a_range(name, taken):
+    spec = (
+        DRAWN.format("hold")
+        .replace("-k*x.x", "s.y")
+        .replace(", k = 50.0", "")
+        .replace("[wire]", 's.type = "law"\n[wire]\n"s.u" = "x.x"')
+    )
+    spec += """[type.law]
+numbers.k = 50.0
+block.a = { type = "gain", k = "-k" }
+wire."a.u" = "u"
+ports = { inputs = ["u"], outputs.y = "a.y" }
+"""
+    theirs, ours = refused(f"{spec}[for_all]\n{name} = {{ start = 40, stop = 60 }}")
+    assert (not theirs, not ours) == (taken, taken)
+
+
+def test_frames_that_vary_beside_rates_that_do_not_divide_are_refused():
+    text = f"{KIND}rates.slow_hz = 144\n[for_all]\n{RATIOS} }}"
+    with pytest.raises(file.Unreadable, match="do not last whole ticks"):
+        file.family_of(file.spec_of(text.encode()), file.Claim("for all"))
+
+
+def test_messages_that_are_never_lost_ask_for_nothing():
+    spec = DRAWN.format("hold") + "[for_all]\nloss = 0.0"
+    assert refused(spec) == ("", "")
+    assert not for_all.read(file.spec_of(spec.encode()), balls.exact).asked
 
 
 def outside(key) -> list:
@@ -232,6 +280,7 @@ UNFIT = {  # what is written in place of what
     "a damped spring that knows no speed": ("[wire]", SPRING + '"s.x1" = "x.x"'),
     "a damped spring that knows one place": ("[wire]", SPRING + '"s.x1" = "x.x"\n"s.v1" = "x.v"\n"s.v2" = "0"'),
     "a name that is none": ("k = 50.0", '"k-" = 1.0, k = 50.0'),
+    "a number that is too large": ("k = 50.0", "k = 1e70"),
     "a name that is a word for a value": ("k = 50.0", "nan = 50.0"),
     "a plant of another rate": ("damping = 6.0", "damping = 6.0, every = 2"),
     "a dead time of another rate": (HOLD, 'type = "delay", seconds = 0.01, every = 2'),

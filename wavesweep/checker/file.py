@@ -175,7 +175,7 @@ def _read(text: bytes) -> dict:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise Unreadable(f"the spec is no TOML: {error}") from None
     with told():
-        for ends in one_key_each(tables, balls):
+        for ends in ({}, *one_key_each(tables, balls)):
             with suppress(Refused):  # what a function has no value for
                 loop_of(with_numbers(tables, ends), balls)
         for_all.read(tables, balls.exact)
@@ -267,7 +267,7 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
 def _schedules_of_set(tables: dict, claim: Claim, loop, loop_with: Callable):
     """The same if frames, ticks or messages vary by the spec, or None where all frames are alike."""
     allowed = for_all.read(tables, balls.exact)
-    vary = bool(allowed.varying or allowed.lost or allowed.loss is not None)
+    vary = bool(allowed.varying or allowed.lost or allowed.loss)
     messages = for_all.has_messages(loop)
     random = claim.claim == "mean square"
     if allowed.tick and claim.claim in ("for all", "refuted"):

@@ -18,7 +18,7 @@ def changed(text, *changes):
     return text
 
 
-@pytest.mark.parametrize("text", [ARM, PD, WALL, NETWORK])
+@pytest.mark.parametrize("text", [ARM, PD, WALL, NETWORK, WALL + '[bode]\nto = "m.v"'])
 def test_resolved_tables_are_the_same_spec_again(text):
     spec = load(tomllib.loads(text))
     assert load(spec.tables()).sha256 == spec.sha256

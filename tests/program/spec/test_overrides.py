@@ -98,6 +98,7 @@ wire = { "one.seen" = "-100*x.x", "x.f" = "one.told" }
         (NAMES, {"numbers.contact": [3]}, "contact=[5, 6]", {"numbers.contact": (5, 6)}),
         (NAMES, {"contact": {"start": 3, "stop": 4}}, "numbers.contact.start=2", {"contact": (2, 4)}),
         (NAMES, {"one_g": [1]}, "numbers.one_g=[2, 3]", {"one_g": (2, 3)}),
+        (NAMES, {"contact": [1], "numbers.contact": [2]}, "contact=[5, 6]", {"contact": (5, 6)}),
         (NAMES, {"contact": [1]}, "numbers.one_g=[2, 3]", {"contact": (1,), "numbers.one_g": (2, 3)}),
     ],
 )

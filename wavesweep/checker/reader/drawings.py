@@ -171,6 +171,9 @@ class Drawing:
         self.key = Keys(written_out(tables))
         self.key("type")
         self.numbers = named_numbers(self.key("numbers", {}))
+        for name, value in self.numbers.items():
+            if not isinstance(value, str):
+                Rule().refuse(f"numbers.{name}", value, arithmetic)
         self.known: dict[str, object] = {}
         self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
         hz = arithmetic.time(self.number(self.key("rates.tick_hz")))

@@ -52,7 +52,7 @@ class ForAll:
     shares: dict[str, list] = field(default_factory=dict)
     following: dict[str, list] = field(default_factory=dict)
     lost: int = 0
-    loss: Any = None
+    loss: Fraction = Fraction(0)
     tick: dict[str, Any] = field(default_factory=dict)
     contact: bool = False
 
@@ -60,7 +60,7 @@ class ForAll:
     def asked(self) -> bool:
         """Whether it says anything but of contact."""
         numbers = self.ranges or self.listed or self.varying
-        return bool(numbers or self.lost or self.tick or self.loss is not None)
+        return bool(numbers or self.lost or self.tick or self.loss)
 
     @property
     def members(self) -> list[dict[str, Any]]:
@@ -95,8 +95,8 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
             found.listed[name] = found.varying.pop(name)
     entry = {name: table[name] for name in OWN["for_all"] if name in table.keys() - named.keys()}
     found.lost = _whole(exact(entry.get("lost", 0)), MOST_LOST)
-    found.loss = entry.get("loss")
-    if not 0 <= exact(entry.get("loss", 0)) <= 1:
+    found.loss = exact(entry.get("loss", 0))
+    if not 0 <= found.loss <= 1:
         raise Unreadable(f"for_all.loss = {float(found.loss):g} is no probability")
     found.tick = entry.get("tick", {})
     found.contact = entry.get("contact", False)
@@ -227,10 +227,10 @@ def frames_of(
     kinds = [
         dict(zip(table.varying, values, strict=True)) for values in product(*table.varying.values())
     ]
-    fates = (False, True) if table.lost or table.loss is not None else (False,)
+    fates = (False, True) if table.lost or table.loss else (False,)
     if len(kinds) * len(fates) > MOST:
         raise Unreadable(f"{len(kinds) * len(fates)} kinds of frames; at most {MOST}")
-    if not random and table.loss is not None:
+    if not random and table.loss:
         raise Unreadable("results are lost at random, which no proof for all of them holds for")
     of_kind = _controller if isinstance(loop_with({}), Controller) else _drawing
     schedules: dict[str, Schedule] = {}
@@ -252,7 +252,7 @@ def _at_random(table: ForAll, kinds, fates, arithmetic) -> Moves:
     """The chain of lengths, or None alone if no length depends on the one before; all else is independent."""
     if table.lost:
         raise Unreadable("lost counts results in a row, and loss is their probability")
-    loss = arithmetic.number(table.loss or 0)
+    loss = arithmetic.number(table.loss)
     length = RATIO if RATIO in table.varying else next(iter(table.varying), "")
     chain = table.following.get(length)
     moves: Moves = {}
@@ -289,7 +289,7 @@ def _controller(table: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     """Of frames and results of a controller: the environment integrates over the frame, or over the nominal one."""
     nominal = loop_with({})
     loop = loop_with(values)
-    if loop.ratio.denominator > 1 or loop.kind in ("dc", "pmw-mean"):
+    if nominal.ratio.denominator > 1 or loop.kind in ("dc", "pmw-mean"):
         raise Unreadable(
             f"frames of {loop.kind} that vary, or do not last whole ticks, have no proof here"
         )
@@ -548,7 +548,7 @@ STEADY = {
 
 def _drawing(table: ForAll, loop_with, values: dict, lost: bool) -> Schedule:
     """Of blocks that run once in a frame, whose number of ticks is the number that `every` of them reads."""
-    if lost or table.loss is not None or len(table.varying) != 1:
+    if lost or table.loss or len(table.varying) != 1:
         raise Unreadable("in a drawn loop one number varies, and messages of channels are lost")
     loop = loop_with(values)
     (name,) = table.varying

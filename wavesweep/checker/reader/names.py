@@ -1,6 +1,7 @@
 """Names of numbers in [sweep], [for_all] and claims: one number has one name, and one quantity one key."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 from .devices import DEFAULTS
@@ -41,6 +42,7 @@ OWN = {  # keys of tables that are no numbers; in a drawn loop a number of the s
 PARTS = {
     "for_all": {"start", "stop", "values", "varying", "shares", "next"}
 }  # of a number; of others num and scale
+PARTS_OF_AXES = PARTS["for_all"] | {"num", "scale"}
 
 
 def rule_of(tables: dict, path: tuple[str, ...]) -> Rule | None:
@@ -69,23 +71,18 @@ def path_of(tables: dict, name: str) -> tuple[str, ...]:
     if name == "rates.tick_hz":
         return "rates", "tick_hz"
     for block, keys in tables.get("block", {}).items():
-        prefix, length = next(
-            (
-                (each, len(each))
-                for each in (f"block.{block}.", f"{block}_")
-                if name.startswith(each)
-            ),
-            ("", 0),
-        )
-        key = name[length:]
         of_class = (
             keys["type"] in tables.get("type", {})
             or keys["type"] in DEFAULTS
             or keys["type"].startswith("wall")
         )
+        text, prefix = (number, f"{block}_") if of_class else (name, f"block.{block}.")
+        key = text.removeprefix(prefix)
         rule = OF_BLOCKS.get(keys["type"], {}).get(key)
-        numeric = of_class or (prefix.startswith("block.") and rule and not rule.words)
-        if prefix and numeric and not isinstance(keys.get(key), str | dict | list):
+        if "." in key and key.rpartition(".")[2] in PARTS_OF_AXES:
+            continue  # of the number before it
+        numeric = text.startswith(prefix) and (of_class or (rule and not rule.words))
+        if numeric and not isinstance(keys.get(key), str | dict | list):
             return "block", block, key
     raise Unreadable(f"{name} is no number of this spec")
 
@@ -139,22 +136,35 @@ def flat(table: dict, before: str = "") -> dict[str, Any]:
     return flattened
 
 
-def axes(tables: dict, table: str, inside: dict, before: str = "") -> Iterator[tuple[str, Any]]:
-    """The numbers of a table with what it says of them, by the names that they have there."""
-    for key, entry in inside.items():
-        name = before + key
-        try:
-            if name == "along":
-                continue
-            path_of(tables, name)
-        except Unreadable:
-            if name in OWN[table]:
-                continue
-            if not isinstance(entry, dict):
-                raise
-            yield from axes(tables, table, entry, f"{name}.")
-        else:
-            yield name, entry
+def axes(tables: dict, table: str, inside: dict) -> Iterator[tuple[str, Any]]:
+    """The numbers of a table with what it says of them, by the names that they have there: the longest that a path begins with."""
+    entries: dict[str, Any] = {}
+    for path, value in leaves(inside):
+        names = [".".join(path[:length]) for length in range(len(path), 0, -1)]
+        numbers = [name for name in names if _is_number(tables, name)]
+        if path[0] in OWN[table] and (path[0] == "along" or path[0] not in numbers):
+            continue
+        name = numbers[0] if numbers else names[0]
+        path_of(tables, name)
+        part = names[0][len(name) + 1 :]
+        entry = entries.get(name, {})
+        if name in entries and (not part or not isinstance(entry, dict) or part in entry):
+            raise Unreadable(f"{name} stands in [{table}] twice")
+        entries[name] = {**entry, part: value} if part else value
+    yield from entries.items()
+
+
+def leaves(table: dict) -> Iterator[tuple[list[str], Any]]:
+    """What is no table, and tables of nothing, by the names that lead there."""
+    for key, value in table.items():
+        inner = leaves(value) if isinstance(value, dict) and value else [([], value)]
+        yield from (([*key.split("."), *path], leaf) for path, leaf in inner)
+
+
+def _is_number(tables: dict, name: str) -> bool:
+    with suppress(Unreadable):
+        return bool(path_of(tables, name))
+    return False
 
 
 def values_of(table: str, name: str, entry) -> list:

@@ -210,9 +210,12 @@ class _Sorter:
     def _put_part(self, table: str, name: str, rest: Path, leaf: Leaf, section: Section) -> None:
         """Put a leaf with the parts of its axis."""
         part = ".".join(rest)
+        parts = self.result.axes[table][name]
         if part:
             self.mistakes.is_known(part, section.parts, leaf, f"{table}.{name}.{part}")
-        self.result.axes[table][name][part] = leaf
+        if parts and ("" in parts or not part):  # both as "device.mass" and as device.mass
+            self.mistakes.refuse(leaf, f"{table}.{name}", "each key once", "the same key again")
+        parts[part] = leaf
 
 
 def joined_path(path: Path) -> str:

@@ -198,30 +198,31 @@ def _overridden(
                 value = number
             leaves = _override(leaves, path, value, where)
             if value != "":
-                leaves = _without_twin(path, leaves, source)
+                leaves = _without_other_names(path, leaves, source, symbols)
     return leaves
 
 
+def _in_full(path: Path, depth: int, symbols: Mapping[str, str]) -> Path:
+    """Return a path with that of the number for its short name, which is in a table of axes at this depth."""
+    name = path[depth]
+    if name not in symbols:
+        return path
+    number = symbols[name] if symbols is SYMBOLS else path_of(name)
+    return (*path[:depth], *number.split("."), *path[depth + 1 :])
+
+
 def _as_written(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]) -> Path:
-    """Return the path of --set with the name by which a table has the number already, if it is in
-    a table of axes. symbols: short names of paths."""
+    """Return the path of --set with the name by which a table has the number already, if it is in a table of axes.
+    symbols: short names of paths."""
     section = section_of(path)
     depth = len(section)
-
-    def in_full(inside: Path) -> Path:
-        name = inside[depth]
-        if name not in symbols:
-            return inside
-        number = symbols[name] if symbols is SYMBOLS else path_of(name)
-        return (*section, *number.split("."), *inside[depth + 1 :])
-
     if not section or path == section:
         return path
-    full = in_full(path)
-    number = in_full(path[: depth + 1])
+    full = _in_full(path, depth, symbols)
+    number = _in_full(path[: depth + 1], depth, symbols)
     for source_path in leaves:
         if source_path[:depth] == section != source_path:
-            name = in_full(source_path[: depth + 1])
+            name = _in_full(source_path[: depth + 1], depth, symbols)
             if name != source_path[: depth + 1] and full[: len(name)] == name:
                 return (*source_path[: depth + 1], *full[len(name) :])
             if source_path[: len(number)] == number or _alike(full, source_path):
@@ -229,18 +230,25 @@ def _as_written(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, s
     return path
 
 
-def _without_twin(
-    path: Path, leaves: dict[Path, Leaf], source: Mapping[Path, Leaf]
+def _without_other_names(
+    path: Path, leaves: dict[Path, Leaf], source: Mapping[Path, Leaf], symbols: Mapping[str, str]
 ) -> dict[Path, Leaf]:
-    """Return the leaves without what the source has of the other key of a quantity in the same
-    table. path: of --set."""
+    """Return the leaves without what the source has of a quantity of --set by other names and keys in the same table.
+
+    path: of --set; symbols: short names of paths.
+    """
     section = section_of(path)
-    twin = (*section, *TWINS.get(".".join(path[len(section) :][:2]), "").split("."))
-    return {
-        other: leaf
-        for other, leaf in leaves.items()
-        if other[: len(twin)] != twin or source.get(other) is not leaf
-    }
+    depth = len(section)
+    twin = (*section, *TWINS.get(".".join(path[depth:][:2]), "").split("."))
+    is_axis = section and path != section
+    result = {}
+    for other, leaf in leaves.items():
+        named = False
+        if is_axis and other[:depth] == section != other and not _alike(other, path):
+            named = _alike(_in_full(other, depth, symbols), _in_full(path, depth, symbols))
+        if source.get(other) is not leaf or not (named or other[: len(twin)] == twin):
+            result[other] = leaf
+    return result
 
 
 def _unit_at(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]) -> str | None:

@@ -134,7 +134,7 @@ def _refuse_beyond_limits(
     """Add a mistake for each value beyond its limit. wrong: keys with mistakes, which limit
     nothing."""
     for path, limiting in LIMITS.items():
-        if wrong & {path, *limiting} or not _is_read(path, values):
+        if wrong & {path, *limiting} or not is_read(path, values):
             continue
         if expected := exceeds_limit(path, values[path], values):
             default = "" if path in given.leaves else " (the default)"
@@ -338,7 +338,7 @@ def longest_delay(values: Mapping) -> int:
     return math.ceil(values["rates.ratio"])
 
 
-def _is_read(path: str, values: Mapping) -> bool:
+def is_read(path: str, values: Mapping) -> bool:
     """Whether the loop reads a key with a limit: a controller reads the cutoffs of its filters,
     unless their order is 0."""
     if not path.endswith(".cutoff_hz"):

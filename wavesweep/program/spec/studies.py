@@ -19,7 +19,7 @@ from wavesweep.program.reading.keys import (
 )
 from wavesweep.program.reading.sorting import Sorted
 from wavesweep.program.reading.tables import TableValue, missing, sections, table_at, tables
-from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit, quantity_of
+from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit, is_read, quantity_of
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 # of its value, up and down: how far a number without a span is searched by `check` and by tables
@@ -136,7 +136,7 @@ class Request:
 
         Every combination of a section's axes is computed, so a cutoff has to suit the lowest swept
         rate. A delay along with a swept ratio is left to `Spec.with_values`, which sees each
-        combination.
+        combination. A cutoff that the controller does not read has no limit.
         """
         if self.values is None:
             return
@@ -147,6 +147,8 @@ class Request:
             limiting = self.values
         for axis in axes:
             if axis.path == "environment.delay" and set(LIMITS[axis.path]) & set(swept):
+                continue
+            if not is_read(axis.path, self.values):
                 continue
             if expected := exceeds_limit(axis.path, axis.stop, limiting):
                 self.mistakes.refuse(

@@ -68,6 +68,9 @@ def _text(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+NAMED_PORTS = ("ports.inputs.", "ports.outputs.")
+
+
 def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, object]:
     """Return the resolved tables by path, as a spec could give them. given: a `Given`."""
     tables: dict[Path, object] = {
@@ -82,24 +85,25 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
     for block in drawing.blocks:
         if f"block.{block.name}.type" in given.leaves:  # others are of `prev(...)`
             tables |= _written_block(block, values, given)
-    for path in given.leaves:
-        tables |= _written_leaf(path, values, given)
+    asked = {}  # outputs that [bode] or another table names, see `Drawing.signals`
     for name, terms, unit in drawing.outputs:
-        if (
-            path_of_port("outputs", name) not in given.leaves
-        ):  # asked for by [bode] or another table, see `Drawing.signals`
-            tables |= {
-                ("ports", "outputs", name, "signal"): sum_of(terms),
-                ("ports", "outputs", name, "unit"): unit,
-            }
-    return tables
+        if path_of_port("outputs", name) not in given.leaves:
+            asked["ports", "outputs", name, "signal"] = sum_of(terms)
+            asked["ports", "outputs", name, "unit"] = unit
+    for path in given.leaves:
+        if not path.startswith(NAMED_PORTS):
+            tables |= (
+                asked  # here, where they stand if this is read again: the order decides the digest
+            )
+        tables |= _written_leaf(path, values, given)
+    return tables | asked
 
 
 def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, object]:
     """Return what a spec could give for a port, wire or signal, or for a number that follows
     from others."""
     leaf, (table, _, rest) = given.leaves[path], path.partition(".")
-    if path.startswith(("ports.inputs.", "ports.outputs.")):
+    if path.startswith(NAMED_PORTS):
         if path.endswith(".unit") and path.removesuffix(".unit") in given.leaves:
             return {}
         word = given.leaves.get(f"{path}.unit")
