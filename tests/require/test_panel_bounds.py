@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded
 from wavesweep.require import factors, pencil
 from wavesweep.require.between import Between
-from wavesweep.require.bound import Bound
 from wavesweep.require.by_discs import _LoopsInDiscs
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.discs import Spiral
 from wavesweep.require.enclosed import _SlowMode, _with_slow_mode, mean_square
 from wavesweep.require.frame_gain import _exceeds
-from wavesweep.require.gain_bound import GainBound
 
 
 @pytest.mark.parametrize(
@@ -70,16 +67,6 @@ def test_the_distance_from_an_arc_is_that_from_its_nearest_place(arc):
     places = pencil._mapped(np.concatenate([angles, -angles]))
     nearest = np.abs(1 + d[:, None] - places).min(-1)
     assert pencil.off_arc(d[None], np.array([arc]))[0] == pytest.approx(nearest, abs=4e-3)
-
-
-@pytest.mark.parametrize("band", [None, (1.0, 5.0)])
-def test_along_a_rate_a_gain_is_bounded_at_all_frequencies_or_refused(band):
-    bound = Bound(gains=(GainBound("f_h", "x", 1.0, band),))
-    if not band:
-        assert bound.refuse_rates("rates.fast_hz") is None
-        return
-    with pytest.raises(UsageError, match="expected a gain at all frequencies, found band_hz"):
-        bound.refuse_rates("rates.fast_hz")
 
 
 @pytest.mark.parametrize("turning", [False, True])

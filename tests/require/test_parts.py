@@ -1,5 +1,6 @@
 """Parts that decide what is required, each against a calculation that does not share it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from scipy.sparse.csgraph import connected_components
 from support.margin_cut import factors_of, largest, tables_with
 
-from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import Bounded
 from wavesweep.engine.loop import Loops
 from wavesweep.program.analyses.claims import Status
@@ -16,8 +17,8 @@ from wavesweep.require.between import Between
 from wavesweep.require.bound import Bound, words_of
 from wavesweep.require.by_forms import ByForms
 from wavesweep.require.damped import Damped
-from wavesweep.require.disc_panels import GOOD, OPEN
-from wavesweep.require.discs import _radii, _with_others
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN
+from wavesweep.require.discs import RequiredCircle, Spiral, _radii, _with_others, eigenvectors
 from wavesweep.require.factors import _room
 from wavesweep.require.gain_bound import GainBound
 from wavesweep.require.maps import _joined
@@ -162,3 +163,83 @@ def test_the_worst_factor_of_a_margin_is_that_of_own_matrices():
     for kp in (60.0, 800.0):
         growth, _ = forms._worst(*forms._with_factor, kp)
         assert growth == pytest.approx(np.log(largest(1.0, kp, factors_of("phase_deg", 40.0, 4001))), abs=1e-6)
+
+
+def test_a_time_to_settle_is_a_radius_of_frames_and_ends_are_on_the_radius_or_the_spiral():
+    """Of frames of 1 and of 4 ms; an eigenvalue below a tenth, or e^-2 of a mode that is as fast as 2 ms, is gone."""
+    period = np.array([1e-3, 4e-3])
+    bound = Bound(radius=0.9, times=(("settling", 0.05),))
+    assert bound.radius_of(period) == pytest.approx([0.9, 50.0 ** (-4 / 50)])
+    assert bound.over(2).radius_of(period) == pytest.approx([50.0 ** (-1 / 50), 50.0 ** (-4 / 50)])
+    with pytest.raises(
+        UsageError, match=r"sweep.require.settling: expected at least 0.00114 s where a frame takes 0.004 s, found 0.001"
+    ):
+        Bound(times=(("settling", 0.001),)).radius_of(period)
+    spiral = replace(bound, damped=Damped(0.1, slower_than=2e-3, clocks=9.0))
+    (ends,) = spiral.logarithms(period[1:], np.array([700.0]))
+    assert np.exp(ends[0]) == pytest.approx(50.0 ** (-4 / 50) * np.exp(2.8j))
+    slope = 0.1 / np.sqrt(0.99)
+    turns = np.abs(2.8 + 2 * np.pi * np.arange(-3, 4))
+    assert ends[1:].real == pytest.approx(np.maximum(-slope * turns, -2.0))
+    assert 0 < (slope * turns > 2.0).sum() < 7
+    z = np.array([0.5, 0.8]) * np.exp(2.8j)
+    missed = spiral.beyond(z - 1, np.array([2.8, 2.8]), 4e-3)
+    assert missed == pytest.approx(np.maximum(np.log(np.abs(z)) + np.log(50) * 4 / 50, np.log(np.abs(z)) + slope * 2.8))
+    assert bound.beyond(z - 1, np.zeros(2), 4e-3) == pytest.approx(np.log(np.abs(z)) + np.log(50) * 4 / 50)
+    assert Bound(bounded=True).beyond(z - 1, np.zeros(2), 4e-3) == pytest.approx(np.abs(z) - 1)
+
+
+@pytest.mark.parametrize(
+    ("bound", "refused"),
+    [
+        (Bound(times=(("settling", 1.0),)), "expected radius in its place, found settling"),
+        (Bound(damped=Damped(0.5, slower_than=0.1)), "expected all modes, found slower_than"),
+        (Bound(gains=(GainBound("f_h", "x", 1.0, (1.0, 5.0)),)), "expected a gain at all frequencies, found band_hz"),
+        (Bound(radius=0.9, damped=Damped(0.5), gains=(GainBound("f_h", "x", 1.0, None),)), ""),
+    ],
+)
+def test_along_a_rate_what_is_in_seconds_is_refused(bound, refused):
+    if not refused:
+        assert bound.refuse_rates("rates.fast_hz") is None
+        return
+    with pytest.raises(UsageError, match=rf"rates.fast_hz changes the time of a frame: {refused}; or list"):
+        bound.refuse_rates("rates.fast_hz")
+
+
+def test_modes_that_conserve_are_on_the_circle_where_each_is_alone_with_its_image():
+    turn = np.exp(1j * np.array([0.5, 1.5, 2.5]))
+    z = np.stack([turn, turn, turn, np.array([1.2, 1 / 1.2, 1j]), np.array([0.3, 0.5, 1j]), np.array([1.01, 1 / 1.01, 1j])])
+    radius = np.array([[0.1] * 3, [0.4, 0.6, 0.1], [0.1, 0.1, 1.2], [0.01] * 3, [0.3, 0.3, 0.01], [0.015, 0.015, 0.01]])
+    circle = RequiredCircle()
+    found = circle.label(z - 1, radius, circle.room(z - 1))
+    assert found.tolist() == [GOOD, OPEN, OPEN, BAD, GOOD, OPEN]
+    apart = 2 * np.sin(0.5)
+    assert circle.room(turn[None] - 1) == pytest.approx(np.full((1, 3), apart / 2.5))
+    assert circle.room(np.array([[0.1, 5.0]]) - 1) == pytest.approx(np.array([[0.05, 4.9 / 2.5]]))
+    rotation = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    held = np.block([[rotation, np.zeros((2, 1))], [np.ones((1, 2)), np.zeros((1, 1))]])  # a value that is held
+    circle.refuse(held[None] - np.eye(3))
+    with pytest.raises(UsageError, match="expected a loop that conserves"):
+        circle.refuse(0.999 * rotation[None] - np.eye(2))
+
+
+def test_eigenvalues_at_zero_have_vectors_that_are_apart():
+    """Of a chain of three held values beside a mode at 0.5: eigenvectors of the chain would all be the same."""
+    A = np.diag([1.0, 1.0, 0.0], 1) + np.diag([0.0, 0.0, 0.0, 0.5])
+    A[0, 3] = 2.0
+    delta, V = eigenvectors(A[None] - np.eye(4), 1e-3)
+    assert np.sort(np.abs(1 + delta[0])) == pytest.approx([0, 0, 0, 0.5], abs=1e-9)
+    assert np.linalg.cond(V[0]) < 20
+    triangle = np.linalg.solve(V[0], A @ V[0])
+    assert np.tril(triangle, -1) == pytest.approx(np.zeros((4, 4)), abs=1e-12)
+
+
+def test_a_mode_of_a_negative_eigenvalue_needs_no_ratio_of_pairs_and_a_pair_must_not_become_real():
+    spiral = Spiral(0.5, gone=1e-9, pairs=True, ticks=1)
+    z = np.array([[-0.6, 0.9], [-0.6, -0.62], [-0.5 + 0.05j, -0.5 - 0.05j]])
+    room = spiral.room(z - 1)
+    assert room[0] == pytest.approx([0.4, 0.9 * -np.expm1(np.log(0.9) * np.sqrt(0.75))])
+    assert spiral.label(z - 1, np.full((3, 2), 0.005), room).tolist() == [GOOD, GOOD, BAD]
+    assert spiral.label(z - 1, np.full((3, 2), 0.03), room).tolist() == [GOOD, OPEN, BAD]
+    assert room[2] == pytest.approx([0.05, 0.05])
+    assert replace(spiral, pairs=False).label(z - 1, np.full((3, 2), 0.005), room).tolist() == [BAD, BAD, BAD]
