@@ -4,6 +4,7 @@ import tomllib
 import warnings
 from contextlib import suppress
 from copy import deepcopy
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -14,8 +15,10 @@ from support.drawn import ARM
 
 from wavesweep import UsageError, load
 from wavesweep.engine.doubts import words
-from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
+from wavesweep.margins import figure, library
+from wavesweep.margins.broken_loops import broken_at, cuts_of, factor_at, lines_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
+from wavesweep.margins.section import sections
 from wavesweep.program.api import compile as compiled
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
@@ -324,3 +327,92 @@ def test_a_loop_without_states_has_the_margins_of_its_gain():
         assert found["complementary"] == pytest.approx(abs(L / (1 + L)), rel=1e-8)
         assert found["disk"] == pytest.approx(2 * min(1, abs((1 + L) / (1 - L))), rel=1e-6)
         assert (lines_at(broken, margins_of(broken)[0]) >= 0).any()
+
+
+OF_TWO = np.array(
+    [-np.exp(-1j * np.pi / 3), 0.5 + 0.5j, 1e-9]
+)  # eigenvalues of a return ratio; the last is of what nobody reads
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "L"),
+    [
+        ("phase", 60.0, OF_TWO[0]),
+        ("phase", 135.0, OF_TWO[1]),
+        ("sensitivity", 9.0, OF_TWO[0]),
+        ("complementary", 9.0, OF_TWO[0]),
+        ("disk", 9.0, OF_TWO[0]),
+        ("gain_up", 2.5, -1 / 2.5),
+    ],
+)
+def test_the_factor_of_a_margin_puts_the_eigenvalue_that_sets_it_at_minus_one(name, value, L):
+    broken = SimpleNamespace(period=0.1, response=lambda theta: OF_TWO if theta == 2.0 else OF_TWO[2:])
+    assert factor_at(name, value, 20.0, broken) == pytest.approx(-1 / L)
+    assert factor_at(name, value, np.nan, broken) is None
+    if name != "gain_up":
+        assert factor_at(name, value, 1.0, broken) is None  # nothing comes back
+
+
+def test_a_loop_is_cut_first_at_a_rare_signal_of_a_controller_that_a_plant_reads():
+    """And no more often than 200 times in a frame."""
+    block = {"plant": {"type": "tf", "num": [1], "den": [1, 1]}, "fast": {"type": "gain"}, "slow": {"type": "hold", "every": 4}}
+    block |= {"filter": {"type": "lowpass", "cutoff_hz": 1}, "shown": {"type": "gain"}}
+    wire = {
+        "plant.u": "fast.y + slow.y",
+        "fast.u": "-filter.y",
+        "slow.u": "-plant.y",
+        "filter.u": "plant.y",
+        "shown.u": "fast.y",
+    }
+    spec = {"rates": {"tick_hz": 10}, "block": block, "wire": wire}
+    unheard = {"fast.u": "-filter.y + 0*shown.y", "plant.u": "slow.y"}
+    with pytest.raises(UsageError, match="which does not come back to itself"):
+        broken_at(load(spec | {"wire": wire | unheard}), "shown.y")
+    assert cuts_of(load(spec)) == ["slow.y", "fast.y", "filter.y", "plant.y"]
+    spec["block"]["slow"]["every"] = 201
+    assert cuts_of(load(spec)) == ["slow.y"]
+    with pytest.raises(UsageError, match=r"made at most 200 times in a frame, found 'fast.y': 201 times"):
+        broken_at(load(spec), "fast.y")
+
+
+@pytest.mark.parametrize(
+    ("text", "clock"),
+    [("slow.y", (4, 1)), ("slow.y + plant.y", (2, 1)), ("other.y + slow.y", (2, 1)), ("plant.y", (2, 1))],
+)
+def test_a_block_for_a_named_signal_runs_with_what_it_reads_or_else_with_what_reads_it(text, clock):
+    block = {"plant": {"type": "tf", "num": [1], "den": [1, 1]}, "slow": {"type": "hold", "every": 4, "phase": 1}}
+    block |= {"other": {"type": "hold", "every": 2}, "reader": {"type": "hold", "every": 2, "phase": 1}}
+    wire = {"plant.u": "-reader.y", "slow.u": "plant.y", "other.u": "plant.y", "reader.u": "sent"}
+    tables = {"rates": {"tick_hz": 10}, "block": block, "wire": wire, "signals": {"sent": text}}
+    spec, output = with_block(load(tables), "sent")
+    assert output == "cut_at_sent.y"
+    own = spec.tables()["block"]["cut_at_sent"]
+    assert (own.get("every", 1), own.get("phase", 0)) == clock
+
+
+def test_a_report_has_a_section_for_each_signal_that_a_spec_asks_about():
+    def told(spec, cut=""):
+        return [(title, command) for title, command, _ in sections(spec, cut)]
+
+    spec = sampled([1], [1, 1], 10)
+    assert told(load(spec)) == [("Margins", "margins {} --cut c.y")]
+    assert told(load(spec), "plant.y") == [("Margins", "margins {} --cut plant.y")]
+    with pytest.raises(UsageError, match=r"found 'c\.u'"):
+        told(load(spec), "c.u")
+    spec["block"]["c"]["k"] = "k"
+    asked = [{"cut": "plant.y", "Ms": 2.0}, {"cut": "c.y", "Ms": 2.0}]
+    both = load(
+        spec | {"numbers": {"k": 1.0}, "sweep": {"along": "k", "k": {"start": 0, "stop": 2}, "require": {"margins": asked}}}
+    )
+    assert told(both) == [(f"Margins at {cut}", f"margins {{}} --cut {cut}") for cut in ("plant.y", "c.y")]
+
+
+def test_a_family_of_curves_is_drawn_for_several_values_alone(monkeypatch):
+    families = []
+    monkeypatch.setattr(figure, "margins", lambda _columns, _facts, family: families.append(family))
+    monkeypatch.setattr(library, "drawn_into", lambda _ax, draw, **_options: draw())
+    spec = sampled([1], [1, 1], 10) | {"numbers": {"k": 1.0}}
+    spec["block"]["c"]["k"] = "k"
+    for axes in ({}, {"k": [0.5, 2.0]}):
+        compiled(load(spec)).plot_margins("c.y", **axes)
+    assert [[name for name, _ in family] for family in families] == [[], ["k = 0.5", "k = 2"]]
