@@ -1,9 +1,18 @@
-"""What is said of units of frames in which forms are looked for."""
+"""Parts of contact against calculations of their own: units, reaches of multipliers, motions, and what rows record."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tests.contact.test_proof import SLOW, any_multiplier, sampled_device, wall_loop
+from wavesweep.contact import rows
+from wavesweep.contact.motions import motion_at
+from wavesweep.contact.multipliers import LAGS, Sampled
+from wavesweep.contact.rows import LINEAR, Row
 from wavesweep.contact.stored_search import WallSamples
+from wavesweep.contact.wall_loop import WallsAlong
+from wavesweep.program.tables.refuters import Refuters
 
 
 @pytest.mark.parametrize("drifts", [False, True])
@@ -22,3 +31,105 @@ def test_units_change_no_product(drifts):
     np.testing.assert_allclose(products[0] * unit, products[1], rtol=1e-12)
     np.testing.assert_allclose(scaled.moved[:, :, 3] * units, moved[:, :, 3], rtol=1e-12)
     assert abs(scaled.moved[:, :3, 3]).max() < 10
+
+
+@pytest.mark.parametrize(("index", "fixed"), [(0, 1.5), (1, 60.0)])
+def test_a_multiplier_reaches_as_far_as_it_serves_and_a_motion_is_one_of_the_loop(index, fixed):
+    """By the sampled mass alone: `1 + L` is `1 - K x - B v` of the responses to the wall's force."""
+    walls = WallsAlong(wall_loop(SLOW), index, fixed)
+    A, b = sampled_device()
+
+    def opened(value, angles):
+        K, B = (value, fixed) if index == 0 else (fixed, value)
+        z = np.exp(1j * angles)
+        x, v = np.linalg.solve(z[:, None, None] * np.eye(2) - A, np.broadcast_to(-b[:, None] + 0j, (angles.size, 2, 1)))[
+            ..., 0
+        ].T
+        return 1 - K * x - B * v
+
+    sampled = Sampled.of(walls.loop, np.array([1.234, 4.0]))
+    assert 1.234 in sampled.angles
+    assert sampled.angles.max() <= np.pi
+    (wall,) = walls.at(2.0)
+    assert sampled.opened(wall) == pytest.approx(opened(2.0, sampled.angles), rel=1e-6)
+    rng, limited, places = np.random.default_rng(4), 0, np.linspace(-50, 400, 91)
+    for _ in range(20):
+        multiplier = any_multiplier(rng)
+        least = [(multiplier.at(sampled.angles) * opened(value, sampled.angles)).real.min() for value in places]
+        low, high = sampled.reach(multiplier, walls)
+        serves = places[np.array(least) > 0]
+        if serves.size and -45 < low < high < 395:
+            limited += 1
+            assert low < serves[0] < low + 5.001
+            assert high - 5.001 < serves[-1] < high
+    assert limited > 3
+    best, margin = sampled.multiplier(walls.at(1.0, 3.0))
+    shares = []
+    for wall in walls.at(1.0, 3.0):
+        lifted = opened(wall[index], sampled.angles)
+        sizes = 1 + np.abs(sampled.responses) @ wall + wall[0] * abs(sampled.residue)
+        shares.append((best.at(sampled.angles) * lifted).real / np.minimum(np.abs(lifted), sizes))
+    assert np.min(shares) == pytest.approx(margin, rel=1e-4)
+    assert margin > 0
+    assert best.before.size == best.after.size == LAGS
+    assert min(best.before.min(), best.after.min()) >= 0
+    assert best.before.sum() + best.after.sum() < 1
+    motion = motion_at(walls, 900.0 if index == 0 else 40.0)
+    period = motion.force.size
+    turns = 2 * np.pi * np.arange(1, period) / period
+    parts = np.fft.fft(motion.reading - motion.force)[1:] / np.fft.fft(motion.force)[1:]
+    shown = np.abs(np.fft.fft(motion.force)[1:]) > 1e-3 * period
+    assert parts[shown] == pytest.approx(-opened(motion.value, turns)[shown], rel=1e-6)
+    assert motion.push == pytest.approx(motion.force.mean())
+    order = np.argsort(motion.reading)
+    rise = np.diff(motion.force[order])
+    assert ((rise >= 0) & (rise <= np.diff(motion.reading[order]))).all()
+    assert motion_at(walls, 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("interval", "motion", "expected"),
+    [
+        ((0.0, 100.0), None, (0.0, 99.98, np.nan, 100.0, LINEAR)),  # to the end of the linear loop
+        ((0.0, 100.0), 120.0, (0.0, 99.98, np.nan, 120.0, "a wall")),
+        ((0.0, 500.0), None, (0.0, 500.0, np.nan, np.nan, "")),  # to the end of what is looked at
+        ((10.0, 500.0), None, (10.098, 500.0, 10.0, np.nan, "")),
+    ],
+)
+def test_a_row_is_a_stretch_in_a_linear_interval_and_what_refutes_beyond_it(monkeypatch, interval, motion, expected):
+    line = SimpleNamespace(walls=None, stretch=lambda low, high: SimpleNamespace(low=low, high=high))
+
+    class Found:
+        value = motion
+
+        def __str__(self):
+            return "a wall"
+
+    monkeypatch.setattr(rows, "motion_beyond", lambda _walls, end, _limit: Found() if motion and end > 50 else None)
+    row = rows._row(line, interval, (0.0, 500.0))
+    low, high, below, beyond, said = expected
+    assert row[:4] == pytest.approx((low, high, below, beyond), nan_ok=True)
+    assert row.refuters == Refuters(LINEAR if interval[0] else "", said)
+    line.stretch = lambda _low, _high: None
+    assert rows._row(line, interval, (0.0, 500.0)) is None
+
+
+def test_records_say_what_is_open_and_why_there_is_nothing():
+    span = (0.0, 500.0)
+    settled = Row(10.0, 100.0, 9.5, 100.9, Refuters("b", "c"))
+    wide = Row(10.0, 100.0, np.nan, 101.1, Refuters("", "c"))
+    ends = Row(0.0, 500.0, np.nan, np.nan, Refuters("", ""))
+    found = rows._recorded([settled, wide, ends], "", span, "numbers.wall.K")
+    assert found["low"].tolist() == [10, 10, 0]
+    assert found["high"].tolist() == [100, 100, 500]
+    np.testing.assert_equal(found["fails_below"], [9.5, np.nan, np.nan])
+    np.testing.assert_equal(found["fails_from"], [100.9, 101.1, np.nan])
+    assert found["settled"].tolist() == [True, False, True]
+    assert found["left_open"].tolist() == ["", "within wall.K 0 to 10 and 100 to 101.1", ""]
+    assert found["certified"].all()
+    (nothing,), (refuted,) = rows._recorded([], "", span), rows._recorded([], "unstable", span)
+    assert [(row["intervals"], row["certified"], row["doubt"] > 0, row["settled"]) for row in (nothing, refuted)] == [
+        (0, False, True, False),
+        (0, True, False, True),
+    ]
+    assert refuted["counterexample"] == "unstable"
