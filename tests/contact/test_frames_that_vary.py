@@ -195,8 +195,7 @@ def test_a_wall_before_a_spring_is_proved_from_soft_to_stiff():
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "said"),
-    [(139.0, "proved"), (142.0, "unknown"), (144.0, "a wall, in frames of 33"), (150.0, "the linear")],
+    ("stiffness", "said"), [(139.0, "proved"), (142.0, "unknown"), (144.0, "a wall, in frames of 33"), (150.0, "the linear")]
 )
 def test_the_verdict_on_a_wall_while_frames_vary(stiffness, said):
     """Proved by forms that know the next frame; the nearest of what refutes is a motion, and farther on
@@ -267,10 +266,7 @@ def drawn(share, first):
             "c": {"type": "hold", "every": "n"},
         },
         "wire": {"dv.u": "x.x", "c.u": "share*(K*x.x + Bw*dv.y)", "x.f": "push - c.y/share"},
-        "ports": {
-            "wall": {"stiffness": "K", "damping": "Bw"},
-            "hand": {"force": "push", "displacement": "x.x"},
-        },
+        "ports": {"wall": {"stiffness": "K", "damping": "Bw"}, "hand": {"force": "push", "displacement": "x.x"}},
         "for_all": {"contact": True, "n": {"values": [3, 14], "varying": True}},
         "sweep": {"along": "K", "K": {"start": 0, "stop": 4000}},
     }

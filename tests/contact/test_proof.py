@@ -20,11 +20,7 @@ from wavesweep.program.sweep.grid import own_loop
 
 WALL = ("environment.K_VE", "environment.B_VE")
 MASS, DAMPING, PERIOD = 0.1, 1.5, 0.02
-SLOW = {
-    "controller": {"kind": "dc-slow"},
-    "device": {"mass": MASS, "damping": DAMPING},
-    "rates": {"ratio": 20},
-}
+SLOW = {"controller": {"kind": "dc-slow"}, "device": {"mass": MASS, "damping": DAMPING}, "rates": {"ratio": 20}}
 FIG4 = {
     "controller": {"kind": "pmw", "b": 10.0},
     "environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0},

@@ -24,15 +24,9 @@ PIECES = FIG4 | {"controller": {"kind": "pmw", "b": 20.0}, "environment": FIG4["
 DRAWN = {
     "rates": {"tick_hz": 1000},
     "numbers": {"k": 100.0, "b": 0.3},
-    "block": {
-        "handle": {"type": "mass", "mass": 0.1, "damping": 1.5},
-        "wall": {"type": "hold", "every": 20},
-    },
+    "block": {"handle": {"type": "mass", "mass": 0.1, "damping": 1.5}, "wall": {"type": "hold", "every": 20}},
     "wire": {"wall.u": "k*handle.x + b*handle.v", "handle.f": "f_h - wall.y"},
-    "ports": {
-        "hand": {"force": "f_h", "displacement": "handle.x"},
-        "wall": {"stiffness": "k", "damping": "b"},
-    },
+    "ports": {"hand": {"force": "f_h", "displacement": "handle.x"}, "wall": {"stiffness": "k", "damping": "b"}},
     "sweep": {"k": {"start": 0, "stop": 2000}},
 }
 
@@ -148,10 +142,7 @@ def test_what_the_proof_is_not_about_is_refused(tables, more, text):
     assert text in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "damping", "expected"),
-    [(430, 0, "proved"), (450, 0, "refuted"), (1300, 5, "refuted")],
-)
+@pytest.mark.parametrize(("stiffness", "damping", "expected"), [(430, 0, "proved"), (450, 0, "refuted"), (1300, 5, "refuted")])
 def test_the_verdict_on_the_own_wall(stiffness, damping, expected):
     wall = {"K_VE": stiffness, "B_VE": damping}
     spec = spec_of({**FIG4, "environment": {**FIG4["environment"], **wall}})

@@ -18,11 +18,7 @@ ARM = {
         "amp": {"type": "saturation", "high": 3.0, "every": 5},
         "hold": {"type": "hold", "every": 5},
     },
-    "wire": {
-        "amp.u": "kp*(ref - arm.x) - kd*arm.v",
-        "hold.u": "amp.y",
-        "arm.f": "hold.y",
-    },
+    "wire": {"amp.u": "kp*(ref - arm.x) - kd*arm.v", "hold.u": "amp.y", "arm.f": "hold.y"},
     "ports": {"inputs": {"ref": "ref"}, "outputs": {"angle": "arm.x"}},
     "sweep": {"kp": {"start": 0, "stop": 500}},
     "for_all": {"contact": True},

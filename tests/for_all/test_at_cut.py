@@ -145,11 +145,7 @@ def test_an_end_that_the_factor_of_one_margin_sets_is_narrowed_by_those_of_other
             "expected margins, radius, settling and time_constant alone beside .for_all., found damping_ratio",
         ),
         ({"margins": {"cut": "c.y", "Ms": 2}, "rms": {"from": "push", "to": "x", "at_most": 1}}, {}, "found rms"),
-        (
-            {"radius": 0.999},
-            {"n": {"values": [5, 6], "varying": True}},
-            "found frames or messages that vary",
-        ),
+        ({"radius": 0.999}, {"n": {"values": [5, 6], "varying": True}}, "found frames or messages that vary"),
         (
             {"margins": {"cut": "c.y", "Ms": 2}},
             {"n": {"values": [5, 6], "varying": True}},

@@ -117,11 +117,7 @@ def test_nothing_at_rest_depends_on_a_key_of_motion(kind, key):
         "notch": {"frequency_hz": 40.0, "q": 1.0, "depth": 0.2},
         "pid": {"kp": 2.0, "kd": 0.1, "tau": 0.01},
     }[kind]
-    wires = {
-        "mass": ("f", "x"),
-        "inertia": ("f", "x"),
-        "spring": ("x1", "f1"),
-    }
+    wires = {"mass": ("f", "x"), "inertia": ("f", "x"), "spring": ("x1", "f1")}
     into, out_of = wires.get(kind, ("u", "y"))
     found = []
     for factor in (1.0, 0.6):

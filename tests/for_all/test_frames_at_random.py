@@ -98,10 +98,7 @@ def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "march", "shares"),
-    [("dc-slow", dc_slow, CHAIN), ("pmw", pmw, SHARES)],
-)
+@pytest.mark.parametrize(("kind", "march", "shares"), [("dc-slow", dc_slow, CHAIN), ("pmw", pmw, SHARES)])
 def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, shares):
     given = {"shares": shares} if np.ndim(shares) == 1 else {"next": shares}
     (found,) = found_of(built_in(kind, LENGTHS, **given), "environment.K_VE")

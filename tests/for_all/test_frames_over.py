@@ -126,10 +126,7 @@ FILTERED = {
 }
 
 
-@pytest.mark.parametrize(
-    ("number", "ends", "own_units"),
-    [("share", (0.3, 0.4999), True), ("f", (90.0, 110.0), False)],
-)
+@pytest.mark.parametrize(("number", "ends", "own_units"), [("share", (0.3, 0.4999), True), ("f", (90.0, 110.0), False)])
 def test_states_of_a_filter_have_own_units_but_where_they_drift_with_others_by_a_fixed_factor(number, ends, own_units):
     """Nothing holds the mass, and the filter's states follow it: by factors that depend on its share of the rate alone."""
     loop = own_loop(load(FILTERED))

@@ -40,10 +40,7 @@ def test_the_check_takes_probabilities_and_norms_alone(P, weight, holds):
     assert shrink_on_average(Norms(np.full((1, 1, 1), P), graph), weight, E, np.zeros_like(E)) is holds
 
 
-@pytest.mark.parametrize(
-    ("weight", "holds"),
-    [([0.78, 0.22], True), ([0.77, 0.23], False), ([0.78 - 1e-9, 0.22], False)],
-)
+@pytest.mark.parametrize(("weight", "holds"), [([0.78, 0.22], True), ([0.77, 0.23], False), ([0.78 - 1e-9, 0.22], False)])
 def test_the_check_over_a_range_is_of_its_worst_number(weight, holds):
     """`x+ = 0` or `(2 + 0.1 s) x` with probability p, for s from -1 to 1: `p 2.1^2 < 1`, in the form 1."""
     graph = Graph(np.zeros(2, int), np.arange(2), np.zeros(2, int))

@@ -11,12 +11,7 @@ from wavesweep.engine._switched import patterns
 from wavesweep.engine.errors import UsageError
 from wavesweep.for_all import message_rings
 from wavesweep.for_all.channel_families import channels_of
-from wavesweep.for_all.message_patterns import (
-    growing_pattern,
-    messages_of,
-    nearest_pattern,
-    realised,
-)
+from wavesweep.for_all.message_patterns import growing_pattern, messages_of, nearest_pattern, realised
 from wavesweep.for_all.message_rings import ring_of_messages
 from wavesweep.for_all.ring_search import bracket_ring, decide_ring
 from wavesweep.program.spec import load

@@ -433,10 +433,7 @@ def test_what_a_constant_member_refutes_everywhere_needs_no_proof_beside_a_range
         "environment": {"integration": "explicit", "delay": "frame", "B_VE": 2.0},
         "controller": {"kind": "dc-vc", "K_VC": 250.0, "B_VC": 6.0},
         "sweep": {"K_VE": {"start": 0, "stop": 1000}},
-        "for_all": {
-            "device.mass": {"start": 0.184985, "stop": 0.185008},
-            "rates.ratio": {"values": [11, 34], "varying": True},
-        },
+        "for_all": {"device.mass": {"start": 0.184985, "stop": 0.185008}, "rates.ratio": {"values": [11, 34], "varying": True}},
     }
     row = {name: column[1] for name, column in intervals(load(spec), jobs=1).columns.items()}
     assert row["certified"]

@@ -59,10 +59,7 @@ def test_delays_of_the_table_take_the_place_of_the_next_frame(lost):
 DRAWN = {
     "rates": {"tick_hz": 1000},
     "numbers": {"n": 4, "k": 1.0},
-    "block": {
-        "x": {"type": "mass", "mass": 1, "damping": 1, "stiffness": 1},
-        "h": {"type": "hold", "every": "n/2"},
-    },
+    "block": {"x": {"type": "mass", "mass": 1, "damping": 1, "stiffness": 1}, "h": {"type": "hold", "every": "n/2"}},
     "wire": {"x.f": "push - k*h.y", "h.u": "x.x"},
     "ports": {"inputs": {"push": "push"}, "outputs": {"place": "x.x"}},
     "sweep": {"along": "k", "k": {"start": 0, "stop": 2000}},

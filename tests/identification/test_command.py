@@ -29,6 +29,8 @@ def test_a_short_log_of_a_device_without_friction_has_its_numbers(wavesweep, tmp
     position = marched(0.1, 0.7, force, 1.25, 0.0, 0.0) + 1e-6 * random.standard_normal(200)
     columns = np.c_[np.arange(200) / RATE, force, position]
     np.savetxt("log.csv", columns, delimiter=",", header="time,force,position", comments="", fmt="%.12g")
+    assert wavesweep("identify", "log.csv", "--out", "no/device.toml")[0] == 2
+    assert not Path("results").exists()
     code, out, err = wavesweep("identify", "log.csv", "--out", "device.toml", "--no-plot", "--json")
     assert code == 0, err
     found = json.loads(out)
@@ -74,10 +76,7 @@ def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep
 
 
 @pytest.mark.slow
-def test_what_is_missing_is_said_and_a_spec_of_somebody_else_stays(wavesweep, pushed):
-    Path("mine.toml").write_text('controller.kind = "dc"\n')
-    code, _, err = wavesweep("identify", pushed, "--out", "mine.toml", "--no-plot")
-    assert (code, "mine.toml: found a spec that identify did not write; give --overwrite" in err) == (2, True)
+def test_what_is_missing_is_said(wavesweep, pushed):
     code, _, err = wavesweep("identify", pushed, "--no-plot")
     assert code == 0
     assert (

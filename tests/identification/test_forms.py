@@ -4,9 +4,10 @@ import re
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.identification.log import read_log
+from wavesweep.identification.log import _slope, read_log
 from wavesweep.identification.points import read_response
 
 TIMES = np.arange(60) / 1000
@@ -78,3 +79,12 @@ def test_columns_of_a_response_may_be_named(tmp_path):
     assert np.abs(found.admittance) == pytest.approx(1 / hertz)
     with pytest.raises(UsageError, match="expected a column W, found w, H, phi"):
         read_response(path, columns=columns | {"frequency_hz": "W"})
+
+
+def test_the_period_of_stamps_that_are_late_in_a_row_has_the_interval_of_what_is_alike():
+    """Lateness of an autoregression of 0.8: its mean is off by 3 times as much as that of as many single ones."""
+    late = lfilter([1], [1, -0.8], 1e-5 * np.random.default_rng(0).standard_normal(4000))
+    period, half = _slope(5.0 + 1e-3 * np.arange(4000) + late)
+    expected = 2 * 3 * late.std() / np.sqrt(4000**3 / 12) / 1e-3
+    assert half == pytest.approx(expected, rel=0.05)
+    assert abs(period / 1e-3 - 1) < half

@@ -125,3 +125,14 @@ def test_noise_in_place_of_a_response_is_refused(tmp_path):
     np.savetxt(tmp_path / "noise.csv", rows, delimiter=",", header=SIZES, comments="")
     with pytest.raises(UsageError, match="that no numbers fit"):
         wavesweep.identify(tmp_path / "noise.csv")
+
+
+@pytest.mark.parametrize(
+    ("delay", "expected"), [(1100.0, "at most half of the rows, 500 ticks"), (-1000.0, "a number from 1e-30 to 1e\\+30, or 0")]
+)
+def test_a_delay_beyond_the_log_is_refused(delay, expected, tmp_path):
+    path = tmp_path / "log.csv"
+    rows = np.c_[np.arange(1000) / 1000, np.sin(np.arange(1000) / 9), np.sin(np.arange(1000) / 11)]
+    np.savetxt(path, rows, delimiter=",", header="time,force,position", comments="")
+    with pytest.raises(UsageError, match=rf"--delay: expected {expected}, found {delay:g}"):
+        wavesweep.identify(path, delay=delay)

@@ -119,15 +119,17 @@ def test_friction_within_a_tick_is_that_of_a_fine_march():
     assert friction_gain / force_gain * log.pushed == pytest.approx(friction, rel=0.02)
 
 
-@pytest.mark.parametrize("measured", ["position", "velocity"])
+@pytest.mark.parametrize("measured", ["position", "velocity", "acceleration"])
 def test_the_mass_of_a_gain_is_in_kg(measured):
     """A force on a mass of 0.4 kg alone, held over ticks of 2 ms."""
     mass, period = 0.4, 2e-3
     force = np.random.default_rng(3).standard_normal(300)
     v = np.concatenate([[0.0], np.cumsum(force[:-1])]) * period / mass
     x = np.concatenate([[0.0], np.cumsum(v[:-1] * period + force[:-1] * period**2 / (2 * mass))])
-    log = scaled(Model(measured=measured), force, x if measured == "position" else v, period, 0.0)
-    found = {"rate": 0.0, "square": 0.0, "delay": 0.0, "white": WHITE, "drift": DRIFT}
+    reading = {"position": x, "velocity": v, "acceleration": np.diff(v, prepend=0.0) / period}[measured]
+    log = scaled(Model(measured=measured), force, reading, period, 0.0)
+    forces = (measured != "acceleration") * np.array([WHITE, DRIFT])  # which an accelerometer does not tell from its noise
+    found = {"rate": 0.0, "square": 0.0, "delay": 0.0, "white": forces[0], "drift": forces[1]}
     _, errors, effects = errors_of(log, found, 4)
     assert np.exp(theta_of(log, found, projected(errors, effects)[0])[0]) == pytest.approx(mass, rel=1e-6)
 

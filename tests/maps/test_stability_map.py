@@ -23,11 +23,7 @@ DRIVE = {
         "slow": {"type": "gain", "k": "K", "every": 5},
         "integral": {"type": "integrator", "method": "implicit"},
     },
-    "wire": {
-        "slow.u": "-load.x",
-        "integral.u": "slow.y - load.v",
-        "load.f": "k*(slow.y - load.v + integral.y/T)",
-    },
+    "wire": {"slow.u": "-load.x", "integral.u": "slow.y - load.v", "load.f": "k*(slow.y - load.v + integral.y/T)"},
     "sweep": {
         "along": "k",
         "k": {"start": 5.0, "stop": 8000.0, "scale": "log"},

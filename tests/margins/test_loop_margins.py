@@ -376,8 +376,7 @@ def test_a_loop_is_cut_first_at_a_rare_signal_of_a_controller_that_a_plant_reads
 
 
 @pytest.mark.parametrize(
-    ("text", "clock"),
-    [("slow.y", (4, 1)), ("slow.y + plant.y", (2, 1)), ("other.y + slow.y", (2, 1)), ("plant.y", (2, 1))],
+    ("text", "clock"), [("slow.y", (4, 1)), ("slow.y + plant.y", (2, 1)), ("other.y + slow.y", (2, 1)), ("plant.y", (2, 1))]
 )
 def test_a_block_for_a_named_signal_runs_with_what_it_reads_or_else_with_what_reads_it(text, clock):
     block = {"plant": {"type": "tf", "num": [1], "den": [1, 1]}, "slow": {"type": "hold", "every": 4, "phase": 1}}

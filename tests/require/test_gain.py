@@ -30,10 +30,7 @@ INTEGRATOR = {
     "numbers": {"K": 10.0},
     "block": {"p": {"type": "tf", "num": [1], "den": [1, 0]}},
     "wire": {"p.u": "K*(ref - p.y - dist)"},
-    "ports": {
-        "inputs": {"dist": "dist", "ref": "ref"},
-        "outputs": {"error": "p.y + dist", "own": "p.y"},
-    },
+    "ports": {"inputs": {"dist": "dist", "ref": "ref"}, "outputs": {"error": "p.y + dist", "own": "p.y"}},
     "sweep": {"along": "K", "K": {"start": -5, "stop": 250}},
 }
 
@@ -44,8 +41,7 @@ def bounded(source, signal, level, **more):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("source", "signal", "level", "end"),
-    [("dist", "error", 1.7, (2 - 2 / 1.7) / T), ("dist", "error", 1e4, (2 - 2e-4) / T)],
+    ("source", "signal", "level", "end"), [("dist", "error", 1.7, (2 - 2 / 1.7) / T), ("dist", "error", 1e4, (2 - 2e-4) / T)]
 )
 def test_the_sensitivities_of_an_integrator_have_closed_forms(source, signal, level, end):
     """`(z - 1)/(z - 1 + K T)` and `K T/(z - 1 + K T)`, both largest at z = -1."""

@@ -35,10 +35,7 @@ INTEGRATOR = {
 STIFF = {
     "rates": {"tick_hz": 10},
     "numbers": {"K": 0.3},
-    "block": {
-        "x": {"type": "mass", "mass": 1.0, "damping": 13.0, "stiffness": 22.0},
-        "h": {"type": "delay", "steps": 3},
-    },
+    "block": {"x": {"type": "mass", "mass": 1.0, "damping": 13.0, "stiffness": 22.0}, "h": {"type": "delay", "steps": 3}},
     "wire": {"h.u": "x.x", "x.f": "ref - 100*K*h.y"},
     "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "x.x"}},
 }
