@@ -65,14 +65,21 @@ def cut_integrator(every, slow):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("every", "slow", "margins", "end"),
-    [(1, 1, {"Ms": 1.7}, 2 - 2 / 1.7), (4, 1, {"disk": 0.5, "Ms": 1.25}, 0.4)],
-)  # fmt: skip
-def test_margins_at_a_cut_are_those_of_its_own_samples(every, slow, margins, end):
-    """`S = (z - 1)/(z - 1 + s)` with s = K T every; at z = -1 it is 2/(2 - s), and `abs(S - 1/2)` is (2 + s)/(2 - s)/2."""
-    loop = wavesweep.compile(cut_integrator(every, slow))
+    ("every", "margins", "end", "set_by"),
+    [
+        (1, {"Ms": 1.7}, 2 - 2 / 1.7, "Ms"),
+        (4, {"disk": 0.5, "Ms": 1.25}, 0.4, "Ms"),
+        (1, {"gain": 2.0}, 1.0, "gain"),
+        (4, {"gain": 1.5}, 4 / 3, "gain"),
+        (1, {"phase_deg": 40.0}, 2 * np.sin(np.radians(50)), "phase"),
+    ],
+)
+def test_margins_at_a_cut_are_those_of_its_own_samples(every, margins, end, set_by):
+    """Of `L = s/(z - 1)` with s = K T every: at z = -1 it is -s/2, `S` is 2/(2 - s) and `abs(S - 1/2)` (2 + s)/(2 - s)/2; it is
+    of size 1 at sin(theta/2) = s/2, with 90 deg - theta/2 left."""
+    loop = wavesweep.compile(cut_integrator(every, 1))
     (row,) = loop.stable_intervals(require={"margins": {"cut": "c.y", **margins}}).itertuples()
-    assert (row.certified, row.low, row.low_set_by, row.high_set_by) == (True, 0, "mode", "Ms at c.y")
+    assert (row.certified, row.low, row.low_set_by, row.high_set_by) == (True, 0, "mode", f"{set_by} at c.y")
     assert row.high == pytest.approx(end / T / every, rel=1e-8)
 
 
@@ -155,19 +162,6 @@ def test_of_several_cuts_the_one_that_sets_an_end_is_named(first, second, set_by
     (row,) = wavesweep.compile(loop).stable_intervals(require={"margins": margins}).itertuples()
     assert (row.certified, row.high_set_by) == (True, set_by)
     assert row.high == pytest.approx(end / T, rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("every", "margins", "end"),
-    [(1, {"gain": 2.0}, 1.0), (4, {"gain": 1.5}, 4 / 3), (1, {"phase_deg": 40.0}, 2 * np.sin(np.radians(50)))],
-)
-def test_factors_of_an_integrator_have_closed_forms(every, margins, end):
-    """`s/(z - 1)` with s = K T every is -s/2 at z = -1, and of size 1 at sin(theta/2) = s/2, with 90 deg - theta/2 left."""
-    loop = wavesweep.compile(cut_integrator(every, 1))
-    (row,) = loop.stable_intervals(require={"margins": {"cut": "c.y", **margins}}).itertuples()
-    assert (row.certified, row.low) == (True, 0)
-    assert row.high == pytest.approx(end / T / every, rel=1e-9)
 
 
 @pytest.mark.slow
