@@ -24,6 +24,7 @@ HEADERS = {  # what is measured, whether it turns, and the factors of the column
     "t (\u03bcs),torque,Angle (°)": ("position", True, (1e-6, 1, np.pi / 180)),
     "t,tau,omega": ("velocity", True, (1, 1, 1)),
     "time_ns,F_kN,a_m/s^2": ("acceleration", False, (1e-9, 1e3, 1)),
+    "t,voltage (mV),current": ("velocity", False, (1, 1e-3, 1)),
 }
 
 
@@ -41,6 +42,7 @@ def test_a_log_is_read_by_the_names_and_units_of_its_columns(header, tmp_path):
     assert log.force == pytest.approx(PUSH * factors[1])
     assert log.reading == pytest.approx(MOTION * factors[2])
     assert len(log.taken) == sum(factor != 1 for factor in factors)
+    assert log.circuit == ("voltage" in header)
 
 
 def test_a_scale_that_is_given_takes_the_place_of_the_unit_of_a_name(tmp_path):

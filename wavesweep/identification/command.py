@@ -62,8 +62,11 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
 )
 @click.option(
     "--two-masses",
+    "--lcl",
+    "two_masses",
     is_flag=True,
-    help="Fit two masses on a spring, as of a drive with a flexible coupling: the log is of the first, which the force moves.",
+    help="Fit two masses on a spring, as of a drive with a flexible coupling: the log is of the first, which the force moves. "
+    "Of a voltage and a current: fit an LCL filter, whose other side has a voltage that does not change.",
 )
 @click.option(
     "--delay",
@@ -90,7 +93,7 @@ OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot
     multiple=True,
     metavar="NAME=COLUMN",
     help="Which column of the log is time, force, position (or torque, current, velocity, acceleration, angle, speed, "
-    "angular_acceleration), e.g. position=enc; of frames also the value that rows have, e.g. event=done. May be repeated.",
+    "angular_acceleration; voltage, charge), e.g. position=enc; of frames also the value that rows have, e.g. event=done. May be repeated.",
 )
 @click.option(
     "--scale",
@@ -127,7 +130,8 @@ def identify(
     accelerance_abs, ... (m/s^2/N) are responses of the velocity and of the acceleration.
 
     With --two-masses the device is a motor with a load on a spring; mass, damping, position and
-    velocity are the motor's.
+    velocity are the motor's. A log of a voltage (V) and the current (A) that it drives has
+    inductance and resistance of a coil; with --lcl it has those of an LCL filter, and its capacitance.
 
     With --axes x,y,z the device has several axes: a mass matrix, a damping matrix and maybe friction
     of each are fitted, and the spec has them before a flat wall of any direction.
@@ -144,6 +148,7 @@ def identify(
       wavesweep identify log.csv --resolution 2e-5 --out device.toml
       wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
       wavesweep identify log.csv --axes x,y,z --friction --out device.toml
+      wavesweep identify log.csv --column voltage=v --column current=i1 --lcl --out filter.toml
       wavesweep identify --frames times.csv --fast-hz 1000
     """
     from wavesweep.program import results

@@ -22,6 +22,15 @@ DRAWN = {
     "coupling_damping": "d",
 }
 """The numbers of the template two-mass."""
+IN_CIRCUITS = {
+    "mass": "inductance",
+    "damping": "resistance",
+    "load_mass": "second_inductance",
+    "load_damping": "second_resistance",
+    "coupling_stiffness": "capacitance",
+    "coupling_damping": "capacitor_resistance",
+}
+"""The numbers of a coil and of an LCL filter, which move as one mass, and as two on a spring."""
 STRAIGHT = (
     ("kg*m^2", "kg"),
     ("N*m*s/rad", "N*s/m"),
@@ -46,7 +55,7 @@ def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
     elif delay["value"] < -EARLY:
         low, high = (f"{delay[end]:.3g}" for end in ("low", "high"))
         yield f"the log does not tell the delay, which may be from {low} to {high} {unit}; the spec's range begins at 0"
-    for name in dict.fromkeys((*PATHS, *DRAWN)):
+    for name in dict.fromkeys((*PATHS, *DRAWN, *IN_CIRCUITS.values())):
         if name in parameters and parameters[name]["low"] < 0:
             yield f"the log allows a {name} below 0, which no device has; the spec's range begins at 0"
 
@@ -116,6 +125,8 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     It has no [for_all] if the numbers have no intervals.
     """
     parameters = facts["parameters"]
+    if "inductance" in parameters:
+        return "\n".join([*_comments(facts), _circuit(facts)])
     if "load_mass" in parameters:
         return "\n".join([*_comments(facts), _two_masses(facts)])
     if "axes" in facts:
@@ -151,9 +162,38 @@ def spec_text(facts: Mapping[str, Any]) -> str:
 
 def _several_axes(facts: Mapping[str, Any]) -> str:
     """A device of several axes before a flat wall: a template with the numbers that were found."""
-    parameters = facts["parameters"]
-    template = Path(__file__).with_name(f"axes-{len(facts['axes'])}.toml").read_text("utf-8")
-    values = {"tick_hz": float(f"{1 / facts['period_s']:.9g}")}
+    return _with_numbers(f"axes-{len(facts['axes'])}.toml", facts, facts["parameters"])
+
+
+def _circuit(facts: Mapping[str, Any]) -> str:
+    """A coil, or an LCL filter, under a PI controller of its current: a template with the numbers
+    that were found, and a first bandwidth below the filter's resonance and the delay."""
+    parameters = {}
+    for name, number in facts["parameters"].items():
+        ends = {end: number[end] and max(number[end], 0.0) for end in ("value", "low", "high")}
+        parameters[name] = number if name == "delay" else ends
+    inductances = [parameters["inductance"]["value"]]
+    bandwidth = 0.1 / facts["period_s"] / (1 + max(parameters["delay"]["value"], 0.0))
+    template = "coil.toml"
+    if "capacitance" in parameters:
+        template = "lcl.toml"
+        inductances.append(parameters["second_inductance"]["value"])
+        rates = sum(1 / inductance for inductance in inductances)
+        bandwidth = min(bandwidth, np.sqrt(rates / parameters["capacitance"]["value"]) / 10)
+    gain = f"{bandwidth * sum(inductances):.3g}"
+    first = {"kp": gain, "ki": f"{float(gain) * bandwidth / 10:.3g}", "most": 20 * float(gain)}
+    return _with_numbers(template, facts, parameters, first)
+
+
+def _with_numbers(
+    template: str,
+    facts: Mapping[str, Any],
+    parameters: Mapping[str, Any],
+    others: Mapping[str, Any] | None = None,
+) -> str:
+    """A template of this folder with the numbers that were found, and others; without its [for_all]
+    if they have no intervals."""
+    values = {"tick_hz": float(f"{1 / facts['period_s']:.9g}"), **(others or {})}
     for name, number in parameters.items():
         values |= {
             name: number["value"],
@@ -164,7 +204,10 @@ def _several_axes(facts: Mapping[str, Any]) -> str:
     if ticks is None:
         ticks = max(parameters["delay"]["value"], 0.0)
     values["delay"] = ticks * facts["period_s"]
-    text, ranges, bounds = Template(template).substitute(values).partition("[for_all]")
+    path = Path(__file__).with_name(template)
+    text, ranges, bounds = (
+        Template(path.read_text("utf-8")).substitute(values).partition("[for_all]")
+    )
     return text if withheld(parameters) else text + ranges + bounds
 
 
@@ -216,7 +259,7 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
 
 def _place_of_delay(facts: Mapping[str, Any]) -> str:
     """What has the delay in the spec."""
-    if "load_mass" in facts["parameters"] or "axes" in facts:
+    if {"load_mass", "inductance"} & {*facts["parameters"]} or "axes" in facts:
         return "tau"
     if late(facts):
         return f"device.{late(facts)}"
@@ -234,7 +277,8 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
         *(f"#     {name} {spoken(estimate)}" for name, estimate in facts["parameters"].items()),
         f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms. It is {_place_of_delay(facts)}.",
     ]
-    if _of_positions(facts) and not two and "axes" not in facts:
+    drawn = two or "axes" in facts or "inductance" in facts["parameters"]
+    if _of_positions(facts) and not drawn:
         lines.append("# The log has positions, so the velocity is that of their differences.")
     if two and not bare:
         lines.append(

@@ -34,19 +34,21 @@ def _draw_spectrum(panel: Any, columns: Columns, facts: Mapping[str, Any], unit:
 def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw an `identify` table: force, measured and fitted position, the residual with half a
     step either way, its spectrum."""
-    from wavesweep.identification.table import READ, turned
+    from wavesweep.identification.log import CURRENTS, MOTIONS
+    from wavesweep.identification.table import READ, unit_said
 
     measured = facts.get("measured", "position")
     times = columns["time_s"]
     if "axes" in facts:  # one after the other
         times = facts["period_s"] * np.arange(len(times))
-    unit = (turned(READ[measured]) if facts["turns"] else READ[measured]).replace("^2", "²")
-    angle = {"position": "angle", "velocity": "speed"} if facts["turns"] else {}
-    place = f"{angle.get(measured, measured)} ({unit})"
+    unit = unit_said(READ[measured], facts).replace("^2", "²")
+    names = CURRENTS if facts.get("circuit") else MOTIONS if facts["turns"] else {}
+    place = f"{names.get(measured, measured).replace('_', ' ')} ({unit})"
+    force = "torque (N·m)" if facts["turns"] else "force (N)"
     with figure(TWO_COLUMNS, 5.2) as canvas:
         panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
         panels[0].plot(*extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
-        panels[0].set_ylabel("torque (N·m)" if facts["turns"] else "force (N)")
+        panels[0].set_ylabel("voltage (V)" if facts.get("circuit") else force)
         look = {"color": distinct_colour(0), "linewidth": 1.6, "label": "measured"}
         panels[1].plot(*extremes(times, columns[measured]), **look)
         look = {"color": IDEAL, "linewidth": 0.8, "linestyle": "--", "label": "fitted"}

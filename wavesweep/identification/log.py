@@ -19,6 +19,9 @@ JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
+# the same of a circuit
+VOLTAGE = {"force": "voltage"}
+CURRENTS = {"velocity": "current", "position": "charge"}
 NAMES = {  # of a column, in small letters, in place of those above
     "time": (*TIME, "timestamp", "stamp", "seconds"),
     "force": ("force", "f"),
@@ -30,6 +33,8 @@ NAMES = {  # of a column, in small letters, in place of those above
     "angle": ("angle", "theta", "phi"),
     "speed": ("speed", "omega"),
     "angular_acceleration": ("angular_acceleration", "alpha"),
+    "voltage": ("voltage", "volts", "u"),
+    "charge": ("charge", "q"),
 }
 OF_AXES = (
     "fx",
@@ -47,6 +52,8 @@ UNITS = {  # of what is read; those of a coil are volt and ampere
     "angle": ("rad",),
     "speed": ("rad/s",),
     "angular_acceleration": ("rad/s^2",),
+    "voltage": ("V",),
+    "charge": ("C",),
 }
 
 
@@ -57,6 +64,7 @@ class Log:
 
     measured: what the reading is, a key of MOTIONS. period: s. start: time of the first row (s).
     turns: the force is a torque (N*m), and the reading one of an angle (rad), in place of N and m.
+    circuit: the force is a voltage (V), and the reading a current (A) or a charge (C).
     jitter: the largest deviation of a time from equal steps, in periods. sha256: of the file.
     scaled: names of the columns whose scale was given. taken: sentences on columns that have
     another unit in their names. others: what the file has as forces of other axes. period_half:
@@ -75,6 +83,7 @@ class Log:
     taken: tuple[str, ...] = ()
     others: tuple[np.ndarray, ...] = ()
     period_half: float = 0.0
+    circuit: bool = False
 
     @property
     def times(self) -> np.ndarray:
@@ -149,7 +158,7 @@ def read_log(
     """Read a log. columns: the name in the file of time, a push and a motion, where it differs.
 
     A push is a force, a torque or a current; a motion is a position, a velocity or an acceleration,
-    or an angle, a speed or an angular acceleration. Of several in the file one that `columns` names
+    or an angle, a speed or an angular acceleration. A voltage drives a current or a charge. Of several in the file one that `columns` names
     is taken, then the first in this order. scales: factors that turn the numbers of the file into
     s, N, m and so on. constant: N/A or N*m/A, of the motor with this current. Errors: UsageError
     that names the file, the line or the column, what was expected and what was found.
@@ -158,7 +167,7 @@ def read_log(
     if not any(file.names):
         expected = "expected a header and rows of numbers below it"
         raise UsageError(f"{path}: {expected}, found an empty file")
-    places, turns, used = _columns_used(path, file, columns, scales)
+    places, turns, circuit, used = _columns_used(path, file, columns, scales)
     _, push, motion = used
     _refuse_constant_of_motor(path, push, turns, constant)
     taken_columns = [places[name][0] for name in used]
@@ -173,31 +182,35 @@ def read_log(
         taken.append(said)
     _refuse_constant(path, readings, motion)
     period, jitter, period_half = _period(path, file, readings["time"])
-    measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
+    motions = CURRENTS if circuit else MOTIONS
+    measured = next(name for name, derivative in motions.items() if motion in (name, derivative))
     force = readings[push] * (1.0 if constant is None else constant)
     first = float(readings["time"][0])
     of_file = file.sha256, tuple(scales), tuple(filter(None, taken)), tuple(rows[:, len(used) :].T)
     times = period, first, turns, jitter
-    return Log(force, readings[motion], measured, *times, *of_file, period_half)
+    return Log(force, readings[motion], measured, *times, *of_file, period_half, circuit)
 
 
 def _columns_used(
     path: str | Path, file: Csv, columns: Mapping[str, str], scales: Mapping[str, float]
-) -> tuple[dict, bool, tuple[str, str, str]]:
-    """The place of each name in a file, whether it is of a turning device, and the names of time, push
-    and motion that are read. Errors: UsageError for names that are not known or not there."""
+) -> tuple[dict, bool, bool, tuple[str, str, str]]:
+    """The place of each name in a file, whether it is of a turning device, and of a circuit, and the
+    names of time, push and motion that are read. Errors: UsageError for names that are not known or not
+    there."""
     turning = {**PUSHES, **MOTIONS}
-    column_names = dict.fromkeys(["time", *turning, *turning.values()])
+    column_names = dict.fromkeys(["time", *turning, *turning.values(), "voltage", "charge"])
     _refuse_unknown(columns, scales, column_names)
     places = _places_of(file.names, column_names, columns)
     turns = _is_turning(columns, places)
-    push = _taken_name(PUSHES, turns, columns, places)
-    motion = _taken_name(MOTIONS, turns, columns, places)
+    circuit = _is_circuit(columns, places)
+    pushes, motions = (VOLTAGE, CURRENTS) if circuit else (PUSHES, MOTIONS)
+    push = _taken_name(pushes, turns or circuit, columns, places)
+    motion = _taken_name(motions, turns or circuit, columns, places)
     used = ("time", push, motion)
     for name in used:
         if name not in places:
             _refuse_missing(path, name, columns.get(name, name), file)
-    return places, turns, used
+    return places, turns, circuit, used
 
 
 def _places_of(
@@ -225,6 +238,15 @@ def _is_turning(columns: Mapping[str, str], places: Mapping[str, object]) -> boo
     if straight & columns.keys() or {"force", "position"} & {*places}:
         return False
     return bool(turned & {*places})
+
+
+def _is_circuit(columns: Mapping[str, str], places: Mapping[str, object]) -> bool:
+    """Whether a log is one of a voltage and what it drives: by the columns that are named, or else
+    by those that there are."""
+    if {"voltage", "charge"} & columns.keys():
+        return True
+    moves = {"force", "torque", *MOTIONS, *MOTIONS.values()} & {*places}
+    return not moves and {"voltage", "current"} <= {*places}
 
 
 def _refuse_constant_of_motor(

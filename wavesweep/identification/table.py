@@ -3,6 +3,7 @@ summary."""
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +18,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import TURNED
 from wavesweep.identification.columns import COLUMNS
-from wavesweep.identification.device_spec import PATHS, negative, spoken
+from wavesweep.identification.device_spec import IN_CIRCUITS, PATHS, negative, spoken
 from wavesweep.program.analyses.assumptions import USUAL
 from wavesweep.program.columns import Columns
 from wavesweep.program.csv_files import LEAST, MOST, seconds
@@ -59,12 +60,14 @@ UNITS |= COUPLED
 LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness": "log_coupling"}
 OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
 READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
-TURNING = {"mass": "kg*m^2", "load_mass": "kg*m^2"}
-# of numbers whose unit has a force over a length or an angle
+# units of what turns, and of a circuit, for those of what slides
+TURNING = {**TURNED, "kg": "kg*m^2", "m/s^2": "rad/s^2"}
+ELECTRICAL = {"kg": "H", "N*s/m": "ohm", "N/m": "1/F", "N": "V", "m": "C", "m/s": "A"}
+# of numbers whose unit has a force over a length or an angle, or a voltage over a charge
 POWERS_OF_TIME = {
-    **dict.fromkeys(("kg", "kg*m^2"), 2),
-    **dict.fromkeys(("N*s/m", "N*m*s/rad"), 1),
-    **dict.fromkeys(("N/m", "N*m/rad"), 0),
+    **dict.fromkeys(("kg", "kg*m^2", "H"), 2),
+    **dict.fromkeys(("N*s/m", "N*m*s/rad", "ohm"), 1),
+    **dict.fromkeys(("N/m", "N*m/rad", "1/F"), 0),
 }
 MISSING = {
     "friction": "Coulomb friction; --friction fits it",
@@ -89,6 +92,22 @@ MISSING_OF_TWO = {
     "resonance": "another resonance, near {frequency_hz:.3g} Hz",
     "unknown": "an effect that is no delay or resonance, as Coulomb friction, which is a constant force (offset) if the motor "
     "moves one way only; most is left near {frequency_hz:.3g} Hz",
+}
+MISSING_OF_CIRCUIT = {
+    "friction": "a voltage against the current, as of dead times and diodes",
+    "spring": "a capacitor in series",
+    "resonance": "a resonance near {frequency_hz:.3g} Hz; --lcl fits an LCL filter",
+    "saturating mass": "an inductance that saturates",
+}
+# of sentences on a device, what they say of a circuit
+WORDS_OF_CIRCUIT = IN_CIRCUITS | {
+    "force": "voltage",
+    "position": "current",
+    "velocity": "current",
+    "encoder": "sensor",
+    "two masses on a spring": "an LCL filter",
+    "the two masses": "the LCL filter",
+    "--two-masses": "--lcl",
 }
 
 RESPONSE_METHOD = (
@@ -174,8 +193,8 @@ def _of_response(
     started = time.perf_counter()
     measured = read_response(path, scales=scales, columns=renamed)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
-    parameters = _parameters(fit, fit.names, fit.half + fit.extra, turns=False)
-    unwidened = _parameters(fit, fit.names, fit.half, turns=False)
+    parameters = _parameters(fit, fit.names, fit.half + fit.extra, {})
+    unwidened = _parameters(fit, fit.names, fit.half, {})
     if rate_hz is None:
         parameters["delay"]["unit"] = "ms"
         unwidened["delay"]["unit"] = "ms"
@@ -265,6 +284,9 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     steps = [step_of(log.reading) if resolution is None else resolution for log in logs]
     log = logs[0]
     model = replace(model, measured=log.measured)
+    if log.circuit and (axes or model.spring or model.friction):
+        expected = "a voltage and a current take --lcl and --delay"
+        raise UsageError(f"{path}: {expected}; leave the other options of the fit out")
     for each, step in zip(logs, steps, strict=True):
         _refuse_log(path, each, step, model)
     with one_thread():
@@ -272,8 +294,12 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
             fits, parameters = _fitted(model, axes, logs, steps, constants)
         except UsageError as refused:
             hint = "" if axes else help_for(model, log, steps[0])
-            raise UsageError(f"{path}: {refused}{hint}") from None
+            said = f"{refused}{hint}"
+            said = _of_circuit(said) if log.circuit else said
+            raise UsageError(f"{path}: {said}") from None
     _widen_by_period(parameters, log)
+    if log.circuit:
+        parameters = dict(_in_circuit(*item) for item in parameters.items())
     options = {name: getattr(model, name) for name in ("spring", "friction", "delay")}
     options["resolution"] = resolution
     if constants:
@@ -301,14 +327,18 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         "measured": log.measured,
         "notices": notices,
     }
+    if log.circuit:
+        facts["circuit"] = True
+        facts["notices"] = [_of_circuit(line) for line in notices]
     if axes:
         facts["axes"] = judged
     else:
-        facts["unusual"] = "" if log.scaled else _unusual_of_log(parameters["mass"], log)
+        is_unlikely = not (log.scaled or log.circuit)
+        facts["unusual"] = _unusual_of_log(parameters["mass"], log) if is_unlikely else ""
         facts["methods"]["identify"] = METHOD if fits[0][0].estimate else PREDICTION_METHOD
         del rows[0]["axis"]
     table_columns = {name: np.concatenate([each[name] for each in rows]) for name in rows[0]}
-    fields = fields_of_log(table_columns, log.turns)
+    fields = fields_of_log(table_columns, units_of(log.turns, log.circuit))
     return Table.of("identify", table_columns, facts, fields=fields)
 
 
@@ -322,20 +352,21 @@ def _fitted(model: Any, axes: Sequence[str], logs, steps, constants):
     from wavesweep.identification.explained import identified
 
     log = logs[0]
+    units = units_of(log.turns, log.circuit)
     if axes:
         numbers, fits = identified_axes(model, axes, logs, steps)
         parameters = {}
         for name, (value, half) in numbers.items():
             ends = value - half, value + half
-            parameters[name] = _parameter(name, value, ends, UNITS, log.turns, constants)
+            parameters[name] = _parameter(name, value, ends, UNITS, units, constants)
         told = [{"mass": parameters[f"mass_{axis}{axis}"]} for axis in axes]
     else:
         reading = log.reading - _origin(log)
         fits = [identified(model, log.force, reading, log.period, steps[0], log.others)]
         fit = fits[0][0]
         names = fit.model.names
-        parameters = _parameters(fit, names, fit.half + fit.extra, log.turns, constants)
-        told = [_parameters(fit, names, fit.half, log.turns, constants)]
+        parameters = _parameters(fit, names, fit.half + fit.extra, units, constants)
+        told = [_parameters(fit, names, fit.half, units, constants)]
     if any(verdict.withheld for _, verdict in fits):
         _take_intervals_away(parameters)
     else:
@@ -400,27 +431,50 @@ def _widen_by_period(parameters: Mapping[str, dict[str, Any]], log: Log) -> None
             number |= {"low": number["low"] - wider, "high": number["high"] + wider}
 
 
-def turned(unit: str) -> str:
-    """The unit of a device that turns."""
-    return TURNED.get(unit, unit.replace("m", "rad", 1) if unit in READ.values() else unit)
+def units_of(turns: bool, circuit: bool = False) -> Mapping[str, str]:
+    """The units of a device that turns, or of a circuit, for those of one that slides."""
+    if circuit:
+        return ELECTRICAL
+    return TURNING if turns else {}
 
 
-def fields_of_log(names: Collection[str], turns: bool) -> tuple[Field, ...]:
-    """The columns of a table with these names, of a device that turns with its own units."""
+def unit_said(unit: str, facts: Mapping[str, Any]) -> str:
+    """The unit of a table's own device, for one of a device that slides."""
+    return units_of(facts["turns"], facts.get("circuit", False)).get(unit, unit)
+
+
+def _of_circuit(sentence: str) -> str:
+    """A sentence on a device, said of a circuit."""
+    names = sorted(WORDS_OF_CIRCUIT, key=len, reverse=True)
+    pattern = rf"(?<![-\w])(?:{'|'.join(names)})(?!\w)"
+    return re.sub(pattern, lambda match: WORDS_OF_CIRCUIT[match[0]], sentence)
+
+
+def _in_circuit(name: str, number: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """A number by its name in circuits; one over a capacitance is one of a spring."""
+    if number["unit"] == "1/F":
+        low = number["high"] and 1 / number["high"]
+        high = number["low"] and 1 / number["low"]
+        number = {"value": 1 / number["value"], "low": low, "high": high, "unit": "F"}
+    return IN_CIRCUITS.get(name, name), number
+
+
+def fields_of_log(names: Collection[str], units: Mapping[str, str]) -> tuple[Field, ...]:
+    """The columns of a table with these names. units: as of `units_of`."""
     measured = next(name for name in READ if name in names)
     log_fields = []
     for field in COLUMNS["identify"]:
         if field.name not in names:
             continue
         unit = READ[measured] if field.unit == "m" else field.unit
-        log_fields.append(replace(field, unit=turned(unit) if turns else unit))
+        log_fields.append(replace(field, unit=units.get(unit, unit)))
     return tuple(log_fields)
 
 
 def _parameters(
-    fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool, constants=None
+    fit, fitted_names: Sequence[str], half: np.ndarray, own_units: Mapping[str, str], constants=None
 ) -> dict[str, dict[str, Any]]:
-    """The numbers with their intervals of 95 % and units.
+    """The numbers with their intervals of 95 % and units. own_units: as of `units_of`.
 
     constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and
     fitted with the middle one.
@@ -441,21 +495,19 @@ def _parameters(
     for name in names:
         value = fit.numbers[name]
         low, high = ends.get(name, (value, value))
-        parameters[name] = _parameter(name, value, (low, high), units, turns, constants)
+        parameters[name] = _parameter(name, value, (low, high), units, own_units, constants)
     return parameters
 
 
-def _parameter(name, value, ends, units, turns, constants):
+def _parameter(name, value, ends, units, own_units, constants):
     """A number; one of an axis or of two has their names behind its own."""
     low, high = ends
     kind = name if name in units else name.partition("_")[0]
     if constants and kind in OF_FORCE:
         low, high = _by_constants(low, high, constants)
-    unit = units[kind]
-    if turns:
-        unit = TURNING.get(kind, turned(unit))
     if high == inf:
         low, high = None, None
+    unit = own_units.get(units[kind], units[kind])
     return {"value": value, "low": low, "high": high, "unit": unit}
 
 
@@ -500,7 +552,8 @@ def _unusual_of_log(mass: Mapping[str, Any], log: Any) -> str:
     from wavesweep.identification.log import MOTIONS
     from wavesweep.identification.model import ORDER
 
-    units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
+    own_units = units_of(log.turns)
+    units = [own_units.get(unit, unit) for unit in ("N", READ[log.measured])]
     if log.turns:
         names = ("torque", MOTIONS[log.measured])
     else:
@@ -563,7 +616,8 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
     if log.jitter > JITTER:
         steps = f"the fit takes equal steps of {1e3 * log.period:.6g} ms"
         yield f"times jitter by up to {rounded_up(100 * log.jitter, 2)} % of a period; {steps}"
-    unit = turned(READ[log.measured]) if log.turns else READ[log.measured]
+    unit = READ[log.measured]
+    unit = units_of(log.turns, log.circuit).get(unit, unit)
     if resolution is None:
         if step:
             steps_text = f"the readings have steps of {step:.4g} {unit}"
@@ -587,7 +641,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "duration_s": facts["period_s"] * samples,
         "rate_hz": 1 / facts["period_s"],
     }
-    told = "turns", "measured", "resolution", *JUDGED, "axes"
+    told = "turns", "circuit", "measured", "resolution", *JUDGED, "axes"
     return tally | {name: facts[name] for name in told if name in facts}
 
 
@@ -599,7 +653,8 @@ def _lines(facts: Numbers) -> Iterator[Line]:
     yield from _spoken(facts)
     for axis, facts_of_axis in facts.get("axes", {"": {}}).items():
         for line, warning in _lines_of_fit({**facts, **facts_of_axis}):
-            yield f"{axis}: {line}" if axis else line, warning
+            said = _of_circuit(line) if facts.get("circuit") else line
+            yield f"{axis}: {said}" if axis else said, warning
 
 
 def _lines_of_fit(facts: Numbers) -> Iterator[Line]:
@@ -611,9 +666,7 @@ def _lines_of_fit(facts: Numbers) -> Iterator[Line]:
         said = "the device moves one way only, where it and friction are the same"
         yield f"no constant force was fitted: {said}; friction has no interval", True
     residual = facts["residual"]
-    unit = READ[facts["measured"]]
-    if facts["turns"]:
-        unit = turned(unit)
+    unit = unit_said(READ[facts["measured"]], facts)
     against = ""
     if facts["resolution"]:
         against = f", {residual['rms'] / residual['rms_of_encoder']:.3g} times what its steps of {facts['resolution']:.3g} {unit} leave"
@@ -661,7 +714,7 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield f"the model explains the {what}", False
         band = found["residual"].get("resonance_hz")
         if band:
-            if "load_mass" in found["parameters"]:
+            if {"load_mass", "capacitance"} & {*found["parameters"]}:
                 other = "another resonance"
             else:
                 other = "a resonance"
@@ -697,7 +750,7 @@ def _lacks(found: Numbers, what: str) -> Iterator[str]:
     else:
         said = "but the numbers above are those beside what it lacks"
     yield f"the model does not explain the {what}, {said}: it lacks {missing}"
-    newton = "N*m" if found["turns"] else "N"
+    newton = unit_said("N", found)
     size = f"{left['lacking']:.3g} {newton} rms, {in_digits(100 * left['lacking_share'], 2)} % of that of the log"
     yield f"what it lacks is a force of {size}{explains}"
 
@@ -709,15 +762,14 @@ def _missing_in_words(found: Numbers) -> str:
     # In fewer periods of a log it is not told whether something is a resonance.
     if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < 10:
         size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
-        unit = READ[found["measured"]]
-        if found["turns"]:
-            unit = turned(unit)
+        unit = unit_said(READ[found["measured"]], found)
         beyond = " beyond the steps of the encoder" if found["resolution"] else ""
         return f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
-    if "load_mass" in found["parameters"]:
-        words = MISSING | MISSING_OF_TWO
-    else:
-        words = MISSING
+    words = MISSING
+    if found.get("circuit"):
+        words = words | MISSING_OF_CIRCUIT
+    if {"load_mass", "capacitance"} & {*found["parameters"]}:
+        words = words | MISSING_OF_TWO
     said = words[found["missing"]].format(frequency_hz=hertz)
     lacks_option = "axes" in found and found["missing"] in ("resonance", "spring")
     if lacks_option or ("frequencies" in found and found["missing"] == "resonance"):
