@@ -24,6 +24,7 @@ QUESTIONS = {
 NOT_READ = {  # keys of a spec that the interpreter does not read, and why
     "environment.step": "about frames that vary",
     "ports.hand.turns": "a unit",
+    "ports.hand.volts": "a unit",
     "block.ss.file": "the matrices in another file",
     "ports.wall": "which numbers zwidth is about",
     "ports.environment": "a second port, for passivity alone",

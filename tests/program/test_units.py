@@ -245,14 +245,22 @@ def test_a_usual_unit_of_another_dimension_and_a_picture_are_told_and_not_left_o
         converted(1.0, ("position (px)", "px"), "log.csv", "position", {}, "m")
 
 
-def test_a_hand_that_turns_is_pushed_by_a_torque(tmp_path):
+@pytest.mark.parametrize(
+    ("key", "milli", "wall", "damping"), [("turns", "mNm", "N*mm/rad", "N*m*s/rad"), ("volts", "mV", "1/uF", "ohm")]
+)
+def test_a_hand_that_turns_is_pushed_by_a_torque_and_one_of_volts_by_a_voltage(key, milli, wall, damping, tmp_path):
     pytest.importorskip("wavesweep.simulation")
-    text = MASS_AND_WALL.replace('displacement = "m.x"', 'displacement = "m.x", turns = true').replace('"N/mm"', '"N*mm/rad"')
+    text = MASS_AND_WALL.replace('displacement = "m.x"', f'displacement = "m.x", {key} = true').replace('"N/mm"', f'"{wall}"')
     drawn = tmp_path / "drawn.toml"
     drawn.write_text(text + "[simulate]\namplitude = 1.0\n")
-    assert load(drawn, ["simulate.amplitude=500 mNm"]).simulate.written()["amplitude"] == 0.5
-    with pytest.raises(SpecError, match=r"simulate.amplitude: expected a number in N\*m, found 500mN"):
+    spec = load(drawn, [f"simulate.amplitude=500 {milli}"])
+    assert (spec.simulate.written()["amplitude"], spec.at_port("N*s/m")) == (0.5, damping)
+    unit = {"turns": r"N\*m", "volts": "V"}[key]
+    with pytest.raises(SpecError, match=f"simulate.amplitude: expected a number in {unit}, found 500mN"):
         load(drawn, ["simulate.amplitude=500mN"])
+    drawn.write_text(drawn.read_text().replace(f"{key} = true", "turns = true, volts = true"))
+    with pytest.raises(SpecError, match="volts: expected turns or volts, found both"):
+        load(drawn)
 
 
 def test_a_unit_of_a_number_with_a_part_that_is_none_is_told():

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys import TURNED
+from wavesweep.engine.keys import PORT_UNITS
 from wavesweep.identification.columns import COLUMNS
 from wavesweep.identification.device_spec import IN_CIRCUITS, PATHS, negative, spoken
 from wavesweep.program.analyses.assumptions import USUAL
@@ -61,8 +61,8 @@ LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness":
 OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
 READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
 # units of what turns, and of a circuit, for those of what slides
-TURNING = {**TURNED, "kg": "kg*m^2", "m/s^2": "rad/s^2"}
-ELECTRICAL = {"kg": "H", "N*s/m": "ohm", "N/m": "1/F", "N": "V", "m": "C", "m/s": "A"}
+TURNING = {**PORT_UNITS["turns"], "kg": "kg*m^2", "m/s^2": "rad/s^2"}
+ELECTRICAL = {**PORT_UNITS["volts"], "kg": "H"}
 # of numbers whose unit has a force over a length or an angle, or a voltage over a charge
 POWERS_OF_TIME = {
     **dict.fromkeys(("kg", "kg*m^2", "H"), 2),

@@ -21,7 +21,7 @@ OTHERS = {
     "for_all",
 }  # tables that are not the loop itself
 PORTS = {
-    "hand": {"force", "displacement", "reaction", "turns"},
+    "hand": {"force", "displacement", "reaction", "turns", "volts"},
     "wall": {"stiffness", "damping"},
     "environment": {"force", "displacement"},
     "inputs": {"signal", "unit"},

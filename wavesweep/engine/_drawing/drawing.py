@@ -55,8 +55,8 @@ class Drawing:
     numbers: name, unit and description of each. whole: those that have to be whole. wires: input
     port -> its signals and their gains, held over a tick at a plant. hand: the signal of the hand's
     force; the displacement, and the force against the hand if it is named, as signals and gains.
-    wall: the numbers that are the stiffness and the damping of a wall. turns: whether the hand
-    turns, and its force and displacement are a torque and an angle. couplings: as wires, by which
+    wall: the numbers that are the stiffness and the damping of a wall. turns, volts: whether
+    the hand's force and displacement are a torque and an angle, or a voltage and a charge. couplings: as wires, by which
     plants act on each other continuously. inputs: name, signal and unit of each signal from
     outside, without the hand's force. outputs: name, terms and unit of each. named: the names in
     [signals], which `simulate` shows too, and their terms.
@@ -70,6 +70,7 @@ class Drawing:
     hand: tuple[str, Terms, Terms | None] | None = None
     wall: tuple[str, ...] | None = None
     turns: bool = False
+    volts: bool = False
     couplings: tuple[tuple[str, Terms], ...] = ()
     inputs: tuple[tuple[str, str, str], ...] = ()
     outputs: tuple[tuple[str, Terms, str], ...] = ()

@@ -31,6 +31,7 @@ PORTS = MappingProxyType(
             "displacement": PortPart(several=True),
             "reaction": PortPart(optional=True),
             "turns": PortPart("boolean", optional=True),
+            "volts": PortPart("boolean", optional=True),
         },
         "environment": {"force": PortPart(), "displacement": PortPart()},
         "wall": {"stiffness": PortPart(), "damping": PortPart()},
@@ -44,6 +45,13 @@ TURNS = Key(
     False,
     "",
     "whether force and displacement of the hand are a torque and an angle",
+)
+VOLTS = Key(
+    "ports.hand.volts",
+    "boolean",
+    False,
+    "",
+    "whether force and displacement of the hand are a voltage and a charge",
 )
 NAMED = MappingProxyType(
     {"inputs": "a signal from outside", "outputs": "an expression linear in signals"}

@@ -12,7 +12,7 @@ from wavesweep.engine._drawing.conditions import NOT_FINITE, displaced, faults
 from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
 from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, path_of, scalars
 from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
-from wavesweep.engine._drawing.drawing_ports import PORTS, TURNS, PortReader
+from wavesweep.engine._drawing.drawing_ports import PORTS, TURNS, VOLTS, PortReader
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
 from wavesweep.engine._drawing.expressions import (
     NOT_RESERVED,
@@ -208,7 +208,10 @@ class _TableReader(PortReader):
         self.refuse_two_meanings(tables, plants, values | self.own)
         values |= self.own
         turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
-        around = (hand, wall, turns, couplings, inputs, outputs, named)
+        volts = bool(self.read_key(VOLTS.path, VOLTS, ports["hand"].get("volts")))
+        if turns and volts:
+            self.refuse(ports["hand"]["volts"], VOLTS.path, "turns or volts", "both")
+        around = (hand, wall, turns, volts, couplings, inputs, outputs, named)
         drawing = Drawing(self.tick_hz, numbers, frozenset(), blocks, wires, *around)
         return with_whole_numbers(drawing, values)
 

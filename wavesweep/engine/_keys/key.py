@@ -251,6 +251,11 @@ TURNED = MappingProxyType(
         "N*s/m": "N*m*s/rad",
     }
 )
+# And of one whose force and displacement are a voltage and a charge.
+ELECTRICAL = MappingProxyType(
+    {"m": "C", "N": "V", "m/s": "A", "m/N": "F", "N/m": "1/F", "N*s/m": "ohm"}
+)
+PORT_UNITS = MappingProxyType({"turns": TURNED, "volts": ELECTRICAL})  # by the key of [ports] hand
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,8 +41,8 @@ _TABLES = {
     "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port"), in [signals] and '
     "signals from outside, of the same tick; prev(...) is a signal as it was before the tick; terms between plants act "
     "continuously, all others at a plant are held over a tick",
-    "ports": "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
-    "passivity and simulate; it turns if they are a torque and an angle; of several axes, both are lists; "
+    "ports": "hand = { force = NAME, displacement = expression, reaction = expression, turns or volts = true } for bode, "
+    "passivity and simulate, if they are a torque and an angle, or a voltage and a charge; of several axes, both are lists; "
     "environment = { force = NAME, displacement = expression }, a second port that passivity takes together with the hand's; "
     "wall = { stiffness = number, damping = number } for zwidth; "
     "inputs = { NAME = signal }, signals from outside that wires read, as { ref = 'ref' }, "

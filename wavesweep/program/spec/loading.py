@@ -8,7 +8,7 @@ from itertools import islice
 
 from wavesweep.engine.drawing import RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.keys import TURNED, Leaf, Mistakes, Path, Place, leaves_of, plain
+from wavesweep.engine.keys import PORT_UNITS, Leaf, Mistakes, Path, Place, leaves_of, plain
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import joined_path, normal_path, sort_leaves
@@ -275,9 +275,9 @@ def _unit_at(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]
     if not key or not key.numeric:
         return None
     unit = key.unit.removesuffix("1")
-    turns = leaves.get(("ports", "hand", "turns"))
-    if path[0] == "simulate" and turns and turns.value is True:
-        return TURNED.get(unit, unit)
+    for name, units in PORT_UNITS.items() if path[0] == "simulate" else ():
+        if leaves.get(("ports", "hand", name), Leaf(False, Place())).value is True:
+            return units.get(unit, unit)
     return unit
 
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from wavesweep.engine.drawing import RATE, Drawing, path_of
 from wavesweep.engine.errors import Mistake, SpecError, UsageError
-from wavesweep.engine.keys import TURNED, Leaf, Mistakes, Names, Place, nearest, plain
+from wavesweep.engine.keys import PORT_UNITS, Leaf, Mistakes, Names, Place, nearest, plain
 from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS
@@ -245,10 +245,11 @@ class Spec(Studies):
         return tuple(path_of(name) for name in self.drawing.wall or ())
 
     def at_port(self, unit: str) -> str:
-        """Return a unit at the hand's port, or its counterpart for torques and angles if the
-        hand of a drawn loop turns."""
-        if self.drawing and self.drawing.turns:
-            return TURNED[unit]
+        """Return a unit at the hand's port, or its counterpart for torques and angles, or for
+        voltages and charges, if those are at the port of a drawn loop."""
+        for key, units in PORT_UNITS.items():
+            if self.drawing and getattr(self.drawing, key):
+                return units[unit]
         return unit
 
     def own(self, path: str) -> float | int | str | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.drawing import keys_of_block
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.keys import TURNED
+from wavesweep.engine.keys import PORT_UNITS
 from wavesweep.program.columns import age_column, run_column
 from wavesweep.program.spec import KEYS, SYMBOLS
 from wavesweep.program.spec.studies import K_VE_SPAN
@@ -97,10 +97,11 @@ def specs_in(facts: Mapping[str, Any] | None) -> list[Any]:
 
 
 def at_port(unit: str, facts: Mapping[str, Any] | None) -> str:
-    """Give a unit at the hand's port, or its rotational counterpart if the hands of all specs of a run turn."""
+    """Give a unit at the hand's port, or its counterpart if all specs of a run turn, or all have volts."""
     hands = [spec.get("ports", {}).get("hand", {}) for spec in specs_in(facts) if spec]
-    if hands and all(hand.get("turns", False) for hand in hands):
-        return TURNED.get(unit, unit)
+    for key, units in PORT_UNITS.items():
+        if hands and all(hand.get(key, False) for hand in hands):
+            return units.get(unit, unit)
     return unit
 
 
