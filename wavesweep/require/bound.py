@@ -185,6 +185,12 @@ class Bound:
             elif apart > 1 and at_rest and at_rest > gain.at_most:
                 yield f"gain: {once}: at least {rounded_down(at_rest, 5)} whatever {name} is; peak has that of sines"
 
+    def nearest(self, loops: Any, path: str, span: tuple[float, float]) -> dict[str, Any]:
+        """See `nearest_to_all`."""
+        from wavesweep.require.nearest import nearest_to_all
+
+        return nearest_to_all(self, loops, path, span)
+
     def beyond(self, delta: np.ndarray, turns: np.ndarray, period: float) -> np.ndarray:
         """By how much eigenvalues less 1 of a loop miss what is required of modes, in the
         logarithm.

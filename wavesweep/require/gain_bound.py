@@ -3,7 +3,7 @@ not load numpy."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 OVERSHOOT, STEP_SETTLING, RMS = "overshoot", "step_settling", "rms"
 FACTOR_GAIN, FACTOR_PHASE = "gain", "phase_deg"
@@ -59,6 +59,10 @@ MEASURES = {
 }
 
 
+Wished = tuple[str, float, dict[str, Any]]
+"""The name of a wish for what is required, its bound and its options."""
+
+
 class GainBound(NamedTuple):
     """What a gain has to be below: the names of an input and an output, the level, and a
     band."""
@@ -69,6 +73,7 @@ class GainBound(NamedTuple):
     band_hz: tuple[float, float] | None = None
 
     word = "gain"
+    wish = "", 0.0, {}  # there is none of a gain alone
 
 
 class PeakBound(NamedTuple):
@@ -81,6 +86,11 @@ class PeakBound(NamedTuple):
 
     word = "peak"
     band_hz = None  # it is of all that the input's rate can show
+
+    @property
+    def wish(self) -> Wished:
+        """The wish for it."""
+        return "peak", self.at_most, {"from": self.source, "to": self.signal}
 
 
 class CutBound(NamedTuple):
@@ -102,6 +112,12 @@ class CutBound(NamedTuple):
         """What sets an end that it sets."""
         return f"{'disk' if self.centre else 'Ms'} at {self.cut}"
 
+    @property
+    def wish(self) -> Wished:
+        """The wish for it."""
+        options = {"cut": self.cut}
+        return ("disk", 1 / self.at_most, options) if self.centre else ("Ms", self.at_most, options)
+
 
 class FactorBound(NamedTuple):
     """With which factors of the signal at a cut a loop has to be stable.
@@ -119,6 +135,11 @@ class FactorBound(NamedTuple):
     def word(self) -> str:
         """What sets an end that it sets."""
         return f"{'gain' if self.margin == FACTOR_GAIN else 'phase'} at {self.cut}"
+
+    @property
+    def wish(self) -> Wished:
+        """The wish for it."""
+        return "gain" if self.margin == FACTOR_GAIN else "phase_deg", self.size, {"cut": self.cut}
 
 
 class TimeBound(NamedTuple):
@@ -139,6 +160,14 @@ class TimeBound(NamedTuple):
     def word(self) -> str:
         """What sets an end that it sets."""
         return self.measure
+
+    @property
+    def wish(self) -> Wished:
+        """The wish for it."""
+        options = {"from": self.source, "to": self.signal}
+        if self.measure == STEP_SETTLING:
+            options["within"] = self.within
+        return self.measure, self.at_most, options
 
     @property
     def is_time(self) -> bool:

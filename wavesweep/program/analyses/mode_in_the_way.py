@@ -110,17 +110,32 @@ def _described(value: float, delta: complex, turned: float, period: float) -> di
 
 def mode_in_words(mode: Mapping[str, Any], name: str, unit: str) -> str:
     """A mode that is in the way, in words; name, unit: of the number along which the intervals
-    are."""
+    are. Or the requirements of a value that comes nearest to all."""
+    place = f"nearest of those looked at: {name} = {mode['value']:.6g}{unit}"
+    if "requirements" in mode:
+        return f"{place}, {requirements_in_words(mode['requirements'])}"
     imaginary = f" +- {mode['z_im']:.4g}j" if mode["z_im"] else ""
     time = mode["time_constant_s"]
     if time is None:
         return stays_in_words(mode["states"])
     said = f"{mode['hz']:.4g} Hz, damping ratio {mode['damping_ratio']:.3g}, {lasting(time)}"
     states = f" of {', '.join(mode['states'])}" if mode["states"] else ""
-    place = f"nearest of those looked at: {name} = {mode['value']:.6g}{unit}"
     return (
         f"{place}, where the mode z = {mode['z_re']:.4g}{imaginary}{states} is in the way ({said})"
     )
+
+
+def requirements_in_words(requirements: Mapping[str, Mapping[str, Any]]) -> str:
+    """What a value misses and meets of what is required."""
+    said: dict[bool, list[str]] = {False: [], True: []}
+    for word, requirement in requirements.items():
+        value, bound, more = (requirement[key] for key in ("value", "bound", "more"))
+        limit = "at least" if more else "at most"
+        is_met = value >= bound if more else value <= bound
+        said[is_met].append(f"{word} {value:.4g} ({limit} {bound:.6g})")
+    parts = [f"misses {', '.join(said[False])}" if said[False] else ""]
+    parts.append(f"meets {', '.join(said[True])}" if said[True] else "")
+    return f"which {' and '.join(filter(None, parts))}"
 
 
 def stays_in_words(states: Sequence[str]) -> str:

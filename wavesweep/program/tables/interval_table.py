@@ -235,7 +235,7 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     """A fact of what keeps a loop from having an interval.
 
     That is the mode in the way, of the first row without one, if something is required or no row
-    has one; or that the loop conserves energy, so that nothing decides.
+    has one; with bounds on gains, the value that comes nearest to all of them; or that the loop conserves energy, so that nothing decides.
     """
     from wavesweep.program.analyses.mode_in_the_way import conserves, mode_in_the_way, outside
     from wavesweep.program.sweep.grid import frames_per_clock, loops_of, own_loop
@@ -244,8 +244,6 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     spec = job.grid.spec
     axis = job.asked.axis
     require = job.asked.require
-    if require and require.bound.gains:
-        return {}
     empty, full = _first_without(result.blocks(stage.hand), job.grid.axes, enough=bool(require))
     if full:
         return {}
@@ -258,6 +256,10 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     if changes:
         spec = spec.with_values(changes)
     loops = own_loop(spec)
+    span = axis.start, axis.stop
+    if require and require.bound.gains:
+        nearest = require.bound.nearest(loops, axis.path, span)
+        return {"in_the_way": {"at": empty, **nearest}} if nearest else {}
     beyond = outside
     by_lines = False
     if require:
@@ -265,7 +267,6 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
         beyond = require.bound.over(
             frames_per_clock(spec.drawing, loops_of(spec, spec.values))
         ).beyond
-    span = axis.start, axis.stop
     mode = mode_in_the_way(loops, axis.path, span, beyond, by_lines=by_lines)
     if mode:
         return {"in_the_way": {"at": empty, **mode}}
