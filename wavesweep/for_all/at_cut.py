@@ -47,13 +47,16 @@ def of_required(
 ) -> Iterator[tuple[Loops, list[Axis], Any]]:
     """Yield the loops themselves with the bound on their modes, None for stability, and those of each
     margin that is required, see `with_factors`, all with their ranges. along: path -> ends of a number
-    of intervals.
+    of intervals. Of loops without ranges the exact intervals along it have all margins.
 
     Errors: UsageError for a time of modes beside a number that changes the rate.
     """
     require: Any = rules.require
     if not require:
         yield loops, [*ranges], None
+        return
+    if along and not ranges and require.cuts:
+        yield loops, [], require.bound.over(frames_per_clock(rules.drawing, loops))
         return
     varied = {axis.path: (axis.start, axis.stop) for axis in ranges} | {**along}
     if modes := require.bound.of_modes:

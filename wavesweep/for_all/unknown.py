@@ -261,16 +261,18 @@ class Case:
         for point, exact in zip(points, self._exact(points), strict=True):
             by = self.named(point)
             intervals = []
-            for low, high, certain, *omegas in exact:
-                below = by if certain[0] and low > self.span[0] else None
-                above = by if certain[1] and high < self.span[1] else None
+            for low, high, certain, causes, *omegas in exact:
+                below, above = (by | dict.fromkeys(cause) for cause in causes)
+                below = below if certain[0] and low > self.span[0] else None
+                above = above if certain[1] and high < self.span[1] else None
                 intervals.append(Part(low, high, below, above, *omegas))
             parts = shared(parts, intervals)
         return list(parts)
 
     def _exact(self, points):
         """The stable intervals at each point, with whether what lies below and above is known to
-        be unstable."""
+        be unstable, and the words of what else than a mode sets these ends."""
+        words = [[], *([word] for word in (self.bound.set_by if self.bound else []))]
         intervals = [[] for _ in points]
         for members, loops in self._built(points):
             records = Search(
@@ -288,7 +290,8 @@ class Case:
                     float(record[name]) for name in ("low", "high", "low_omega", "high_omega")
                 )
                 certain = not record["open_low"] < low, not record["open_high"] > high
-                intervals[members[record["slice"]]].append((low, high, certain, *omegas))
+                causes = words[record["low_cause"]], words[record["high_cause"]]
+                intervals[members[record["slice"]]].append((low, high, certain, causes, *omegas))
         return intervals
 
     def _built(self, points):
