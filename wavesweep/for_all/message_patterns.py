@@ -28,6 +28,7 @@ SHORT = PERIODS[:2]  # periods of the patterns that are tried before norms are s
 SOON = PERIODS[:4]  # those of the patterns that are tried at each number
 STEPS = 4  # from a number at which all periods are tried to the next one
 MOST_PLACES = 400  # of a pattern
+CHANGES = 10  # on the way up of a climb
 # Of the largest gain at a place: what a change of a path costs, in turn until the pattern grows.
 COSTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9)
 # Of a refuted number, how far back from it others are looked for.
@@ -56,23 +57,45 @@ def growing_pattern(
 
 
 def _climbs(A, ring, starts) -> Iterator[tuple[float, Word]]:
-    """Yield where a climb from each of some patterns ends: the growth per period, and a pattern."""
+    """Yield where a climb from each of some patterns ends: the growth per period, and a pattern.
+
+    A climb that comes to a pattern of one before goes where that went.
+    """
+    rates: dict[Word, float] = {}
+    successors: dict[Word, Word] = {}  # of each pattern the next one of a climb, itself at its end
     for start in filter(None, starts):
         word = start
-        rate = _rate(A, word)
-        for _ in range(10):  # changes on the way up
-            if not 0 < rate < np.inf:  # of a product that is 0 nothing is the largest eigenvalue
+        for _ in range(CHANGES):
+            if word not in successors:
+                successors[word] = _farther(A, ring, word, rates)
+            if successors[word] == word:
                 break
-            gains = _gains(A, ring, word)
-            for cost in COSTS:
-                ahead = ring.realised(ring.changed(word, gains, cost))
-                farther = _rate(A, ahead)
-                if farther > rate * (1 + 1e-9):
-                    break
-            else:
-                break
-            word, rate = ahead, farther
-        yield rate ** (ring.places / len(word)), word
+            word = successors[word]
+        yield _rate_of(A, word, rates) ** (ring.places / len(word)), word
+
+
+def _rate_of(A, word, rates):
+    """`_rate` of a pattern, remembered in `rates`."""
+    if word not in rates:
+        rates[word] = _rate(A, word)
+    return rates[word]
+
+
+def _farther(A, ring, word, rates):
+    """The pattern of the next step of a climb; the same one at its end."""
+    rate = _rate_of(A, word, rates)
+    if not 0 < rate < np.inf:  # of a product that is 0 nothing is the largest eigenvalue
+        return word
+    gains = _gains(A, ring, word)
+    tried: set[Word] = set()
+    for changed_word in ring.changed(word, gains):
+        if changed_word in tried:
+            continue
+        tried.add(changed_word)
+        ahead = ring.realised(changed_word)
+        if _rate_of(A, ahead, rates) > rate * (1 + 1e-9):
+            return ahead
+    return word
 
 
 def nearest_pattern(family: RingFrames, start: float, limit: float) -> Refuted:
@@ -197,17 +220,18 @@ class _Ring:
                 newest.append(shown)
         return newest
 
-    def changed(self, word: Word, gains: Sequence[np.ndarray], cost: float) -> Word:
-        """The pattern with what gains most at each place; cost: of a change, as a share of the
-        largest gain."""
-        largest = max(gains_of_step.max() - gains_of_step.min() for gains_of_step in gains)
-        changed_word = []
-        for step, (symbol, gain) in enumerate(zip(word, gains, strict=True)):
-            index_in_place = symbol - self.first[step % self.places]
-            better = int(gain.argmax())
-            changes = gain[better] - cost * largest > gain[index_in_place]
-            changed_word.append(symbol - index_in_place + better if changes else symbol)
-        return tuple(changed_word)
+    def changed(self, word: Word, gains: Sequence[np.ndarray]) -> Iterator[Word]:
+        """Yield the pattern with what gains most at each place, for each of COSTS of a change, as shares
+        of the largest gain."""
+        own = np.array(word)
+        first = self.first[np.arange(len(word)) % self.places]
+        better = np.array([gain.argmax() for gain in gains])
+        most = np.array([gain[place] for gain, place in zip(gains, better, strict=True)])
+        least = np.array([gain.min() for gain in gains])
+        now = np.array([gain[place] for gain, place in zip(gains, own - first, strict=True)])
+        largest = (most - least).max()
+        for cost in COSTS:
+            yield tuple(np.where(most - cost * largest > now, first + better, own).tolist())
 
 
 def messages_of(family: RingFrames, word: Word) -> dict[str, list[int | None]]:
