@@ -44,7 +44,9 @@ def slopes_of(
     with np.errstate(all="ignore"):
         for of_step, A, state in zip(choices[::-1], chosen[::-1], states[::-1], strict=True):
             # As one matrix: of many small ones each product costs more than its numbers.
-            moved = (of_step.reshape(-1, of_step.shape[-1]) @ state.T).reshape(*of_step.shape[:2], -1)
+            moved = (of_step.reshape(-1, of_step.shape[-1]) @ state.T).reshape(
+                *of_step.shape[:2], -1
+            )
             slopes.append(np.real((moved * y.T).sum(1) / z).T)
             y = (y[:, None] @ A)[:, 0]
     return slopes[::-1]
