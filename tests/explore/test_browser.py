@@ -276,6 +276,18 @@ def test_a_saved_page_works_without_a_server(opened, tmp_path):
         assert_ends_of(page, table)
     assert page.locator("[id='s-environment.K_VE']").count() == 1
     assert page.locator("#report section").count() == 2
+    whole = page.evaluate("[plane.x_span, plane.y_span]")
+    page.click("#in")
+    inner = page.evaluate("[plane.x_span, plane.y_span]")
+    for (low, high), (first, last) in zip(whole, inner, strict=True):
+        assert low <= first < last <= high
+        assert last - first == pytest.approx((high - low) / 2, rel=0.01)
+    for _ in range(2):
+        page.click("#out")
+    assert page.evaluate("[plane.x_span, plane.y_span]") == whole  # a saved page knows no more
+    heads = page.locator("#report section").first.locator("th").all_inner_texts()
+    assert {"high"} <= {head.partition(" ")[0] for head in heads}
+    assert not {"doubt"} & {*heads}  # all rows are certified
     assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
     facts = json.loads(page.locator("#report section pre").first.text_content())
     assert facts["spec_sha256"] == load(HOLE).sha256

@@ -7,6 +7,7 @@ import pytest
 from support.specs import shipped
 
 from wavesweep.engine.errors import SpecError
+from wavesweep.explore.answers import first_plane
 from wavesweep.explore.sliders import changed, number_of, sliders_of, text_of
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import keys_of
@@ -111,3 +112,16 @@ def test_rates_of_a_spec_that_keeps_the_slow_one_stop_where_they_divide():
     assert all((1000.0 / stop).is_integer() for stop in sliders["rates.slow_hz"].stops if stop.is_integer())
     assert {changed(spec, {"rates.slow_hz": stop}).uneven for stop in sliders["rates.slow_hz"].stops} == {False}
     assert load(tomllib.loads(text_of(spec))).given >= {"rates.slow_hz"}
+
+
+def test_a_page_opens_over_what_is_swept():
+    """The wall where it is swept, and else the other numbers."""
+    planes = {
+        ("environment.K_VE", "environment.B_VE"): {"K_VE": {"start": 0, "stop": 5000}},
+        ("environment.K_VE", "controller.b"): {"K_VE": {"start": 0, "stop": 5000}, "b": [20.0, 40.0]},
+        ("controller.b", "device.mass"): {"along": "b", "b": {"start": 2, "stop": 100}, "device.mass": [0.05, 0.1]},
+    }
+    for (y, x), sweep in planes.items():
+        spec = load({"controller": {"kind": "pmw"}, "sweep": sweep})
+        plane = first_plane(spec, sliders_of(spec))
+        assert (plane.y, plane.x) == (y, x)

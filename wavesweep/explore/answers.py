@@ -269,17 +269,16 @@ def frequencies(spec: Spec) -> np.ndarray:
 
 
 def first_plane(spec: Spec, sliders) -> Plane | None:
-    """The plane that a page begins with: the wall's, or of a drawn loop that of its [sweep];
+    """The plane that a page begins with: of what is swept the wall first, then the wall's;
     None if it has no two numbers."""
     smooth = {slider.path: slider for slider in sliders if slider.search}
     if len(smooth) < 2:
         return None
-    candidates = list(spec.wall)
     along = spec.names.find(spec.along) if spec.along else None
-    if along:
-        candidates.append(along.path)
-    candidates += [axis.path for axis in spec.sweep]
-    candidates += smooth
+    swept = [along.path] if along else []
+    swept += [axis.path for axis in spec.sweep]
+    candidates = [path for path in spec.wall if path in swept]
+    candidates += [*swept, *spec.wall, *smooth]
     y, x, *_ = dict.fromkeys(path for path in candidates if path in smooth)
     across = smooth[x]
     return fitted(spec, smooth, x, y, across.search if across.values else (across.low, across.high))

@@ -135,7 +135,8 @@ function zoom(factor) {  // about the design if it is there
     const s = sliders.get(plane[axis]), [a, b] = plane[axis + "_span"], wide = (b - a) * factor, step = 10 ** Math.floor(Math.log10(wide) - 3);
     const about = within(plane[axis]) ? values[plane[axis]] : (a + b) / 2, from = about + (a - about) * factor;
     const [low, high] = [from, from + wide].map(v => Number((Math.round(v / step) * step).toPrecision(12)));
-    plane = {...plane, [axis + "_span"]: [Math.max(low, positive(s) ? a / 4 : s.least ?? -Infinity), Math.min(high, s.most ?? Infinity)]};
+    const limits = saved ? data.plane[axis + "_span"] : [positive(s) ? a / 4 : s.least ?? -Infinity, s.most ?? Infinity];  // a saved page has no more
+    plane = {...plane, [axis + "_span"]: [Math.max(low, limits[0]), Math.min(high, limits[1])]};
   }
   chosenAxes = true;
   spans(); moved();
@@ -198,6 +199,7 @@ $("out").addEventListener("click", () => zoom(2));
 $("in").addEventListener("click", () => zoom(0.5));
 $("fit").addEventListener("click", async () => {
   chosenAxes = false;
+  if (saved) { plane = {...data.plane}; spans(); return moved(); }
   try { if (await fit(() => false)) moved(); } catch (error) { lost(error); }
 });
 $("copy").addEventListener("click", async () => {

@@ -124,7 +124,7 @@ function how() {
   else {
     const all = p.known.every(Boolean);
     say(p.how === "columns" ? "Preview: " : isProved(p) ? "Certified: " : "Not all certified: ", `${p.x.length} values of ${title(plane.x)}; ` +
-      (isKnown(p) ? `lines between them are right to ${p.how === "columns" ? "two pixels" : "half a pixel"}${all ? "." : ", or nothing is known there."}` : "nothing is known between them."));
+      (isKnown(p) ? `lines between them are right to ${p.how === "columns" ? "two pixels" : "half a pixel"}${saved && axesKey() !== startAxes ? " of the whole plane" : ""}${all ? "." : ", or nothing is known there."}` : "nothing is known between them."));
   }
   if (plane && p && p.key === pictureKey()) parts.push(...beyond(p));
   if (plane) {
@@ -139,7 +139,7 @@ function how() {
 function beyond(p) {  // what is known outside the axes, and what is not
   const [low, high] = plane.y_span, {whole, bottom, top} = extent(p, low, high), parts = [], least = sliders.get(plane.y).least;
   const edges = [top >= high ? "upper" : "", bottom <= low && low !== least ? "lower" : ""].filter(Boolean).join(" and the ");
-  if (whole) parts.push(" All within the axes is stable; zoom out to see more.");
+  if (whole) parts.push(` All within the axes is stable${saved && axesKey() === startAxes ? "" : "; zoom out to see more"}.`);
   else if (top <= low) parts.push(" Nothing within the axes is stable.");
   else if (edges) parts.push(` Stable designs reach the ${edges} edge; what lies beyond is not shown.`);
   for (const each of [plane.y, plane.x]) {

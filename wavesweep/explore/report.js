@@ -5,15 +5,16 @@ const cellsOf = line =>
 function report() {
   for (const t of data.report) {
     if (t.error) { $("report").append(element("section", {class: "card"}, [element("h2", {}, t.title), element("p", {class: "note"}, "Not possible: " + t.error)])); continue; }
-    const lines = t.csv.split("\n"), head = cellsOf(lines[0]), body = element("tbody"), rows = lines.slice(1);
-    const more = upTo => fill(body, ...rows.slice(0, upTo).map(line => element("tr", {}, cellsOf(line).map(cell => element("td", {}, cell)))));
+    const lines = t.csv.split("\n"), head = cellsOf(lines[0]), body = element("tbody"), rows = lines.slice(1).map(cellsOf);
+    const filled = head.map((_, i) => rows.some(row => row[i] !== "")), full = cells => cells.filter((_, i) => filled[i]);  // a column without a value in any row is not shown
+    const more = upTo => fill(body, ...rows.slice(0, upTo).map(row => element("tr", {}, full(row).map(cell => element("td", {}, cell)))));
     more(25);
     const all = element("button", {type: "button"}, `Show ${rows.length} rows`), copy = element("button", {type: "button"}, "Copy as CSV");
     all.addEventListener("click", () => { more(rows.length); all.hidden = true; });
     all.hidden = rows.length <= 25;
     copy.addEventListener("click", async () => { try { await navigator.clipboard.writeText(t.csv + "\n"); copy.textContent = "Copied"; } catch { copy.textContent = "Not allowed here"; } });
     const units = t.units.map(u => u === "1" ? "" : u), cut = t.rows > rows.length ? `The first ${rows.length} of ${t.rows} rows.` : `${t.rows} rows.`;
-    const table = element("table", {}, [element("thead", {}, element("tr", {}, head.map((name, i) => element("th", {}, name + (units[i] ? ` (${units[i]})` : ""))))), body]);
+    const table = element("table", {}, [element("thead", {}, element("tr", {}, full(head.map((name, i) => element("th", {}, name + (units[i] ? ` (${units[i]})` : "")))))), body]);
     const note = element("p", {class: "note"}, cut), scrolls = name => ({class: "scroll", tabindex: 0, role: "region", "aria-label": name});
     const wide = element("div", scrolls(t.title), table), facts = "Facts of this run, with the resolved spec", image = element("img", {src: t.figure, alt: `Figure: ${t.title} of ${data.name}`});
     $("report").append(element("section", {class: "card", "data-kind": t.kind}, [element("h2", {}, t.title), element("div", scrolls(`Figure of ${t.title}`), image), note, wide,
