@@ -309,3 +309,17 @@ def test_nothing_decays_in_mean_square_from_a_wall_of_zero_on():
         ["spec", 0, True, True, ""],
         ["mean_square", 0, True, True, ""],
     ]
+
+
+@pytest.mark.slow
+def test_a_spring_at_the_hand_whose_drift_depends_on_the_wall_is_proved_beside_frames_at_random():
+    spec = built_in("pmw", [16, 20], shares=[1, 2])
+    spec["operator"] = {"mass": 0.1, "damping": 2.0, "stiffness": 100.0}
+    spec["sweep"]["K_VE"]["stop"] = 1000
+    (row,) = wavesweep.zwidth(spec).query("guarantee == 'mean_square'").itertuples()
+    loaded = load(spec)
+    family = Rules.of(loaded).on_average().family(dict(loaded.values), "environment.K_VE")
+    assert row.certified
+    assert row.low < 10
+    assert family.decays(row.high)
+    assert not family.decays(1.01 * row.high)

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._switched.norms import (
         Centre,
         acting,
+        packed,
         recentred,
         units_of_places,
     )
@@ -145,6 +146,7 @@ else:
             "_switched.norms": (
                 "Centre",
                 "acting",
+                "packed",
                 "recentred",
                 "units_of_places",
             ),

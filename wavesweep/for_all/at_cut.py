@@ -23,16 +23,21 @@ if TYPE_CHECKING:
 __all__ = ["PATH", "of_required", "refused"]
 
 ANSWERED = ("margins", "radius", *TIMES_OF_MODES)
+RMS = "rms"  # which alone can be had of chances
 
 
-def refused(require: TableValue, *, vary: bool) -> str:
-    """Why a requirement cannot be held for all of [for_all], empty if it can; vary: whether frames
-    or messages do."""
-    unanswered = [name for name in require.written() if name not in ANSWERED]
+def refused(require: TableValue, rules: Rules, *, at_random: bool) -> str:
+    """Why a requirement cannot be held for all of [for_all], empty if it can; at_random: whether
+    it is about chances."""
+    words = (RMS,) if at_random else ANSWERED
+    unanswered = [name for name in require.written() if name not in words]
     if unanswered:
-        answered = " and ".join([", ".join(ANSWERED[:-1]), ANSWERED[-1]])
-        return f"expected {answered} alone beside [for_all], found {', '.join(unanswered)}"
-    if vary:
+        answered = " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+        beside = "chances of frames or messages" if at_random else "[for_all]"
+        return f"expected {answered} alone beside {beside}, found {', '.join(unanswered)}"
+    if at_random and rules.ranges:
+        return "expected values = [...] of numbers of [for_all] beside rms, found a range"
+    if rules.vary and not at_random:
         return (
             "expected constant numbers in [for_all] beside it, found frames or messages that vary"
         )
@@ -52,7 +57,7 @@ def of_required(
     Errors: UsageError for a time of modes beside a number that changes the rate.
     """
     require: Any = rules.require
-    if not require:
+    if not require or rules.at_random:
         yield loops, [*ranges], None
         return
     if along and not ranges and require.cuts:

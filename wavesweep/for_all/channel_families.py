@@ -230,11 +230,11 @@ def frames_with_messages(
         )
     drawing, values, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): TWO_VALUES} if number else {}
-    pair = [_in_time(twin, channels) for twin in Loops(drawing, values | varied).twins()]
+    pair = [all_in_time(twin, channels) for twin in Loops(drawing, values | varied).twins()]
     assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
         name_of(number) if number else ""
     )
-    steps = list(_steps(channels, assembled_loop, most_steps))
+    steps = list(steps_of(channels, assembled_loop, most_steps))
     rows, places = places_of(assembled_loop, channels, (row for row, *_ in steps), pair[0].held())
     ticks = ticks_of(places, number)
     drift = MarginalModes.of(*pair)
@@ -257,10 +257,10 @@ def messages_over(
     drawing, values, channels = _in_step(drawing, values)
     inside = inside_of(box)
     numbers = {side.path: side.number(inside[:, index]) for index, side in enumerate(sides)}
-    pair = [_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
+    pair = [all_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
     drift = MarginalModes.of(*pair)
     loop = Loops(drawing, values | numbers).drawn()
-    steps = list(_steps(channels, loop))
+    steps = list(steps_of(channels, loop))
     rows, places = places_of(loop, channels, (row for row, *_ in steps), pair[0].held())
     ticks = ticks_of(places)
     refuse_moved(ticks, drift)
@@ -283,11 +283,11 @@ def members_with_messages(
         return values | {path: points[:, index].copy() for index, path in enumerate(paths)}
 
     pair = [
-        _in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()
+        all_in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()
     ]
     held_ports = pair[0].held()
     drift = MarginalModes.of(*pair)
-    steps = list(_steps(channels, Loops(drawing, values).drawn()))
+    steps = list(steps_of(channels, Loops(drawing, values).drawn()))
 
     def frames_at(points):
         loop = Loops(drawing, with_numbers(points)).drawn()
@@ -341,7 +341,7 @@ def _ticked(channels, tick, under_way, late):
     return zip(*ticked, strict=True)
 
 
-def _steps(
+def steps_of(
     channels: tuple[Channel, ...], loop: MultirateLoop, most_steps: int = MOST_SYMBOLS
 ) -> Iterator[tuple]:
     """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after
@@ -413,7 +413,7 @@ def _choices(channel, tick, lost):
     ]
 
 
-def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:
+def all_in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:
     """The loop whose channels show in every tick what they read, with all of their states."""
     return in_every_tick(
         loop, channels, [(SENT, (NOTHING,) * channel.registers) for channel in channels]

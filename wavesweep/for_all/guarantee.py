@@ -100,10 +100,15 @@ def of_run(job: Job, guarantees: Iterable[Guarantee]) -> Iterable[Guarantee]:
     if kinds:
         refuse_every_hand()
         return [every_hand.EveryHandGuarantee(rules)]
+    random = rules.on_average()
     if job.asked.require:
-        if refusal := refused(job.asked.require, vary=rules.vary):
+        at_random = bool(rules.at_random or random)
+        if refusal := refused(job.asked.require, rules, at_random=at_random):
             raise UsageError(f"{PATH}: {refusal}")
-        rules = replace(rules, require=job.asked.require)
+        if random:  # in any order stability alone is asked
+            random = replace(random, require=job.asked.require)
+        else:
+            rules = replace(rules, require=job.asked.require)
     refuse_unsuitable_ranges(spec, along)
     own_cases(rules, spec)
     swept = {axis.path for axis in job.grid.axes}
@@ -111,4 +116,4 @@ def of_run(job: Job, guarantees: Iterable[Guarantee]) -> Iterable[Guarantee]:
         raise UsageError(
             f"{', '.join(wrong)}: expected a number that [for_all] does not have as well"
         )
-    return [ForAllGuarantee(guarantee) for guarantee in (rules, rules.on_average()) if guarantee]
+    return [ForAllGuarantee(guarantee) for guarantee in (rules, random) if guarantee]

@@ -5,13 +5,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from textwrap import shorten
+from typing import Any
 
 import numpy as np
 
+from wavesweep.capabilities import offered
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.intervals import blank_records
+from wavesweep.engine.intervals import SHARE_OF_SPAN, blank_records
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import (
     SOON,
@@ -22,11 +24,12 @@ from wavesweep.engine.switched import (
     grows_everywhere,
     parts_that_decay,
 )
-from wavesweep.for_all.at_cut import of_required
+from wavesweep.for_all.at_cut import RMS, of_required
 from wavesweep.for_all.at_rest import least_felt
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.members import claims_hold, nowhere
+from wavesweep.for_all.random_ports import RandomPorts
 from wavesweep.for_all.unknown import PROVED_FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
     GROW,
@@ -66,6 +69,7 @@ TRIED_NEAR_REFUTED = 4e-3  # of an end that is refuted, how far from it a proof 
 GUARANTEES = ("for_all", "mean_square")
 # operations of a proof over ranges beside what varies, of each design that is looked at
 QUICK = 3e10
+END_EXACTNESS = 1e-8  # of an end that a root mean square sets, see `require.at_random`
 FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it"
@@ -73,6 +77,8 @@ REQUIRED = (
     "; of margins the factor of the signal at the cut is one of these numbers, and frames are divided by the radius that modes "
     "have to be within"
 )
+
+RANDOM_RMS = "; a root mean square by the linear equation of second moments under noise, with bounds, on panels of the number"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +94,14 @@ class ForAllGuarantee(Guarantee):
         return GUARANTEES[self.rules.at_random]
 
     @property
+    def own_ticks(self) -> bool:  # type: ignore[override]
+        """Whether noise is new in the ticks of the spec."""
+        return bool(self.rules.at_random and self.rules.require)
+
+    @property
     def what(self) -> Property:
         """What its rows say of their loops."""
-        if self.rules.at_random:
+        if self.rules.at_random and not self.rules.require:
             return MEAN_SQUARE
         return required_by(self.rules.require, drawn=bool(self.rules.drawing))
 
@@ -105,6 +116,7 @@ class ForAllGuarantee(Guarantee):
             return (
                 "quadratic forms at the nodes of the chain of losses or of frames, which decay on average, proved by Cholesky "
                 "with bounds on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
+                f"{RANDOM_RMS if self.rules.require else ''}"
             )
         if self.rules.vary:
             return (
@@ -199,8 +211,10 @@ def intervals_for_all(
     agreed = claims_hold(rules, loop.cases, rows)
     why = ""
     if rules.at_random:
-        none = not rows and loop.grows_everywhere()
+        none = not rows and (loop.too_loud or loop.grows_everywhere())
         why = GROW if none else ""
+        if loop.too_loud:
+            why = loud(rms_of(rules.require).at_most)
     elif rules.vary:
         why = "" if rows else loop.nowhere()
         none = bool(why)
@@ -307,6 +321,16 @@ def _pieces(drawing, values, ranges):
         )
 
 
+def rms_of(require: Any) -> Any:
+    """The bound on a root mean square that a requirement has."""
+    return next(gain for gain in require.bound.gains if gain.word == RMS)
+
+
+def loud(at_most: float) -> str:
+    """What is beyond a level, in words."""
+    return f"a root mean square of more than {at_most:.15g}"
+
+
 def rows_of(rules: Rules, loop: Loops, along: str, span: tuple[float, float]) -> list[Row]:
     """The rows of loops whose frames vary, see `intervals_for_all`."""
     return _Loop(rules, along, span, loop).varying()
@@ -318,6 +342,7 @@ class _Loop:
     def __init__(self, rules: Rules, along: str, span: tuple[float, float], loop: Loops):
         self.rules, self.along, self.span = rules, along, span
         self.cases = cases_of(rules, along, span, loop)
+        self.too_loud = False  # whether a root mean square is proved to be too large everywhere
 
     @property
     def certified(self) -> bool:
@@ -377,9 +402,37 @@ class _Loop:
                     self._row(case, told(bracket, lambda _, of_case=family: of_case))
                     for bracket in brackets_on_average(family, self.span)
                 ]
+            if self.rules.require:
+                rows_of_case = [
+                    part for row in rows_of_case for part in self._of_small_rms(case, row)
+                ]
             both = [all_of(pair) for pair in product(rows, rows_of_case)]
             rows = [row for row in both if row.low < row.high]
         return rows
+
+    def _of_small_rms(self, case: Case, row: Row) -> list[Row]:
+        """The parts of a row in which a root mean square is as required."""
+        bound = rms_of(self.rules.require)
+        ports = RandomPorts.of(self.rules, case.values, self.along, self.span, bound)
+        found = offered("bound").along_at_random(ports, (row.low, row.high), bound.at_most)
+        if found.doubt.any():
+            return []
+        self.too_loud |= bool(row.settled and (found.index < 0).all())
+        by = case.fixed | {loud(bound.at_most): None}
+        parts = []
+        for interval in np.flatnonzero(found.index >= 0):
+            low, high = found.low[interval], found.high[interval]
+            # An end is in the middle of a gap that is twice as wide at most.
+            gaps = 2 * END_EXACTNESS * (np.abs([low, high]) + SHARE_OF_SPAN * (row.high - row.low))
+            part = row.part
+            if not np.isnan(found.low_omega[interval]):
+                part = replace(part, low=low - gaps[0], low_by=by)
+                low = low + gaps[0]
+            if not np.isnan(found.high_omega[interval]):
+                part = replace(part, high=high + gaps[1], high_by=by)
+                high = high - gaps[1]
+            parts.append(replace(row, low=low, high=high, part=part, text=text_of_part(part)))
+        return parts
 
     def grows_everywhere(self) -> bool:
         """Whether the mean square of some case is proved to grow at every value."""

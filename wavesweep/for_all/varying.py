@@ -318,7 +318,7 @@ def bracketed_over(
     """What is proved and refuted about an interval for all numbers of some ranges, if there are
     any; None if no start of a proof is found."""
     family = None if ranges else rules.family(values, along)
-    if family is not None and family.drift is None:
+    if family is not None and not rules.at_random and family.drift is None:
         bracket = bracketed(family, along, span, about)
         return bracket and told(bracket, lambda _: family)
     # Numbers in a box, or a drift that depends on the number along which the interval is.

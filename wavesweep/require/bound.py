@@ -253,6 +253,29 @@ class Bound:
             )
 
 
+def along_at_random(ports: Any, span: tuple[float, float], at_most: float) -> Intervals:
+    """See `at_random.along_at_random`."""
+    from wavesweep.require import at_random
+
+    return at_random.along_at_random(ports, span, at_most)
+
+
+def root_mean_square(ports: Any) -> tuple[float, float]:
+    """What the root mean square of loops at random is at least and at most; ports: `RandomPorts`."""
+    from wavesweep.require.at_random import AtRandom
+
+    known = AtRandom.of(ports, 1.0).about(np.zeros(1))
+    return float(known.low[0]), float(known.high[0])
+
+
+def root_mean_square_in_time(loops: Any, ends: Mapping[str, str]) -> float:
+    """The root mean square of the output of one stable loop under white noise; NaN if it is not known."""
+    from wavesweep.require.wish import measured
+
+    value, _ = measured("rms", loops, 1, proved=False, **ends)
+    return float(value[0])
+
+
 def _in_time(gain: GainBound | PeakBound | CutBound | FactorBound | TimeBound) -> bool:
     """Whether it bounds a response in time."""
     return isinstance(gain, TimeBound)

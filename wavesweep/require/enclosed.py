@@ -74,7 +74,7 @@ class Enclosed(NamedTuple):
         return (self.high <= level) | (self.low > level)
 
 
-def _moved(values: np.ndarray) -> np.ndarray:
+def moved_from_middle(values: np.ndarray) -> np.ndarray:
     """By how much functions of the number, `(panels, points, ...)`, differ from their value in
     the middle on the panels."""
     if values.shape[1] == 1:
@@ -85,7 +85,7 @@ def _moved(values: np.ndarray) -> np.ndarray:
 
 def _largest_on(values: np.ndarray) -> np.ndarray:
     """The largest size of such functions on the panels."""
-    return np.abs(values[:, 0]) + _moved(values)
+    return np.abs(values[:, 0]) + moved_from_middle(values)
 
 
 def _units(size: np.ndarray) -> np.ndarray:
@@ -114,7 +114,7 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
         so_far = g @ g.mT
         rough = e
         for _ in range(MOST_DOUBLINGS):
-            moved = _moved(((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2)))
+            moved = moved_from_middle(((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2)))
             seen = ((o @ so_far) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
             low = np.fmax(low, seen.value - seen.error - moved)
             over_frames = Bounded.exact(np.eye(n)) + rough
@@ -140,7 +140,7 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
         square = ((o @ middle) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
 
         total = ((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2))
-        unsure = _moved(total) + more + square.error
+        unsure = moved_from_middle(total) + more + square.error
         low = np.fmax(low, square.value - unsure) / ticks
         high = (square.value + unsure + np.where(q < 1, rest, np.inf)) / ticks
     return Enclosed(low, np.where(np.isfinite(high), high, np.inf))
@@ -209,7 +209,7 @@ def _over_blocks(
             largest = np.maximum(largest, size.max(-1))
             of_rows = np.abs(rows[:, 0])
             shown_middle = shown_middle + of_rows
-            shown = shown + of_rows + _moved(rows)
+            shown = shown + of_rows + moved_from_middle(rows)
             X = X + E @ X
             rows = rows + rows @ E
         done = count
@@ -312,7 +312,7 @@ class _Step:
     def _take(self, shares: np.ndarray) -> None:
         """Take the next samples, as shares of the final value, `(panels, points, ticks, steps)`."""
         middle = shares[:, 0].real
-        moved = _moved(shares)
+        moved = moved_from_middle(shares)
         self.largest = np.maximum(self.largest, np.abs(middle).max((-1, -2)))
         since = self.tick + np.arange(middle.shape[-2])[:, None] - self.steps
         self.tick += middle.shape[-2]
@@ -338,7 +338,7 @@ class _Step:
 
     def value(self, rest: _Rest) -> Enclosed:
         middle = np.tile(self.ends[:, 0].real, rest.largest.shape[-1] // self.frame)
-        moved = np.tile(_moved(self.ends), rest.largest.shape[-1] // self.frame)
+        moved = np.tile(moved_from_middle(self.ends), rest.largest.shape[-1] // self.frame)
         low, _, low_known = self._of_bound(-self.low, rest.off_so_far)
         low = -low
         self.most, _, _ = self._of_bound(self.high, rest.off_so_far)

@@ -51,7 +51,8 @@ MEASURES = {
         "of to over from",
         1e12,
         False,
-        "white noise of a root mean square of 1, new in every tick, comes out with at most this: the H2 norm",
+        "white noise of a root mean square of 1, new in every tick, comes out with at most this: the H2 norm, also beside "
+        "chances of [for_all]",
         "a root mean square of at most {at_most:.15g} in {to} under white noise of 1 in {from_}",
         "output under white noise",
         "root mean square of the output under white noise of a root mean square of 1, new in every tick: the H2 norm",

@@ -81,7 +81,7 @@ def _peak(loops: Loops, size: int, *, proved: bool, **ends: str):
     return value, certified
 
 
-def _measured(measure: str, loops: Loops, size: int, *, proved: bool, **options: Any):
+def measured(measure: str, loops: Loops, size: int, *, proved: bool, **options: Any):
     """A value of the response of each loop, missing if it is not stable, and whether it is
     certified, to SPARED; proved: see `step`."""
     import numpy as np
@@ -125,8 +125,8 @@ WISHES = {
         "description": measure.description,
         "options": ENDS | (SETTLED if name == STEP_SETTLING else {}),
         "ports": (),
-        "measure": partial(_measured, name, proved=True),
-        "seen": partial(_measured, name, proved=False),
+        "measure": partial(measured, name, proved=True),
+        "seen": partial(measured, name, proved=False),
     }
     for name, measure in MEASURES.items()
 }

@@ -110,6 +110,12 @@ class Port:
         """
         drawn, drift = with_displacements(drawn, drift)
         ticks = Ticks.of(drawn, (signal,), terms=True)
+        return Port.through(ticks, drawn, source, drift)
+
+    @staticmethod
+    def through(ticks: Ticks, drawn: MultirateLoop, source: str, drift: MarginalModes) -> Port:
+        """Return the port between an external input of a drawing and the output of its ticks, see
+        `between`."""
         column = drawn.inputs.index(source)
         reads = ticks.maps[0].C
         shifts = _Shifts.of(ticks, drift, reads)

@@ -545,12 +545,12 @@ def questions(spec: Spec) -> list[Question]:
     else:
         alone = table.loss or (spec.drawing and spec.drawing.at_random)
         at_random = table.at_random or alone
-        if not alone:
-            listed.append(Question(claimed, asked_scope(spec)))
+        if not alone:  # of chances alone more than stability is asked
+            listed.append(Question(STABLE if at_random else claimed, asked_scope(spec)))
         if at_random:
             scope = asked_scope(spec, at_random=True)
             listed.append(Question(MEAN_SQUARE, scope))
-            if alone and spec.require:
+            if spec.require:
                 listed.append(Question(claimed, scope))
     if spec.contact:
         scope = listed[0].scope
