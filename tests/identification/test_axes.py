@@ -1,13 +1,18 @@
 """Devices of several axes, from logs of a march with matrix exponentials, or with friction in fine steps."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
-from wavesweep.identification.axes import as_early_as_the_force
+from wavesweep.identification.axes import _coupled, _numbers, as_early_as_the_force
 from wavesweep.identification.device_spec import spec_text
+from wavesweep.identification.model import Model
+from wavesweep.identification.prediction.scaled_log import scaled
+from wavesweep.identification.prediction.search import Place, Search
 
 PERIOD, STEP = 1e-3, 2e-5
 
@@ -125,3 +130,48 @@ def test_what_is_held_over_ticks_that_begin_later_is_not_smoothed_where_it_is_mo
     mean = 0.78 * np.roll(held, 2) + 0.22 * np.roll(held, 3) + 0.3 * ticks
     earlier = as_early_as_the_force(mean, held, 2.22)
     np.testing.assert_allclose(earlier[3:-3], (held + 0.3 * (ticks + 2.22))[3:-3], rtol=1e-12)
+
+
+def test_a_number_that_two_axes_tell_is_their_mean_and_has_the_mean_of_their_widths():
+    def told(theta, half, one_way):
+        log = SimpleNamespace(one_way=one_way)
+        theta, half = np.array(theta), np.array(half)
+        return SimpleNamespace(
+            model=Model(friction=True), theta=theta, half=half, place=SimpleNamespace(log=log), searched={"delay": 9.0}
+        )
+
+    first = told([np.log(0.1), 1.0, 0.2, 1.5, 0.010, 0.05], [0.02, 0.1, 0.01, 0.02, 0.001, 0.004], False)
+    second = told([np.log(0.2), 2.0, 0.3, 1.7, 0.014, 0.07], [0.05, 0.2, 0.01, 0.04, 0.003, 0.008], True)
+    expected = {"mass_xx": (0.1, 0.002), "mass_xy": (0.012, 0.002), "mass_yy": (0.2, 0.01), "damping_xx": (1.0, 0.1)}
+    expected |= {"damping_xy": (0.06, 0.006), "damping_yy": (2.0, 0.2), "friction_x": (0.2, 0.01), "friction_y": (0.3, np.inf)}
+    found = _numbers("xy", [first, second])
+    assert found == {name: pytest.approx(row) for name, row in (expected | {"delay": (1.6, 0.03)}).items()}
+    for alone in (first, second):
+        alone.model, alone.theta, alone.half = Model(delay=2.0), np.delete(alone.theta, [2, 3]), np.delete(alone.half, [2, 3])
+        alone.place.log.one_way, alone.searched = False, {"delay": 2.0}
+    assert _numbers("xy", [first, second])["delay"] == (2.0, 0.0)
+
+
+def test_what_resists_an_axis_is_the_motion_of_the_other_within_each_tick():
+    """Of two masses that share nothing, whose forces change 0.3 of a tick late, read without noise."""
+    force = np.random.default_rng(1).standard_normal((300, 2))
+    M = np.diag([0.1, 0.3])
+    places = marched(M, np.diag([1.0, 2.0]), np.zeros(2), force, 1.3, np.zeros((300, 2)))
+    predictions = []
+    for axis, rate in enumerate((10.0, 2.0 / 0.3)):
+        log = scaled(Model(), force[:, axis], places[:, axis], PERIOD, 0.0)
+        search = Search(log, {"rate": rate, "square": 0.0, "delay": 1.3, "white": 1e-8, "drift": 1e-12})
+        predictions.append(SimpleNamespace(place=Place(log, search, search.begun, 6)))
+    numbers = {"mass_xx": (0.1, 0), "mass_xy": (0.0, 0), "mass_yy": (0.3, 0), "delay": (1.3, 0)}
+    beside = _coupled("xy", numbers, list(force.T), predictions)
+    late = np.roll(force, 1, axis=0)
+    jumps = (late - np.roll(force, 2, axis=0)) @ np.linalg.inv(M)
+    for axis in (0, 1):
+        (acceleration, moment), (speed, lever) = beside[1 - axis]
+        rows = slice(20, 280)
+        mean = np.diff(places[:, axis])[rows] / PERIOD
+        assert speed[rows] == pytest.approx(mean, abs=0.15 * mean.std())
+        held = (late[:, axis] - jumps[:, axis] * 0.3 * M[axis, axis] - (1.0, 2.0)[axis] * speed) / M[axis, axis]
+        assert acceleration[rows] == pytest.approx(held[rows], abs=0.02 * held.std())
+        assert moment[rows] == pytest.approx(-0.105 * jumps[rows, axis])
+        assert lever[rows] == pytest.approx(-acceleration[rows] * PERIOD / 12)

@@ -12,13 +12,13 @@ from wavesweep.identification import explained
 from wavesweep.identification.curves import forceless, with_curve
 from wavesweep.identification.explained import Effect, judged
 from wavesweep.identification.figure import _spectrum
-from wavesweep.identification.fit import fitted
+from wavesweep.identification.fit import by_prediction, fitted
 from wavesweep.identification.model import Model
 from wavesweep.identification.prediction.innovations import errors_of, projected, theta_of
 from wavesweep.identification.prediction.intervals import _half_widths, _of_large, _static, _step, estimated_at
 from wavesweep.identification.prediction.scaled_log import scaled, spikes
 from wavesweep.identification.prediction.search import Place, Search, least_of
-from wavesweep.identification.prediction.smoother import force_beside
+from wavesweep.identification.prediction.smoother import Rounds, force_beside, smoothed, with_falling_friction
 
 CHIRP = np.sin(0.0015 * np.arange(220) ** 1.8)
 
@@ -217,3 +217,56 @@ def test_the_spectrum_of_white_errors_is_flat_and_that_of_the_encoder_and_noise(
     assert (hertz[0], hertz[-1]) == (pytest.approx(0.05), pytest.approx(470, rel=0.05))
     assert white == pytest.approx(np.full(len(hertz), 3e-5 * np.sqrt(2e-3)))
     assert density[-20:] == pytest.approx(white[-20:], rel=0.1)
+
+
+FOUND = {  # force that a fit leaves over that of the log, effects that explain it, whether it is seen; name, share, intervals
+    "nothing is seen": (0.1, [], False, ("noise", 0.0, False)),
+    "no effect is likely": (0.1, [Effect("spring", 14.9, 0.0)], True, ("force", 0.0, False)),
+    "half of the log's own": (0.51, [], True, ("force", 0.0, True)),
+    "a resonance": (0.1, [Effect("resonance", 40.0, 0.01, 30.0), Effect("drag", 45.0, 0.05)], True, ("resonance", 0.9, True)),
+    "a lag before a likelier curve": (
+        0.1,
+        [Effect("lag", 20.0, 0.009), Effect("drag", 99.0, 0.001)],
+        True,
+        ("lag", 0.91, True),
+    ),
+    "a lag that leaves more": (
+        0.1,
+        [Effect("lag", 20.0, 0.011), Effect("friction", 99.0, 0.05)],
+        True,
+        ("friction", 0.5, True),
+    ),
+    "little of it": (0.1, [Effect("spring", 40.0, 0.071)], True, ("force", 0.29, False)),
+    "less than amplifiers know": (9e-6, [Effect("spring", 40.0, 0.0)], True, ("force", 1.0, False)),
+}
+
+
+@pytest.mark.parametrize("kind", FOUND)
+def test_a_missing_force_has_a_name_and_takes_intervals_away_or_widens_them(kind, place, monkeypatch):
+    over, effects, seen, (name, share, withheld) = FOUND[kind]
+    prediction = estimated_at(*place, None, 0.0)
+    fit = by_prediction(prediction, place.log.force, place.log.reading, 1 / RATE, 4e-4)
+    pushed = float(np.std(fit.rows.force))
+    found = [effect._replace(left=effect.left * pushed, moved=np.array([0.3, 0.1])) for effect in effects]
+    monkeypatch.setattr(explained, "_lacking_effects", lambda *_: (over * pushed, found, seen))
+    lacking, verdict = explained.lacking(fit, prediction, ())
+    assert (verdict.explained, verdict.missing, verdict.withheld) == (False, name, withheld)
+    assert verdict.share == pytest.approx(share, abs=1e-9)
+    assert verdict.frequency_hz == pytest.approx(30.0 if name == "resonance" else np.nan, nan_ok=True)
+    widened = not withheld and any(effect.likelier > 15 for effect in effects)
+    assert np.broadcast_to(lacking.extra, 2) == pytest.approx([0.3 * widened, 0.1 * widened])
+    assert verdict.rms == pytest.approx(np.sqrt(np.mean(prediction.left**2)))
+
+
+def test_rounds_of_a_smoother_find_friction_that_does_not_fall_beside_damping():
+    """Of a mass of 0.1 kg under noise; begun with half of the damping, and friction that turns round at a usual speed."""
+    source = np.random.default_rng(8)
+    force = source.standard_normal(240)
+    speed = marched(0.1, 1.0, force, friction=0.3, measured="velocity") + 1e-6 * source.standard_normal(240)
+    log = scaled(Model(friction=True, delay=0.0, measured="velocity"), force, speed, 1 / RATE, 1e-6)
+    search = Search(log, {"rate": 5.0, "square": 0.0, "delay": 0.0, "white": 1e-3, "drift": 1e-9, "turning": log.slowest})
+    rounds = smoothed(Rounds(log, search.begun), search, 4)
+    _, errors, effects = errors_of(rounds.log, search.found(rounds.point), 4)
+    theta = theta_of(rounds.log, search.found(rounds.point), projected(errors, effects)[0])
+    assert theta == pytest.approx([np.log(0.1), 1.0, 0.3], abs=1e-3)
+    assert with_falling_friction(rounds.log, search, rounds.point, 4) is None
