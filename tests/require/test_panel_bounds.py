@@ -128,7 +128,8 @@ def test_a_mean_square_is_enclosed_whatever_entries_are_within_their_errors():
     off = 1e-3 * np.abs(O)
     exact = (np.zeros_like(each) for each in (E, G, T))
     e, g, t = exact
-    found = mean_square([Bounded(E + 0j, e), Bounded(G + 0j, g), Bounded(O + 0j, off), Bounded(T + 0j, t)])
+    of_E, of_G, of_O, of_T = (Bounded(*pair) for pair in ((E + 0j, e), (G + 0j, g), (O + 0j, off), (T + 0j, t)))
+    found = mean_square((of_E, of_G @ of_G.mT, of_O.mT @ of_O, of_T @ of_T.mT), 1)
     A, G, T = E[0, 0] + np.eye(3), G[0, 0], T[0, 0]
     for way in (-1, 1):
         output = (O + way * off * np.sign(O))[0, 0]

@@ -5,7 +5,7 @@ In frames a loop is `x+ = A x + G u`, `y = O x + T u`, u and y having a value fo
 an input of 1 in a tick gives T in its frame and `O A^k G` in the k-th one after it.
 
     step from tick l on   y_k = y_end + O A^(k-1) (x_1 - x_end),   x_end = (1 - A)^-1 G 1
-    white noise           mean_i (T T' + O X O')_ii,   X = A X A' + G G'
+    white noise           mean_i (T T' + O X O')_ii,   X = A X A' + G G'   (of sums over a frame: `maps.squares_over_frame`)
 
 Each is asked of a disc of complex numbers about a panel, half as wide as the disc: what is analytic
 in the number differs there from its value in the middle by at most half of what it does on the rim
@@ -17,8 +17,9 @@ The first S blocks of frames are summed. With u the largest state of these, entr
     sum_(k >= S) |O A^k G| <= (sum_(k < S) |O A^k| u) max |A^S G/u| / (1 - q).
 
 In the middle, errors of the matrices and rounding are as if each block had added at most e to the
-states, which moves no sample by more than `sum_k |O A^k| e`; those of later blocks are as above with
-`|A^S| e` in place of that of states. These bounds are computed to first order.
+states, which moves no sample by more than `sum_k |O A^k| e`, and what the first state is off by, d, moves
+none by more than `max_k |O A^k| d`; those of later blocks are as above with `|A^S| (e + d)` in place of that
+of states. These bounds are computed to first order.
 
 A step may come to rest by a slow mode, near 1 + w in all of a panel, -1 < w < 0, long after all others
 are gone. Of the samples y_k of a tick, `d_k = (y_(k+1) - (1 + w) y_k)/(-w)` hardly has that mode, and
@@ -42,10 +43,11 @@ from wavesweep.engine.response import BAND
 from wavesweep.engine.rows import distinct
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
+from wavesweep.require.maps import in_order
 
-ROWS_OF_BLOCK = 256  # outputs of a block of frames, at least
+ROWS_OF_BLOCK = 64  # outputs of a block of frames, at least
 MOST_DOUBLINGS = 48  # of frames in which noise has acted
-MOST_BLOCKS = 1024  # that are looked at
+MOST_BLOCKS = 4096  # that are looked at
 LITTLE = 1e-5  # of a mode that is left when a step is no longer looked at, unless that is proved
 KNOWN = 1e-10  # of a mean square, and of 1 and a value of a step, to which they are known
 # of the end of a step, which samples may be off; the first of these that their bound is below
@@ -93,29 +95,29 @@ def _units(size: np.ndarray) -> np.ndarray:
     return np.where(size > 0, size, 1.0)
 
 
-def mean_square(maps: Sequence[Bounded]) -> Enclosed:
+def mean_square(squares: Sequence[Bounded], ticks: int) -> Enclosed:
     """The mean square of the output under noise of variance 1 in each tick, on panels.
 
-    maps: E, G, O and T at the middle of each panel and on its rim, `(panels, points, ...)`, each
-    with a bound on its error.
+    squares: E, Q, W and t, see `squares_over_frame`, of a frame of so many ticks, at the middle of each panel and
+    on its rim, `(panels, points, ...)`, each with a bound on its error.
 
-    `X_2N = X_N + A^N X_N (A^N)'`. What misses in the equation in the middle, R, is seen in the mean
-    square as `sum_ij R_ij P_ij`, `P = A' P A + O' O`. What N frames of noise leave is less than what all
-    do.
+        mean square = (sum_ij W_ij X_ij + t)/ticks,   X_2N = X_N + A^N X_N (A^N)'
+
+    What misses in the equation in the middle, R, is seen in the mean square as `sum_ij R_ij P_ij`,
+    `P = A' P A + W`. What N frames of noise leave is less than what all do.
     """
-    E, G, O, T = (matrix for matrix, _ in maps)
-    e, g, o, t = (part.part(slice(None), 0).real for part in maps)
+    E, Q, W, t = (matrix for matrix, _ in squares)
+    e, g, w, direct = (part.part(slice(None), 0).real for part in squares)
     n = E.shape[-1]
-    ticks = T.shape[-1]
     low = np.zeros(len(E))
     with np.errstate(all="ignore"):
-        X = G @ G.mT
+        X = Q
         power = E  # A^N - 1
-        so_far = g @ g.mT
+        so_far = g
         rough = e
         for _ in range(MOST_DOUBLINGS):
-            moved = moved_from_middle(((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2)))
-            seen = ((o @ so_far) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
+            moved = moved_from_middle((W * X).sum((-1, -2)) + t[..., 0, 0])
+            seen = (w * so_far).sum((-1, -2)) + direct.part(..., 0, 0)
             low = np.fmax(low, seen.value - seen.error - moved)
             over_frames = Bounded.exact(np.eye(n)) + rough
             so_far = so_far + over_frames @ so_far @ over_frames.mT
@@ -130,17 +132,15 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
                 break
         uu = u[:, :, None] * u[:, None, :]
         ratio_of_forms = (_largest_on(X) / uu).max((-1, -2))
-        shown = (_largest_on(O) @ u[..., None])[..., 0]
-        rest = q**2 / (1 - q**2) * ratio_of_forms * (shown**2).sum(-1)
+        rest = q**2 / (1 - q**2) * ratio_of_forms * (_largest_on(W) * uu).sum((-1, -2))
 
         middle = Bounded.exact(middle)
         changed = e @ middle
-        missed = (g @ g.mT + changed + changed.mT + changed @ e.mT).size
-        more = (missed * np.abs(_summed(e.value.mT, o.value.mT @ o.value))).sum((-1, -2))
-        square = ((o @ middle) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
+        missed = (g + changed + changed.mT + changed @ e.mT).size
+        more = (missed * np.abs(_summed(e.value.mT, w.value))).sum((-1, -2))
+        square = (w * middle).sum((-1, -2)) + direct.part(..., 0, 0)
 
-        total = ((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2))
-        unsure = moved_from_middle(total) + more + square.error
+        unsure = moved_from_middle((W * X).sum((-1, -2)) + t[..., 0, 0]) + more + square.error
         low = np.fmax(low, square.value - unsure) / ticks
         high = (square.value + unsure + np.where(q < 1, rest, np.inf)) / ticks
     return Enclosed(low, np.where(np.isfinite(high), high, np.inf))
@@ -183,9 +183,9 @@ def _over_blocks(
     """
     n = E.value.shape[-1]
     identity = np.eye(n)
-    while O.value.shape[-2] < ROWS_OF_BLOCK:
-        O = Bounded.joined([O, O @ (Bounded.exact(identity) + E)], -2)
-        E = E.then(E)
+    frames = -(-ROWS_OF_BLOCK // O.value.shape[-2])
+    no_inputs = E.part(..., slice(0)), O.part(..., slice(0))
+    E, _, O, _ = in_order([(E, no_inputs[0], O, no_inputs[1])], np.zeros(frames, int))
     of_O = O.part(slice(None), 0).with_rounding(n)
     rough = E.part(slice(None), 0).with_rounding(n + 2) + sum_rounding(n + 2) * identity
     E = E.value
@@ -198,6 +198,7 @@ def _over_blocks(
     largest = np.zeros((len(E), n))
     shown = np.zeros(rows[:, 0].shape)  # sum_k |O A^k| on the panels, and in the middle
     shown_middle = shown
+    most_shown = shown  # max_k |O A^k| in the middle
     enclosed = Enclosed.unknown(len(E))
     again = np.full(len(E), np.inf)  # blocks of a panel that may be above the level
     done = 0
@@ -209,6 +210,7 @@ def _over_blocks(
             largest = np.maximum(largest, size.max(-1))
             of_rows = np.abs(rows[:, 0])
             shown_middle = shown_middle + of_rows
+            most_shown = np.maximum(most_shown, of_rows)
             shown = shown + of_rows + moved_from_middle(rows)
             X = X + E @ X
             rows = rows + rows @ E
@@ -216,11 +218,13 @@ def _over_blocks(
         u = _units(largest)
         kappa = _all_shown(shown, _largest_on(power + identity), u)
         a = (_largest_on(X) / u[..., None]).max(-2)
-        pushed = (rough @ u[..., None])[..., 0] + dX[:, 0].max(-1)
+        pushed = (rough @ u[..., None])[..., 0]
+        begun = dX[:, 0].max(-1)
         grown = np.abs(power[:, 0] + identity)
         later = _all_shown(shown_middle, grown, u)
         so_far = (of_O @ u[..., None])[..., 0] + (shown_middle @ pushed[..., None])[..., 0]
-        carried = ((grown @ pushed[..., None])[..., 0] / u).max(-1)
+        so_far = so_far + (most_shown @ begun[..., None])[..., 0]
+        carried = ((grown @ (pushed + begun)[..., None])[..., 0] / u).max(-1)
         rest = _Rest(kappa * a.max(-1)[:, None], so_far, so_far + later * carried[:, None])
         better = seen.value(rest)
         enclosed = Enclosed(np.fmax(enclosed.low, better.low), np.fmin(enclosed.high, better.high))
@@ -270,14 +274,15 @@ class _Step:
     """Responses to an input of 1 from each tick of a frame on, over the value at which they end,
     the mean of their ticks there.
 
-    steps: the ticks. ends: of the ticks of a frame, each with a bound on its error. settling: whether the ticks are
-    looked for from the step until all samples are within `band`, in place of the overshoot; or, if `after` is
-    given, how far samples are from the end that come more than so many ticks after the step. unsure: see UNSURE.
+    first: outputs of the first frame. steps: the ticks. ends: of the ticks of a frame, each with a bound on its
+    error. settling: whether the ticks are looked for from the step until all samples are within `band`, in place
+    of the overshoot; or, if `after` is given, how far samples are from the end that come more than so many ticks
+    after the step. unsure: see UNSURE.
     """
 
     def __init__(
         self,
-        T: Bounded,
+        first: np.ndarray,
         steps: np.ndarray,
         ends: Bounded,
         *,
@@ -303,7 +308,7 @@ class _Step:
         self.high = np.zeros((len(self.ends), self.unsure.size))
         self.frame = self.ends.shape[-1]
         self.tick = 0
-        self._take(T[0] @ np.tri(self.frame)[:, steps] / self.final[..., None, None])
+        self._take(first / self.final[..., None, None])
 
     def look(self, outputs: np.ndarray) -> None:
         ends = np.tile(self.ends, outputs.shape[-2] // self.frame)
@@ -493,35 +498,38 @@ def step(
     settling: bool = False,
     band: float = BAND,
     after: float | None = None,
+    read: np.ndarray | None = None,
     proved: bool = True,
 ) -> Enclosed:
     """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
     come; or the ticks from the step until all samples are within `band` of that value, as a share of it; or, more than
     `after` ticks after the step, how far samples are from it, as a share of it.
 
-    maps: see `mean_square`; level: about which it is asked, None if its value is; proved: whether all
+    maps: E, G, O and T, see `over_frame`, at the middle of each panel and on its rim, `(panels, points, ...)`, each
+    with a bound on its error; read: the ticks of their inputs, None for all. level: about which the value is asked, None
+    if it is; proved: whether all
     later samples are bounded, else it is what is seen of some loops, whose E is finite, in doubles. Without
     a final value, or next to 0, nothing is known.
     """
     E, G, O, T = maps
-    acts = np.zeros(T[0].shape[-1], bool)
-    for matrix in (*G, *T):
-        acts |= (matrix != 0).any((0, 1, 2))
+    ticks = T.value.shape[-2]
+    read = np.arange(ticks) if read is None else read
     # Behind a tick in which nothing reads the input, the step from there on is the same.
-    steps = np.flatnonzero(np.concatenate([[True], acts[:-1]]))
-    begun = np.tri(acts.size)[:, steps]
+    steps = np.append(0, 1 + read[read < ticks - 1])
+    begun = (read[:, None] >= steps).astype(float)
     with np.errstate(all="ignore"):
-        ones = np.ones((acts.size, 1))
+        ones = np.ones((read.size, 1))
         end = (-E).solved(G @ ones)
         regular = ~poles_inside(determinants(E.value)[..., None])
         starts = G @ begun - end
+        first = T.value @ begun
         ends = O @ end + T @ ones
         ends = ends.part(..., 0)
 
         def found(method: Callable[..., Any], panels: np.ndarray, *more: Any) -> Enclosed:
             unsure = UNSURE if proved else UNSURE[:1]
             seen = _Step(
-                T.part(panels),
+                first[panels],
                 steps,
                 ends.part(panels),
                 settling=settling,

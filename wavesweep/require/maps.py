@@ -1,6 +1,9 @@
 """Loops between an input and a signal as one map `T + O (z - A)^-1 G` of a frame, with bounds on
 errors."""
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 
 from wavesweep.engine.doubles import ENTRY_ROUNDING
@@ -13,67 +16,136 @@ def over_frame(
 ) -> tuple[Bounded, ...]:
     """E less identity, G, O and T of a frame, of some states, each with a bound on its error; read:
     the ticks whose inputs are looked at.
-
-    With X the map from the state before the frame, and its inputs, to that before a tick, and R the
-    map from the state after that tick to what follows, a tick that is off by d moves what follows
-    by R d X. So, to first order, sizes are taken of products whose terms have cancelled, and bounds
-    do not grow from tick to tick.
     """
     kinds = of_ticks(port, kept, batch)
-    order = port.kind.tolist()
-    ticks = len(order)
-    n = kept.size
-    states = slice(n)
+    ticks = port.kind.size
     acts = np.array([(b.size != 0).any() or (d.size != 0).any() for _, b, _, d in kinds])
-    acting = np.flatnonzero(acts[port.kind[read]])  # inputs, which alone are followed
-    X = np.zeros((*batch, n, n + acting.size))  # less identity
+    acting = np.isin(np.arange(ticks), read) & acts[port.kind]  # inputs, which alone are followed
+    kinds += [(e, b.part(..., slice(0)), c, d.part(..., slice(0))) for e, b, c, d in kinds]
+    E, G, O, T = in_order(kinds, port.kind + len(acts) * ~acting)
+    inputs = np.flatnonzero(acting[read])
+
+    def with_all_inputs(entries: np.ndarray) -> np.ndarray:
+        wide = np.zeros((*entries.shape[:-1], read.size), entries.dtype)
+        wide[..., inputs] = entries
+        return wide
+
+    return E, G.each(with_all_inputs), O, T.each(with_all_inputs)
+
+
+def in_order(kinds: Sequence[tuple[Bounded, ...]], order: np.ndarray) -> tuple[Bounded, ...]:
+    """E less identity, G, O and T of kinds of ticks, or of frames, in this order; kinds: the same of each.
+
+    Stretches of equal length first, each that comes again once, and then these in a row.
+    """
+    rows = _stretches(tuple(order.tolist()))
+    of_stretch = {row: _in_order([kinds[kind] for kind in row]) for row in set(rows)}
+    return _in_order([of_stretch[row] for row in rows])
+
+
+@lru_cache(maxsize=64)
+def _stretches(order: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Kinds of ticks in stretches of equal length, but for the last, of the length that leaves the fewest joins."""
+    best = [order]
+    for length in range(2, len(order) // 2 + 1):
+        rows = [order[first : first + length] for first in range(0, len(order), length)]
+        if length * len(set(rows)) + len(rows) < sum(map(len, set(best))) + len(best):
+            best = rows
+    return best
+
+
+def _in_order(parts: Sequence[tuple[Bounded, ...]]) -> tuple[Bounded, ...]:
+    """E less identity, G, O and T of parts of a frame in a row; parts: the same of each.
+
+    With X the map from the state before the first part, and all inputs, to that before a part, and R the
+    map from the state after that part to what follows, a part that is off by d moves what follows
+    by R d X. So, to first order, sizes are taken of products whose terms have cancelled, and bounds
+    do not grow from part to part.
+    """
+    *batch, _, n = parts[0][0].value.shape
+    states = slice(n)
+    last_columns = n + np.cumsum([b.value.shape[-1] for _, b, _, _ in parts])
+    last_rows = np.cumsum([c.value.shape[-2] for _, _, c, _ in parts])
+    columns = [
+        slice(last - b.value.shape[-1], last)
+        for last, (_, b, _, _) in zip(last_columns, parts, strict=True)
+    ]
+    X = np.zeros((*batch, n, last_columns[-1]))  # less identity
     before = []
     outputs = []
-    columns_of_tick = [
-        n + np.flatnonzero(read[acting] == tick) for tick in range(ticks)
-    ]  # column of its input
-    for tick, kind in enumerate(order):
-        e, b, c, d = (matrix for matrix, _ in kinds[kind])
+    for (E, G, O, T), inputs in zip(parts, columns, strict=True):
+        e, b, c, d = (matrix for matrix, _ in (E, G, O, T))
         output = c @ X
         output[..., states] += c
-        output[..., columns_of_tick[tick]] += d
+        output[..., inputs] += d
         before.append(X)
         outputs.append(output)
         X = X + e @ X
         X[..., states] += e
-        X[..., columns_of_tick[tick]] += b
+        X[..., inputs] += b
     whole = np.concatenate([*outputs, X], -2)
 
-    identity = np.eye(n, n + acting.size)
-    error = np.zeros_like(whole)
-    rounding = sum_rounding(n + 2, np.iscomplexobj(whole))
+    identity = np.eye(*X.shape[-2:])
+    error = np.zeros_like(whole, dtype=float)
+    of_complex = np.iscomplexobj(whole)
+    two_sums = sum_rounding(2, of_complex)
     after = np.broadcast_to(np.eye(n), (*batch, n, n))
-    for tick in reversed(range(ticks)):
-        e, b, c, d = kinds[order[tick]]
-        X = before[tick]
+    for (e, b, c, d), inputs, row, X in reversed(
+        list(zip(parts, columns, last_rows, before, strict=True))
+    ):
         size = np.abs(X + identity)
-        of_state = e.with_rounding(n + 2) @ size + rounding * np.abs(X)
+        terms = 2 + max(_most_terms(e.value), _most_terms(c.value))
+        rounding = sum_rounding(terms, of_complex)
+        of_state = e.with_rounding(terms) @ size + two_sums * np.abs(X)
         of_state[..., states] += rounding * np.abs(e.value)
-        of_state[..., columns_of_tick[tick]] += b.with_rounding(n + 2)
-        error[..., tick + 1 :, :] += np.abs(after) @ of_state
-        of_output = c.with_rounding(n + 2) @ size
+        of_state[..., inputs] += b.with_rounding(terms)
+        error[..., row:, :] += np.abs(after) @ of_state
+        of_output = c.with_rounding(terms) @ size
         of_output[..., states] += rounding * np.abs(c.value)
-        of_output[..., columns_of_tick[tick]] += d.error
-        error[..., tick, :] += of_output[..., 0, :]
+        of_output[..., inputs] += d.error
+        error[..., row - c.value.shape[-2] : row, :] += of_output
         after = np.concatenate([c.value, after + after @ e.value], -2)
-    columns = np.append(np.arange(n), n + acting)
+    frame = Bounded(whole, error)
+    outputs = slice(last_rows[-1])
+    later = slice(last_rows[-1], None)
+    inputs = slice(n, None)
+    return (
+        frame.part(..., later, states),
+        frame.part(..., later, inputs),
+        frame.part(..., outputs, states),
+        frame.part(..., outputs, inputs),
+    )
 
-    def with_all_inputs(entries: np.ndarray) -> np.ndarray:
-        wide = np.zeros((*entries.shape[:-1], n + read.size), entries.dtype)
-        wide[..., columns] = entries
-        return wide
 
-    frames = Bounded(whole, error).each(with_all_inputs)
-    pairs = []
-    for rows in (slice(ticks, None), slice(ticks)):
-        for columns in (states, slice(n, None)):
-            pairs.append(frames.part(..., rows, columns))
-    return tuple(pairs)
+def _most_terms(matrix: np.ndarray) -> int:
+    """Most entries of a row that are not 0: products with others do not round."""
+    return int((matrix != 0).sum(-1).max(initial=0))
+
+
+def squares_over_frame(port: Port, kept: np.ndarray, batch: tuple[int, ...]) -> tuple[Bounded, ...]:
+    """What white noise of variance 1 in each tick of a frame leaves in the states and shows in the output.
+
+    Of `x+ = A x + G u`, `y = O x + T u` over a frame: A less identity, `G G'`, `O' O` and `sum_ij T_ij^2` as a
+    matrix of one entry, each with a bound on its error. They are summed tick by tick, none of as many rows as the frame has ticks.
+    """
+    E, *_ = over_frame(port, kept, batch, np.arange(0))
+    of_tick = [(e, b @ b.mT, c.mT @ c, d @ d.mT) for e, b, c, d in of_ticks(port, kept, batch)]
+    _, *squares = in_a_row(port.kind.tolist(), of_tick, _squares_of_both)
+    return E, *squares
+
+
+def _squares_of_both(
+    first: tuple[Bounded, Bounded, Bounded, Bounded],
+    second: tuple[Bounded, Bounded, Bounded, Bounded],
+) -> tuple[Bounded, Bounded, Bounded, Bounded]:
+    """The squares of some ticks and of those that follow."""
+    E_1, Q_1, W_1, t_1 = first
+    E_2, Q_2, W_2, t_2 = second
+    identity = Bounded.exact(np.eye(E_1.value.shape[-1]))
+    A_1 = identity + E_1
+    A_2 = identity + E_2
+    shown = (W_2 * Q_1).sum((-1, -2)).each(lambda x: x[..., None, None])
+    return E_1.then(E_2), A_2 @ Q_1 @ A_2.mT + Q_2, W_1 + A_1.mT @ W_2 @ A_1, t_1 + t_2 + shown
 
 
 def at_runs(

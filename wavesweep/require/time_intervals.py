@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -15,13 +16,15 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded, solve
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
+from wavesweep.engine.response import Port
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
 from wavesweep.require.enclosed import BAND, ROWS_OF_BLOCK, Enclosed, mean_square, step
-from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, STEP_SETTLING, TimeBound
-from wavesweep.require.gain_intervals import END_EXACTNESS, attached, begun_at_low_end
+from wavesweep.require.gain_bound import MEASURES, RMS, STEP_SETTLING, TimeBound
+from wavesweep.require.gain_intervals import END_EXACTNESS, attached, begun_at_low_end, reads
+from wavesweep.require.maps import over_frame, squares_over_frame
 
-MOST_TICKS = 128  # of a frame
+MOST_TICKS = 1000  # of a frame
 WHOLE_TICKS = 1e-9  # of a time, by which it is no other number of ticks
 BESIDE_END = 0.5  # of what ends are exact to, next to an end of stability
 NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
@@ -30,30 +33,39 @@ NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
 def enclosed_value(
     measure: str,
     maps: Sequence[Bounded],
-    rate: float,
+    port: Port,
     level: float | None = None,
     *,
     band: float = BAND,
     proved: bool = True,
 ) -> Enclosed:
-    """What is known of a value of responses, one of MEASURES; maps: see `enclosed`; rate: of
-    ticks, Hz.
+    """What is known of a value of responses, one of MEASURES; maps: `maps_of` a port, by panels and points.
 
     level: about which it is asked, None if the value is. band, proved: see `step`. A time that is asked
     about is the level times how far the response is from its end after that, over the band: so it does
     not jump where one more sample leaves the band.
     """
-    if measure == OVERSHOOT:
-        return step(maps, level, proved=proved)
+    if measure == RMS:
+        square = mean_square(maps, port.kind.size)
+        return Enclosed(np.sqrt(square.low), np.sqrt(square.high))
+    of_step = partial(step, maps, read=np.flatnonzero(reads(port)), proved=proved)
     if measure == STEP_SETTLING:
         if level is None:
-            value, unit = step(maps, settling=True, band=band, proved=proved), 1 / rate
+            value, unit = of_step(settling=True, band=band), 1 / port.rate
         else:
-            value = step(maps, band, settling=True, after=level * rate - 1, proved=proved)
+            value = of_step(band, settling=True, after=level * port.rate - 1)
             unit = level / band
         return value._replace(low=value.low * unit, high=value.high * unit)
-    square = mean_square(maps)
-    return Enclosed(np.sqrt(square.low), np.sqrt(square.high))
+    return of_step(level)
+
+
+def maps_of(
+    measure: str, port: Port, kept: np.ndarray, batch: tuple[int, ...], read: np.ndarray
+) -> tuple[Bounded, ...]:
+    """What a value of a response is computed from: `squares_over_frame` under noise, else `over_frame`."""
+    if measure == RMS:
+        return squares_over_frame(port, kept, batch)
+    return over_frame(port, kept, batch, read)
 
 
 def refuse_long_frame(ticks: int, key: str) -> None:
@@ -86,14 +98,14 @@ def along_time(
     refuse_long_frame(port.kind.size, f"sweep.require.{measure}")
     level = wanted.at_most * (1 + WHOLE_TICKS * wanted.is_time)
     columns = np.arange(size)
-    about = loops, along, route, level, drift, needed(port.maps), np.arange(port.kind.size)
+    about = loops, along, route, level, drift, needed(port.maps), np.flatnonzero(reads(port))
     ends = Accuracy(END_EXACTNESS, 8.0, END_EXACTNESS, np.full(size, END_EXACTNESS), slow=True)
 
     # Next to an end of stability discs have loops that grow: there nothing is looked for.
     low = stable.low + BESIDE_END * ends.of(stable.low, domain.width) * (stable.low > span[0])
     high = stable.high - BESIDE_END * ends.of(stable.high, domain.width) * (stable.high < span[1])
     inner = replace(stable, low=low, high=high)
-    judge = InTime(*about, columns, inner, wanted, port.rate, np.zeros(size))
+    judge = InTime(*about, columns, inner, wanted, port, np.zeros(size))
     if MEASURES[measure].of_step and judge.ends_at_zero(number, p):
         found = f"one from {wanted.source} to {wanted.signal}; rms bounds what comes of it"
         expected = "a step that ends at another value than 0"
@@ -106,23 +118,29 @@ def along_time(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InTime(Between):
-    """A value of the response of loops, which has to be at most the level; rate: of ticks, Hz;
+    """A value of the response of loops, which has to be at most the level; port: of some of them;
     looked_at: so many outputs of each column."""
 
     wanted: TimeBound
-    rate: float
+    port: Port
     looked_at: np.ndarray
     forms: ClassVar[None] = None
 
     @property
     def order(self) -> int:
-        """Of the matrices of a panel, about."""
-        return self.kept.size + self.read.size
+        """Of square matrices as large as those of a panel."""
+        states = self.kept.size
+        if self.wanted.measure == RMS:
+            return states
+        return int(np.sqrt((states + self.port.kind.size) * (states + self.read.size)))
 
     def _value(self, maps: Sequence[Bounded]) -> Enclosed:
         """What is known of the value, about its level."""
         wanted = self.wanted
-        return enclosed_value(wanted.measure, maps, self.rate, self.level, band=wanted.within)
+        return enclosed_value(wanted.measure, maps, self.port, self.level, band=wanted.within)
+
+    def over_frame(self, port: Port, size: int) -> tuple[Bounded, ...]:
+        return maps_of(self.wanted.measure, port, self.kept, (size,), self.read)
 
     def ends_at_zero(self, column: np.ndarray, p: np.ndarray) -> bool:
         """Whether the response to a constant input ends at 0, at all of some values."""
@@ -143,7 +161,7 @@ class InTime(Between):
         for matrix, size in maps:
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
-        rows = max(ROWS_OF_BLOCK, self.read.size)
+        rows = max(ROWS_OF_BLOCK, port.kind.size)
         # Outputs of a block of frames, of some panels.
         at_once = max(1, 2_000_000 // (shape[1] * rows * (self.read.size + self.kept.size)))
         known = np.flatnonzero(judged)

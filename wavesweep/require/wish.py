@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.keys import Key
 from wavesweep.program.columns import SPARED
-from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, STEP_SETTLING, WITHIN
+from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, RMS, STEP_SETTLING, WITHIN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,25 +33,26 @@ def _seen(wish: str, loops: Loops, size: int, ends: Mapping[str, str]):
     from wavesweep.program.analyses.signals import routed
 
     drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{wish}")
-    return _seen_along(drawing, loops.items, route, size)
+    return _seen_along(drawing, loops.items, route, size, RMS if wish == RMS else "")
 
 
 @lru_cache(maxsize=1)  # several wishes ask about one response
-def _seen_along(drawing: Drawing, items: tuple, route: tuple[str, str], size: int):
-    """The same of loops that are remembered by their numbers, along a route."""
+def _seen_along(drawing: Drawing, items: tuple, route: tuple[str, str], size: int, measure: str):
+    """The same of loops that are remembered by their numbers, along a route; measure: RMS, or "" for all others."""
     import numpy as np
 
     from wavesweep.engine.loop import Loops
     from wavesweep.engine.response import Port
     from wavesweep.require.between import needed
-    from wavesweep.require.maps import over_frame
+    from wavesweep.require.gain_intervals import reads
+    from wavesweep.require.time_intervals import maps_of
 
     loops = Loops.remembered(drawing, items)
     stable = loops.read.radii(size) < 1
     port = Port.between(loops.drawn(), *route, loops.drift(watched=route[1:]))
     if port.outputs > 1 or not stable.any():
         return stable, port, []
-    maps = over_frame(port, needed(port.maps), (size,), np.arange(port.kind.size))
+    maps = maps_of(measure, port, needed(port.maps), (size,), np.flatnonzero(reads(port)))
     return stable, port, [matrix.part(stable, None) for matrix in maps]
 
 
@@ -94,7 +95,7 @@ def measured(measure: str, loops: Loops, size: int, *, proved: bool, **options: 
     if not maps:
         return value, stable
     band = options.get("within", WITHIN)
-    found = enclosed_value(measure, maps, port.rate, band=band, proved=proved)
+    found = enclosed_value(measure, maps, port, band=band, proved=proved)
     known = np.isfinite(found.high)
     value[stable] = np.where(known, found.high, np.nan)
     certified = ~np.isnan(loops.read.radii(size))
