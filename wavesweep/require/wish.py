@@ -33,12 +33,13 @@ def _seen(wish: str, loops: Loops, size: int, ends: Mapping[str, str]):
     from wavesweep.program.analyses.signals import routed
 
     drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{wish}")
-    return _seen_along(drawing, loops.items, route, size, RMS if wish == RMS else "")
+    return _seen_along(drawing, loops.items, route, size, wish if wish in ("peak", RMS) else "")
 
 
-@lru_cache(maxsize=1)  # several wishes ask about one response
+@lru_cache(maxsize=3)  # several wishes ask about one response
 def _seen_along(drawing: Drawing, items: tuple, route: tuple[str, str], size: int, measure: str):
-    """The same of loops that are remembered by their numbers, along a route; measure: RMS, or "" for all others."""
+    """The same of loops that are remembered by their numbers, along a route; measure: "" of a step. Of a peak the maps
+    have all inputs, of a step those that are read."""
     import numpy as np
 
     from wavesweep.engine.loop import Loops
@@ -52,7 +53,8 @@ def _seen_along(drawing: Drawing, items: tuple, route: tuple[str, str], size: in
     port = Port.between(loops.drawn(), *route, loops.drift(watched=route[1:]))
     if port.outputs > 1 or not stable.any():
         return stable, port, []
-    maps = maps_of(measure, port, needed(port.maps), (size,), np.flatnonzero(reads(port)))
+    read = np.arange(port.kind.size) if measure == "peak" else np.flatnonzero(reads(port))
+    maps = maps_of(measure, port, needed(port.maps), (size,), read)
     return stable, port, [matrix.part(stable, None) for matrix in maps]
 
 
