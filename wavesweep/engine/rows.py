@@ -23,6 +23,12 @@ class Rows:
         """Return some of the rows in the given order; index: a mask, indices or a slice."""
         return type(self)(*(getattr(self, field.name)[index] for field in fields(self)))
 
+    def with_others(self, index: np.ndarray, others: Self) -> Self:
+        """Return the rows with others in place of some of them."""
+        place = np.arange(len(getattr(self, fields(self)[0].name)))
+        place[index] = place.size + np.arange(index.size)
+        return self.join([self, others]).take(place)
+
     @classmethod
     def join(cls, parts: Sequence[Self]) -> Self:
         """Return the rows of several such values, one after the other."""

@@ -98,3 +98,10 @@ def test_a_pair_within_the_noise_is_not_proved(gap):
     for pair in ([0.3, 0.3 + gap], [complex(0.3, gap)]):
         c = np.array([float(a) for a in sturm.from_roots([*pair, -0.7, complex(0.1, 0.4)])])
         assert not isolate(c[None], np.array([1e-13])).proved[0]
+
+
+def test_noise_that_grows_inside_a_disc_hides_no_roots():
+    """x with a tenth of the Chebyshev polynomial of degree 21 has three roots about 0, within noise of 0.1 on [-1, 1]."""
+    c = np.array([0.0, 1.0, *[0.0] * 19, 1e-6])
+    assert not check(c, 0.1)
+    assert check(c, 1e-3)

@@ -1,25 +1,25 @@
-"""Errors of a frame's entries that are no roundings, as in frames of many ticks: they count in the noise of the polynomial."""
+"""The noise of the polynomial is a bound: on rounding, and on what errors of a frame's entries make of it."""
 
 import mpmath
 import numpy as np
 import pytest
 from panel_speed import chain
+from support.intervals import cut_of
+from support.specs import random_values
 
 import wavesweep
 from wavesweep.engine._monodromy.cut import FIRST, SECOND, LinearFractional
-from wavesweep.engine._stability.crossings import sampled_polynomial
-
-SPREAD = 1e-6  # of entries
+from wavesweep.engine._stability.crossings import sampled_polynomial, warp_scale
 
 
-def random_cut(seed, *, integrates):
-    """A loop of two numbers whose entries are known to SPREAD, and another one within that of it."""
+def random_cut(seed, *, integrates, spread):
+    """A loop of two numbers whose entries are known to a spread, and another one within that of it."""
     random, n = np.random.default_rng(seed), 5
     E = np.diag(random.uniform(-0.5, -0.01, n)) + 0.1 * random.normal(size=(n, n))
     B, C, D = random.normal(size=(n, 1)), random.normal(size=(3, n)), random.normal(size=(3, 1))
     if not integrates:
         C[1], D[1] = 0, 0
-    errors = [SPREAD * np.abs(matrix) * random.random(matrix.shape) for matrix in (E, B, C, D)]
+    errors = [spread * np.abs(matrix) * random.random(matrix.shape) for matrix in (E, B, C, D)]
     cut = LinearFractional(
         *(matrix[None] for matrix in (E, B, C, D, *errors)), integrates, np.ones(1), tuple(f"x{i}" for i in range(n))
     )
@@ -40,50 +40,70 @@ def terms(matrices, integrates, theta):
     return pole, pole * offset, pole * velocity
 
 
+def polynomials(matrices, integrates, along, scale, normal=None):
+    """Coefficients from samples in 40 digits: base, slope and the three of the value; and what all are divided by."""
+    count = matrices[0].shape[-1] + integrates + 1
+    with mpmath.workdps(40):
+        a = mpmath.mpf((1 - scale) / (1 + scale))
+        phi = [mpmath.pi * j / (count + 1) for j in range(1, count + 1)]
+        zeta = [mpmath.expj(p) for p in phi]
+        theta = [mpmath.arg((z + a) / (1 + a * z)) for z in zeta]
+        size = [(1 + a * z) ** (count - 1) for z in zeta]
+        every = [[s * term for term in terms(matrices, integrates, t)] for s, t in zip(size, theta, strict=True)]
+        poles = [abs(unit) / (abs(mpmath.expj(t) - 1) if integrates else 1) for (unit, *_), t in zip(every, theta, strict=True)]
+        normal = normal or max(poles)
+        samples = []
+        for (unit, *numbers), p in zip(every, phi, strict=True):
+            solved, fixed = numbers if along == FIRST else reversed(numbers)
+            back = mpmath.conj(solved) / normal**2
+            of_value = (mpmath.sin(p) * mpmath.re(term * back) for term in (unit, fixed, solved))
+            samples.append((mpmath.im(unit * back), -mpmath.im(fixed * back), *of_value))
+        series = [
+            [
+                2 * mpmath.fsum(f[kind] * mpmath.sin(k * p) for f, p in zip(samples, phi, strict=True)) / (count + 1)
+                for k in range(1, count + (kind > 1))
+            ]
+            for kind in range(5)
+        ]
+    return [np.array(coefficients, float) for coefficients in series], normal
+
+
+def farthest(coefficients):
+    """The largest value on [-1, 1] of a sum in the basis U."""
+    theta = np.linspace(1e-3, np.pi - 1e-3, 300)
+    return np.abs(coefficients @ np.sin(np.outer(np.arange(1, coefficients.size + 1), theta)) / np.sin(theta)).max()
+
+
+def in_order(found):
+    """What is found of the same five, and the bounds on the errors of each."""
+    return (found.base, found.slope, *np.moveaxis(found.value, 1, 0)), (*found.noise[0], *found.value_noise[0])
+
+
+@pytest.mark.parametrize("spread", [1e-6, 1e-9])
 @pytest.mark.parametrize("integrates", [False, True])
 @pytest.mark.parametrize("along", [FIRST, SECOND])
-@pytest.mark.parametrize("seed", range(2))
-def test_the_polynomial_of_every_loop_within_the_errors_is_within_the_noise(seed, along, integrates):
-    """Coefficients from samples in 40 digits, in the scale of the loop in the middle."""
-    cut, other = random_cut(seed, integrates=integrates)
-    scale = np.array([0.3])
-    found = sampled_polynomial(cut, along, scale, np.ones(1, bool))
-    quiet = sampled_polynomial(cut, along, scale, np.zeros(1, bool))
-    n, middle = cut.order, (cut.E[0], cut.B[0], cut.C[0], cut.D[0])
-    count = n + 5
-    with mpmath.workdps(40):
-        a = (1 - mpmath.mpf(0.3)) / (1 + mpmath.mpf(0.3))
-        phi = [mpmath.pi * j / (count + 1) for j in range(1, count + 1)]
-        size = [(1 + a * mpmath.expj(p)) ** n for p in phi]
-        theta = [2 * mpmath.atan(mpmath.mpf(0.3) * mpmath.tan(p / 2)) for p in phi]
-        poles = [abs(s * terms(middle, integrates, t)[0]) for s, t in zip(size, theta, strict=True)]
-        if integrates:
-            poles = [pole / abs(mpmath.expj(t) - 1) for pole, t in zip(poles, theta, strict=True)]
-        series = []
-        for matrices in (middle, other):
-            samples = []
-            for s, t in zip(size, theta, strict=True):
-                unit, x, v = (s / max(poles) * term for term in terms(matrices, integrates, t))
-                solved, fixed = (x, v) if along == FIRST else (v, x)
-                of_unit, of_fixed = unit * mpmath.conj(solved), fixed * mpmath.conj(solved)
-                samples.append((of_unit.imag, -of_fixed.imag, of_unit.real, of_fixed.real, abs(solved) ** 2))
-            series.append(
-                [
-                    [
-                        2 * mpmath.fsum(sample[kind] * weight * mpmath.sin(k * p) for sample, weight, p in rows) / (count + 1)
-                        for k in range(1, n + 1 + (kind > 1))
-                    ]
-                    for kind in range(5)
-                    for rows in [list(zip(samples, [1] * count if kind < 2 else map(mpmath.sin, phi), phi, strict=True))]
-                ]
-            )
-    noise = [found.noise[0, 0], found.noise[0, 1], *found.value_noise[0]]
-    least = [quiet.noise[0, 0], quiet.noise[0, 1], *quiet.value_noise[0]]
-    for kind, of_middle in enumerate((found.base, found.slope, *np.moveaxis(found.value, 1, 0))):
-        exact, moved = (np.array(each[kind], float) for each in series)
-        np.testing.assert_allclose(of_middle[0], exact, atol=least[kind], rtol=0)
-        assert least[kind] < np.abs(moved - exact).max() <= noise[kind]
-        assert noise[kind] <= 1e4 * np.abs(moved - exact).max()
+def test_the_polynomial_of_every_loop_within_the_errors_is_within_the_noise(along, integrates, spread):
+    """By both bounds, and the close one is no more than a thousand times what the entries make of it."""
+    cut, other = random_cut(3, integrates=integrates, spread=spread)
+    exact, normal = polynomials([cut.E[0], cut.B[0], cut.C[0], cut.D[0]], integrates, along, 0.3)
+    moved, _ = polynomials(other, integrates, along, 0.3, normal)
+    for closely in (False, True):
+        found, noise = in_order(sampled_polynomial(cut, along, np.array([0.3]), closely=closely))
+        for of_found, of_exact, of_moved, off in zip(found, exact, moved, noise, strict=True):
+            assert farthest(of_found[0] - of_exact) <= 1e-3 * off
+            assert farthest(of_found[0] - of_moved) <= off
+            assert not closely or off <= 1e3 * farthest(of_exact - of_moved)
+
+
+@pytest.mark.parametrize("closely", [False, True])
+def test_rounding_of_the_polynomial_is_within_the_noise(closely):
+    """Of this loop both of two computations are off by more than eight times what they differ by."""
+    cut = cut_of(random_values(222))
+    scale = warp_scale(cut, alone=False)
+    found, noise = in_order(sampled_polynomial(cut, SECOND, scale, closely=closely))
+    exact, _ = polynomials([cut.E[0], cut.B[0], cut.C[0], cut.D[0]], cut.integrates, SECOND, scale[0])
+    for of_found, of_exact, off in zip(found, exact, noise, strict=True):
+        assert farthest(of_found[0] - of_exact) <= off
 
 
 @pytest.mark.parametrize("ticks", [600, 2000])

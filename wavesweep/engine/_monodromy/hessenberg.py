@@ -12,22 +12,17 @@ import numpy as np
 LOOPS_IN_CACHE = 512  # loops at once, for which the recurrence stays in a processor's cache
 
 
-def in_even_units(E: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return loops `(loops, n, n)`, `(loops, n, 1)`, `(loops, outputs, n)` in units of their states
-    in which the largest entries of each row and its column are alike, as one matrix [[B, E], [0,
-    C]], `(n + outputs, n + 1, loops)`.
+def even_units(E: np.ndarray) -> np.ndarray:
+    """Return units of the states of loops `(loops, n, n)` in which the largest entries of each row and
+    its column are alike, `(n, loops)`.
 
-    The units are powers of two, and rough: a fast relative of `balance`.
+    They are powers of two, and rough: a fast relative of `balance`.
     """
     n = E.shape[-1]
-    system = np.zeros((n + C.shape[-2], n + 1, len(E)))
-    system[:n, :1] = np.moveaxis(B, 0, -1)
-    system[:n, 1:] = np.moveaxis(E, 0, -1)
-    system[n:, 1:] = np.moveaxis(C, 0, -1)
     index = np.arange(n)
     units = np.zeros((n, len(E)), np.float32)
     with np.errstate(all="ignore"):
-        size = np.log2(np.abs(system[:n, 1:], dtype=np.float32))
+        size = np.log2(np.abs(np.moveaxis(E, 0, -1), dtype=np.float32))
         size[index, index] = -np.inf
         # Rounds towards units in which entries of a row and of a column are alike.
         for _ in range(5):
@@ -36,7 +31,17 @@ def in_even_units(E: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
             # once.
             step = 0.25 * (now.max(1) - now.max(0))
             units += np.where(np.isfinite(step), step, 0)
-    units = np.exp2(np.round(units).astype(float))
+    return np.exp2(np.round(units).astype(float))
+
+
+def in_units(units: np.ndarray, E: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return loops `(loops, n, n)`, `(loops, n, 1)`, `(loops, outputs, n)` in units of their states as
+    one matrix [[B, E], [0, C]], `(n + outputs, n + 1, loops)`."""
+    n = len(units)
+    system = np.zeros((n + C.shape[-2], n + 1, len(E)))
+    system[:n, :1] = np.moveaxis(B, 0, -1)
+    system[:n, 1:] = np.moveaxis(E, 0, -1)
+    system[n:, 1:] = np.moveaxis(C, 0, -1)
     system[:, 1:] *= units
     system[:n] /= units[:, None]
     return system
@@ -51,6 +56,9 @@ def reduced(system: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Accuracy: exact for matrices that differ from the given ones by some roundings of their largest
     entries.
     """
+    if system.shape[-1] == 1:  # whose sums numpy would take in another order
+        H, C, gain = reduced(np.repeat(system, 2, axis=-1))
+        return H[..., :1], C[..., :1], gain[:1]
     n = system.shape[1] - 1
     system = system.copy()
     for k in range(n - 1):

@@ -19,7 +19,7 @@ from wavesweep.engine._loops.from_drawing import PRODUCT
 from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._monodromy.cut import LinearFractional
 from wavesweep.engine._monodromy.drift import MarginalModes
-from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
+from wavesweep.engine._monodromy.hessenberg import even_units, in_units, polynomials, reduced
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of
 from wavesweep.engine._monodromy.product import blocks_of, product_with_errors
 from wavesweep.engine._monodromy.rounding import balance
@@ -776,7 +776,9 @@ class ModesOfCut:
     def _form(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         E = self.cut.E[index]
         B = self.cut.B[index]
-        return reduced(in_even_units(E, B, np.broadcast_to(np.eye(self.inner.size), E.shape)))
+        return reduced(
+            in_units(even_units(E), E, B, np.broadcast_to(np.eye(self.inner.size), E.shape))
+        )
 
     def _in_one_product(self) -> np.ndarray:
         """What is shown in all ticks, as rows over the states and the product of a single loop,

@@ -30,7 +30,10 @@ OVERLAP = 0.035
 # an interpolant is cut to these one by one, and what is cut away is added to its error
 CUT_DEGREES = (1, 2, 4, 7, 10, KEPT_COEFFICIENTS)
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
-TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
+_TURNS = np.outer(2 * np.arange(NODES) + 1, np.arange(NODES)) % (4 * NODES)
+TRANSFORM = np.cos(_TURNS * (np.pi / (2 * NODES))) * (2 / NODES)
+# of the largest sample: what rounding of the transform, and of coefficients, moves an interpolant by
+ROUNDING = 2 * NODES**2 * EPS
 PANEL_ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
 RIM_POINTS = 8  # on its upper half
 RIM = PANEL_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
@@ -382,12 +385,12 @@ def _interpolate(value: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.nd
     first[:, 0] /= 2
     largest = np.abs(first).max(-1)
     tail = np.abs(first[:, KEPT_COEFFICIENTS:]).max(-1)
-    floor = LEBESGUE * EPS * size.max(-1)
+    floor = LEBESGUE * EPS * size.max(-1) + ROUNDING * np.abs(value).max(-1)
     second = first[:, :KEPT_COEFFICIENTS] / 2
     second[:, 0] *= 2
     second[:, :-2] -= first[:, 2:KEPT_COEFFICIENTS] / 2
     decayed = np.isfinite(floor) & (tail <= np.maximum(DECAYED * largest, floor))
-    return second, NODES * (8 * tail + floor), decayed
+    return second, (NODES - KEPT_COEFFICIENTS) * tail + floor, decayed
 
 
 def _proved_roots(
@@ -405,7 +408,9 @@ def _proved_roots(
     for degree in CUT_DEGREES:
         if not rows.size:
             return
-        roots = isolate(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
+        beyond = weight[rows, degree:].sum(-1)
+        # What is analytic in an ellipse misses its interpolant by no more inside a small one.
+        roots = isolate(coefficients[rows, :degree], noise[rows] + beyond, degree=NODES + 1)
         proved = roots.complete
         yield rows[proved], roots.take(proved)
         rows = rows[~proved]

@@ -12,23 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import ERRORS, FIRST, CutColumns, LinearFractional
-from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
+from wavesweep.engine._monodromy.cut import FIRST, CutColumns, LinearFractional
 from wavesweep.engine._monodromy.resolvent import ManyStates
-from wavesweep.engine._monodromy.unit_circle import inverse
-from wavesweep.engine._stability.boundary import (
-    Terms,
-    polish,
-    real_terms,
-    terms_and_inverse,
-    terms_of,
-)
+from wavesweep.engine._stability.boundary import Terms, polish, real_terms, terms_and_inverse
+from wavesweep.engine._stability.boundary_samples import boundary_samples
 from wavesweep.engine._stability.real_roots import Roots, isolate
-from wavesweep.engine.doubles import EPS
+from wavesweep.engine.doubles import UNIT_ROUNDING
+from wavesweep.engine.rows import Rows
 
-# sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of
-# all
-SPARE_COEFFICIENTS = 5
 # times the span's largest value; beyond, a value may as well be at the other infinity
 OTHER_INFINITY = 1e8
 # Of an angle's distance from the nearer end of the circle, how far a polished one may be from its
@@ -37,18 +28,17 @@ OTHER_INFINITY = 1e8
 NEAR_SEED = 1e-4
 # of an angle: two roots that polish to angles so near to each other may have become one
 ONE_ROOT = 1e-13
-RESOLVENT_CHANGE = 0.1  # of a resolvent, what errors of entries may change it by
 
 
 @dataclass(frozen=True, slots=True)
-class Polynomial:
-    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed number; roots in
-    (-1, 1) are crossings.
+class Polynomial(Rows):
+    """The polynomials `sum_k (base_k + y slope_k) U_{k-1}(cos phi)` of loops, y the fixed number; roots
+    in (-1, 1) are crossings.
 
-    base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either.
-    value: `(..., 3, n + 1)`, in the same basis; the number at a root is the first less y times the
-    second, over the third. value_noise: `(..., 3)`, bounds on the error of each of these
-    coefficients. scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
+    base, slope: `(loops, n)`. noise: `(loops, 2)`, bounds on what either may be off by on [-1, 1]. value:
+    `(loops, 3, m)`, in the same basis; the number at a root is the first less y times the second, over
+    the third. value_noise: `(loops, 3)`, bounds on what each of these may be off by. scale: r of the
+    warp `tan(theta/2) = r tan(phi/2)`, `(loops,)`.
     """
 
     base: np.ndarray
@@ -82,60 +72,41 @@ def sampled_polynomial(
     cut: LinearFractional,
     parameter: str,
     scale: np.ndarray,
-    rough: np.ndarray,
     *,
     alone: bool = False,
+    closely: bool = False,
 ) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
-    rough: `(loops,)`, those whose noise counts the errors of their entries as well. alone: whether
-    the other number is 0, and its half of the polynomial is left out.
+    alone: whether the other number is 0, and its half of the polynomial is left out. closely: see
+    `boundary_samples`.
 
     The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the
     circle to itself. `f(phi) = Im[(unit - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is
-    a sine polynomial of degree n (the order of the closed loop): n + SPARE_COEFFICIENTS samples
-    give its coefficients through an orthogonal transform.
+    a sine polynomial of degree n (the order of the closed loop): n + 1 samples give its coefficients
+    through an orthogonal transform.
 
     If m poles are exactly 1, as those of a mass under an integrator, d has the factor (z - 1)^m,
     and f, if there is only one parameter, `(1 - cos phi)^(m // 2)`. It is divided out, since a root
     at z = 1 itself would hide others next to it.
     """
-    count = cut.order + SPARE_COEFFICIENTS
+    count = cut.order + 1
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
-    solved, fixed, unit, w = _scaled(cut, np.exp(1j * phi), scale, parameter)
-    if alone:
-        fixed = 0 * fixed
-    transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
-
-    def largest(samples: np.ndarray) -> np.ndarray:
-        return np.abs(samples).max((0, -1))
-
-    unit_part = unit * solved.conj()
-    fixed_part = fixed * solved.conj()
+    samples = boundary_samples(cut, parameter, phi, scale, alone=alone, closely=closely)
+    of_unit, of_fixed, of_solved = samples.products
     factors = 0
-    if not np.any(fixed):
+    if not np.any(of_fixed):
         factors = (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
-    f_unit = unit_part
-    f_fixed = fixed_part
-    if factors:
-        f_unit = unit_part / (1 - np.cos(phi)) ** factors
-        f_fixed = fixed_part / (1 - np.cos(phi)) ** factors
-    of_curve = [f_unit.imag, -f_fixed.imag]
-    sizes = [largest(f_unit), largest(f_fixed)]
-    curve, noise = _sines(of_curve, sizes, transform, cut.order - factors)
-    value_parts = unit_part.real, fixed_part.real, np.abs(solved) ** 2
-    times_sine = [part * np.sin(phi) for part in value_parts]
-    sizes = [largest(unit_part), largest(fixed_part), largest(solved) ** 2]
-    value, value_noise = _sines(times_sine, sizes, transform, cut.order + 1)
-    rough_columns = np.flatnonzero(rough)
-    if rough_columns.size:
-        sizes = [np.abs(part[0, rough_columns]) for part in (unit, fixed, solved)]
-        rough_cut = cut.at(rough_columns)
-        errors = np.stack(_errors_of_entries(rough_cut, parameter, w[rough_columns], *sizes))
-        weight = 1 / (1 - np.cos(phi)) ** factors
-        noise[rough_columns] += 2 * (errors[:2] * weight).max(-1).T  # a mean times 2 sin
-        value_noise[rough_columns] += 2 * errors.max(-1).T
-    return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
+    weight = (2 * np.sin(phi / 2) ** 2) ** -float(factors)
+    curve, noise = _sines(
+        np.stack([of_unit.imag, -of_fixed.imag]) * weight,
+        samples.errors[:2] * weight,
+        cut.order - factors,
+    )
+    value_parts = np.stack([of_unit.real, of_fixed.real, of_solved.real])
+    value_off = samples.errors * np.sin(phi) + 16 * UNIT_ROUNDING * np.abs(value_parts)
+    value, value_noise = _sines(value_parts * np.sin(phi), value_off, cut.order + 1)
+    return Polynomial(curve[:, 0], curve[:, 1], noise, value, value_noise, scale)
 
 
 def poles_at_one(E: np.ndarray) -> int:
@@ -153,115 +124,26 @@ def poles_at_one(E: np.ndarray) -> int:
     return int((~np.diagonal(reach)).sum())
 
 
-def _sines(
-    samples: list[np.ndarray], size: list[np.ndarray], transform: np.ndarray, degree: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first coefficients of sine polynomials from their samples, and bounds on the
-    errors of each of them.
+def _sines(samples: np.ndarray, errors: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the coefficients of sine polynomials from their samples, `(loops, kinds, degree)`, and
+    bounds on what their sums over the sine may be off by, `(loops, kinds)`.
 
-    samples: `(2, loops, points)` each, computed in two ways, whose difference shows the errors of
-    either.
+    samples, errors: `(kinds, loops, points)`. The transform is orthogonal but for a factor, so by
+    Parseval's identity errors e of N samples move the coefficients by a vector of the norm of e times
+    `sqrt(2/(N + 1))`, and the sum by as much as `U_{k-1} <= k` allows. Rounding moves each coefficient
+    by (N + 24) roundings of the mean of the sizes of samples, twice: in the transform, and where
+    coefficients of two are added and divided.
     """
-    series = np.stack(samples, axis=-2) @ transform
-    floor = 4 * len(transform) * EPS
-    beyond = np.abs(series[..., degree:]).max((0, -1))
-    apart = np.abs(series[0] - series[1]).max(-1)
-    return series[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
-
-
-def _scaled(
-    cut: LinearFractional, zeta: np.ndarray, scale: np.ndarray, parameter: str
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the characteristic terms `solved`, `fixed` and `unit` times the warped pole polynomial:
-    polynomials in zeta, `(2, loops, points)` each; and `w = z - 1`, `(loops, points)`.
-
-    The warp is `z = (zeta + a) / (1 + a zeta)` with `a = (1 - r) / (1 + r)`, r the scale. The terms
-    are computed a second time with the states in reverse order, since an orthogonal reduction
-    leaves errors that no polynomial shows by itself.
-    """
-    r = np.asarray(scale)[:, None]
-    a = (1 - r) / (1 + r)
-    bottom = 1 + a * zeta
-    w = (1 - a) * (zeta - 1) / bottom
-    n = cut.E.shape[-1]
-    matrices = (
-        np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:]))
-        for matrix in (cut.E, cut.B, cut.C)
-    )
-    system = in_even_units(*matrices)  # [[B, E], [0, C]]
-    reverse = np.concatenate([system[n - 1 :: -1], system[n:]])
-    reverse = reverse[:, [0, *range(n, 0, -1)]]
-    both = reduced(np.concatenate([system, reverse], axis=-1))
-    pole, over = polynomials(both, np.concatenate([w, w]))
-    pole = pole.reshape(2, *w.shape)
-    over = over.reshape(2, len(w), -1, w.shape[-1])
-    size = bottom ** (n + cut.integrates)
-    size = size / np.abs(size * pole[0]).max(-1, keepdims=True)
-    pole = pole * size
-    outputs = over * size[:, None] + cut.D * pole[:, :, None]
-    terms = terms_of(cut, w, np.moveaxis(outputs, -2, -1), pole)
-    return *terms.along(parameter), terms.unit, w
-
-
-@np.errstate(all="ignore")
-def _errors_of_entries(
-    cut: LinearFractional,
-    parameter: str,
-    w: np.ndarray,
-    unit: np.ndarray,
-    fixed: np.ndarray,
-    solved: np.ndarray,
-) -> list[np.ndarray]:
-    """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`,
-    infinite if not known, `(loops, points)` each.
-
-    unit, fixed, solved: sizes of these terms, `(loops, points)`. With q of `_errors_of_responses`,
-    a product `a b*` of two terms that are off by da and db moves by at most `q (|a| db + da |b| +
-    da db) + (q - 1) |a| |b|`. The difference of two such polynomials is one of the same degree, so
-    its coefficients are at most twice its largest sample.
-    """
-    dG, q, bounded = _errors_of_responses(cut, w)
-    pole = unit / np.abs(w) if cut.integrates else unit
-    of_solved, of_fixed = terms_of(cut, np.abs(w), dG * pole[..., None], 0.0).along(parameter)
-    errors = []
-    for size, error in ((unit, 0.0), (fixed, of_fixed), (solved, of_solved)):
-        moved = size * of_solved + error * (solved + of_solved)
-        errors.append(np.where(bounded, moved * q + size * solved * (q - 1), np.inf))
-    return errors
-
-
-def _errors_of_responses(
-    cut: LinearFractional, w: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return bounds dG on the errors of the responses G at w, `(loops, points, numbers)`, and q, by
-    which the square of the pole polynomial may be multiplied, and whether both hold.
-
-    For errors X, Y, W, V of E, B, C, D, with bounds dE, dB, dC, dD, let `R = (w - E)^-1` and `N = (1
-    - |R| dE)^-1`, which is not negative and bounds `(1 - R X)^-1` entry by entry if the spectral
-    radius of `|R| dE` is below 1. Then `|C R'| <= c = |C R| + |C R| dE N |R|` for the resolvent R'
-    of E + X, and G is off by at most
-
-        dG = c (dE |R B| + dB) + dC (|R B| + N |R| (dE |R B| + dB)) + dD.
-
-    X multiplies the pole polynomial by `det(1 - R X)`. Its logarithm is minus the sum of `tr((R
-    X)^k)/k`, so its square is between 1/q and q, `q = det(1 - |R| dE)^-2`.
-    """
-    dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
-    identity = np.eye(cut.E.shape[-1])
-    R = inverse(w[..., None, None] * identity - cut.E[:, None])
-    RB = np.abs(R @ cut.B[:, None])
-    CR = np.abs(cut.C[:, None] @ R)
-    R = np.abs(R)
-    reach = R @ dE
-    bounded = np.isfinite(reach).all((-1, -2))
-    reach = np.where(bounded[..., None, None], reach, 0.0)
-    bounded &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < RESOLVENT_CHANGE
-    reach = np.where(bounded[..., None, None], reach, 0.0)
-    NR = inverse(identity - reach) @ R
-    c = CR + CR @ dE @ NR
-    entering = dE @ RB + dB
-    dG = (c @ entering + dC @ (RB + NR @ entering) + dD)[..., 0]
-    return dG, np.linalg.det(identity - reach) ** -2.0, bounded
+    count = samples.shape[-1]
+    turn = np.outer(np.arange(1, count + 1), np.arange(1, degree + 1)) % (2 * count + 2)
+    transform = np.sin(turn * (np.pi / (count + 1))) * (2 / (count + 1))
+    # BLAS rounds what is contiguous alike in every batch.
+    series = np.ascontiguousarray(np.moveaxis(samples, 0, 1)) @ transform
+    largest = np.arange(1, degree + 1)
+    of_samples = np.linalg.norm(errors, axis=-1) * (2 / (count + 1)) ** 0.5
+    off = of_samples * np.linalg.norm(largest)
+    off = off + 2 * (count + 24) * UNIT_ROUNDING * np.abs(samples).mean(-1) * largest.sum()
+    return series, off.T
 
 
 def angle(cosine: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -307,10 +189,8 @@ def roots_of(polynomial: Polynomial, owner: np.ndarray, fixed: np.ndarray) -> Ro
     coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(
         owner, axis=0
     )
-    n = coefficients.shape[-1]
-    # per coefficient; |U_k| <= k + 1
     noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]
-    roots = isolate(coefficients, noise * (n * (n + 1) / 2))
+    roots = isolate(coefficients, noise)
     roots.proved[~np.isfinite(coefficients).all(-1)] = False
     return roots
 
@@ -406,19 +286,17 @@ def _side(
     now = np.ones_like(cosine)  # U_k, at most k + 1
     twice = 2 * cosine
     total = np.zeros(())
-    weight = 0
     for k in range(over.shape[-1]):
         total = total + over[..., k] * now[:, None]
-        weight += k + 1
         following = twice * now - before
         before = now
         now = following
     first, second, lower = total.T
     upper = first - fixed * second
-    unsure = weight * (noise[:, 0] + np.abs(fixed) * noise[:, 1])
+    unsure = noise[:, 0] + np.abs(fixed) * noise[:, 1]
     low, high = span
-    above = upper - high * lower > unsure + weight * abs(high) * noise[:, 2]
-    below = upper - low * lower < -(unsure + weight * abs(low) * noise[:, 2])
+    above = upper - high * lower > unsure + abs(high) * noise[:, 2]
+    below = upper - low * lower < -(unsure + abs(low) * noise[:, 2])
     return above.astype(int) - below
 
 

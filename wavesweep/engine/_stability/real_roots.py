@@ -9,6 +9,7 @@ from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
 ROOT_AT_END = 1e-7  # so near to +-1 a root is not distinguished from one at the end itself
+GROWTH = 2.0  # from [-1, 1] to a disc that holds a root, of what a polynomial may be off
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,29 +40,33 @@ class Roots(Rows):
         return self.proved & ~self.open_at_one & ~self.open_at_minus_one
 
 
-def isolate(coefficients: np.ndarray, noise: np.ndarray) -> Roots:
-    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within
-    `noise`.
+def isolate(coefficients: np.ndarray, noise: np.ndarray, degree: int | None = None) -> Roots:
+    """Return the real roots in (-1, 1) of `q(x) = sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to
+    within `noise`.
 
-    coefficients: `(rows, n)`; noise: `(rows,)`. They are among the n-1 complex roots, the eigenvalues
-    of the colleague matrix (Specht 1957; Good 1961).
-    Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations, of
-    radius `r_i / weight_i`, `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold
-    all the roots, and an isolated disc holds exactly one.
-    |q(x_i)| is enlarged by the effect of the noise there. So if each disc that touches [-1, 1] is isolated and centred on the
-    real axis, no root can hide, not even two that lie close together: these would make their discs
-    meet.
+    coefficients: `(rows, n)`; noise: `(rows,)`. degree: of what q may be off by, which on the ellipse
+    with foci -1, 1 and half axes of sum s is at most `s^degree noise`; that of q by default. The roots
+    are among the n-1 complex ones, the eigenvalues of the colleague matrix (Specht 1957; Good 1961).
+    Proof (B. T. Smith, J. ACM 17, 1970): with n-1 approximations x_i, `m_i = lead prod (x_i - x_j)`
+    and an error d(x), which is at most `GROWTH noise` in question, partial fractions give
+
+        (q(x) + d(x)) / (lead prod (x - x_i)) = 1 + sum (q(x_i) + d(x)) / (m_i (x - x_i)),
+
+    which is not 0 outside of all discs about x_i of radius `(|q(x_i)| + GROWTH noise) / |m_i| / weight_i`,
+    weights of sum 1. So no root is on [-1, 1] outside of discs. By Rouche's theorem an isolated disc in
+    which d is so small holds exactly one, which is real if its centre is.
     """
     coefficients, noise = _of_size_one(coefficients, noise)
     none = _none(coefficients)
     if coefficients.shape[1] < 2:
         return replace(none, proved=np.abs(coefficients).sum(-1) > 2 * noise)
     roots = _eigenvalues(coefficients)
-    proved, radius, edge = _proof(coefficients, noise, roots)
+    degree = degree or coefficients.shape[1] - 1
+    proved, radius, edge = _proof(coefficients, noise, roots, degree)
     again = np.flatnonzero(~proved)
     if again.size:
         proved[again], radius[again], edge[again] = _proof(
-            coefficients[again], noise[again], _spread(roots[again])
+            coefficients[again], noise[again], _spread(roots[again]), degree
         )
     some = (np.abs(coefficients).max(-1) > 0)[:, None]
     inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge & some
@@ -167,20 +172,25 @@ def _evaluate(coefficients: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _proof(
-    coefficients: np.ndarray, noise: np.ndarray, roots: np.ndarray
+    coefficients: np.ndarray, noise: np.ndarray, roots: np.ndarray, degree: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return whether the discs about `roots` prove every real root in (-1, 1) except at the ends,
     their radii, and edge discs.
 
-    The first result is row by row; the last tells which discs are confined to an end.
+    The first result is row by row; the last tells which discs are confined to an end. A disc of
+    radius r about x is in the ellipse whose half axes add up to `exp(r/sqrt(1 - (|x| + r)^2))` at
+    most.
     """
     value, rounding = _evaluate(coefficients, roots)
-    radius, apart = _discs(coefficients, roots, np.abs(value) + rounding + 2 * noise[:, None])
-    distance, beyond = _from_segment(roots)
+    bound = np.abs(value) + rounding + GROWTH * noise[:, None]
+    radius, apart = _discs(coefficients, roots, bound)
+    distance = _from_segment(roots)
     touching = ~(distance > radius)
     with np.errstate(over="ignore"):
         lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
-    settled = lonely & (roots.imag == 0) & (-beyond > radius)
+        within = 1 - (np.abs(roots.real) + radius) ** 2
+        grown = (degree * radius / np.log(GROWTH)) ** 2
+    settled = lonely & (roots.imag == 0) & (grown < within)
     edge = (
         touching
         & ~settled
@@ -190,11 +200,9 @@ def _proof(
     return proved, radius, edge
 
 
-def _from_segment(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distance of x from [-1, 1], and the distance of its real part beyond the ends
-    (negative inside)."""
-    beyond = np.abs(x.real) - 1
-    return np.hypot(np.maximum(beyond, 0), x.imag), beyond
+def _from_segment(x: np.ndarray) -> np.ndarray:
+    """Return the distance of x from [-1, 1]."""
+    return np.hypot(np.maximum(np.abs(x.real) - 1, 0), x.imag)
 
 
 def _spread(roots: np.ndarray) -> np.ndarray:
@@ -204,7 +212,7 @@ def _spread(roots: np.ndarray) -> np.ndarray:
     1]; the computed roots crowd there and their discs grow. Points on a small circle about it have
     discs of that circle's size.
     """
-    distance, _ = _from_segment(roots)
+    distance = _from_segment(roots)
     apart = np.abs(roots[:, :, None] - roots[:, None, :])
     index = np.arange(roots.shape[1])
     apart[:, index, index] = np.inf

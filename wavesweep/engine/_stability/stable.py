@@ -35,6 +35,7 @@ from wavesweep.engine._stability.regions import Regions, regions
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
+from wavesweep.engine.rows import different
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -223,14 +224,23 @@ def _by_polynomial(
     its roots are not proved.
     """
     cut = columns.cut
-    rough = cut.remembered("rough", lambda: _is_rough(cut))
 
     def sampled() -> Polynomial:
         scale = np.broadcast_to(warp_scale(cut, alone=alone), cut.batch)
-        return sampled_polynomial(cut, columns.along, scale, rough, alone=alone)
+        return sampled_polynomial(cut, columns.along, scale, alone=alone)
 
     polynomial = cut.remembered((columns.along, alone), sampled)
     roots = roots_of(polynomial, columns.owner, columns.fixed)
+    divided = (columns.fixed == 0) & (cut.poles_at_one > 0) & (not alone)
+    open_ = np.flatnonzero(~roots.complete & ~divided)
+    if open_.size:  # by bounds that take longer
+        loops = different(columns.owner[open_])
+        closely = sampled_polynomial(
+            cut.at(loops), columns.along, polynomial.scale[loops], alone=alone, closely=True
+        )
+        polynomial = polynomial.with_others(loops, closely)
+        again = roots_of(polynomial, columns.owner[open_], columns.fixed[open_])
+        roots = roots.with_others(open_, again)
     rows = np.flatnonzero(roots.complete | ~followed)
     doubt = np.full(columns.size, Doubt.CROWDED)
     if not rows.size:
