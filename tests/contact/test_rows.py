@@ -37,9 +37,11 @@ def spec_of(tables, **more):
 
 
 def contact_rows(spec):
-    """The rows of contact of a table."""
+    """The rows of contact of a table, which have no characteristic equation."""
     frame = framed(intervals(spec))
-    return frame[frame["guarantee"] == "contact"]
+    rows = frame[frame["guarantee"] == "contact"]
+    assert rows["residual"].isna().all()
+    return rows
 
 
 def test_rows_of_contact_stand_beside_those_of_the_linear_wall():

@@ -39,9 +39,12 @@ PD = {
 
 
 def for_all(spec, **ranges):
-    """The rows of the spec's own numbers, and those for all."""
+    """The rows of the spec's own numbers, and those for all, which have no characteristic equation."""
     table = intervals(load(spec | {"for_all": ranges}), jobs=1, along=None if "block" in spec else "K_VE").columns
     rows = [{name: column[row] for name, column in table.items()} for row in range(len(table["along"]))]
+    assert all(
+        np.isnan(row["residual"]) == (row["guarantee"] == "for_all") for row in rows if row["intervals"] and not row["doubt"]
+    )
     return [row for row in rows if row["guarantee"] == "spec"], [row for row in rows if row["guarantee"] == "for_all"]
 
 

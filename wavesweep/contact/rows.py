@@ -287,7 +287,7 @@ def _recorded(rows: list[Row], why: str, span: tuple[float, float], along="") ->
     ends = (np.array([getattr(row, end) for row in rows]) for end in ("low", "high"))
     records = blank_records(*ends, PROVED_RECORD)
     known = bool(rows or why)
-    records["certified"], records["residual"] = known, 0.0
+    records["certified"] = known
     records["doubt"] = Doubt.NONE if known else Doubt.SEARCH
     records["settled"] = not rows and known
     if not rows:

@@ -677,7 +677,7 @@ def recorded(
     records = blank_records(
         *(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), PROVED_RECORD
     )
-    records["residual"], records["certified"] = 0.0, bool(rows or (none and certified))
+    records["certified"] = bool(rows or (none and certified))
     records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
     records["settled"] = none and certified
     if none and certified:
