@@ -20,6 +20,7 @@ from wavesweep.require.damped import Damped
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN
 from wavesweep.require.discs import RequiredCircle, Spiral, _radii, _with_others, eigenvectors
 from wavesweep.require.factors import _room
+from wavesweep.require.frame_gain import _units
 from wavesweep.require.gain_bound import GainBound
 from wavesweep.require.maps import _joined
 from wavesweep.require.on_check import _status
@@ -243,3 +244,14 @@ def test_a_mode_of_a_negative_eigenvalue_needs_no_ratio_of_pairs_and_a_pair_must
     assert spiral.label(z - 1, np.full((3, 2), 0.03), room).tolist() == [GOOD, OPEN, BAD]
     assert room[2] == pytest.approx([0.05, 0.05])
     assert replace(spiral, pairs=False).label(z - 1, np.full((3, 2), 0.005), room).tolist() == [BAD, BAD, BAD]
+
+
+def test_states_have_units_in_which_both_forms_are_alike_where_both_move_them():
+    r = np.random.default_rng(3)
+    G, Q = (np.apply_along_axis(np.diag, -1, 10.0 ** r.uniform(-9, 9, (5, 4))) for _ in range(2))
+    G[0, 1, 1], Q[1, 2, 2] = 0.0, np.nan
+    units = _units(-G, Q)
+    alike = np.diagonal(G, axis1=-2, axis2=-1) / units**2, np.diagonal(Q, axis1=-2, axis2=-1) * units**2
+    there = units != 1
+    assert there.sum() == 18
+    np.testing.assert_allclose(alike[0][there], alike[1][there])
