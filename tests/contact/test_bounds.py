@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from tests.contact.test_proof import SLOW, any_multiplier, sampled_device, wall_loop
-from wavesweep.contact import rows
+from wavesweep.contact import rows, stretches
 from wavesweep.contact.motions import motion_at
 from wavesweep.contact.multipliers import LAGS, Sampled
 from wavesweep.contact.rows import LINEAR, Row
 from wavesweep.contact.stored_search import WallSamples
+from wavesweep.contact.stretches import Line, Piece, pieces_of
 from wavesweep.contact.wall_loop import WallsAlong
 from wavesweep.program.tables.refuters import Refuters
 
@@ -133,3 +134,39 @@ def test_records_say_what_is_open_and_why_there_is_nothing():
         (0, True, False, True),
     ]
     assert refuted["counterexample"] == "unstable"
+
+
+def test_a_stretch_is_of_pieces_from_the_first_end_that_is_proved_downwards(monkeypatch):
+    """A proof reaches down by 50 at most, and not above 95: after 97 of 100 the first piece begins at 90."""
+    asked = []
+
+    def proved(_line, low, high, *, whole=True):
+        asked.append((low, high))
+        if high > 95 or (whole and high - low > 50):
+            return None
+        return Piece(max(low, high - 50), high, None)
+
+    monkeypatch.setattr(stretches, "motion_beyond", lambda *_: None)
+    monkeypatch.setattr(Line, "proved", proved)
+    monkeypatch.setattr(Line, "_seed", lambda *_: 10.0)
+    monkeypatch.setattr(Line, "end", lambda _line, _seed, limit: limit)
+    found = Line(None, None).stretch(0.0, 100.0)
+    assert [(piece.low, piece.high) for piece in found.pieces] == [(40.0, 90.0), (0.0, 40.0)]
+    assert (found.low, found.high) == (0.0, 90.0)
+    assert [high for _, high in dict.fromkeys(asked)] == pytest.approx([100, 99.9, 99.7, 99, 97, 90, 40])
+    device = np.array([[0.5, 0.1, 0.2], [0.0, 0.3, 0.4]]), np.ones((2, 3)), 0.01, (0, 1.0)
+    for top, expected in ((90.0, found.pieces), (96.0, ())):
+        assert [(piece.low, piece.high) for piece in pieces_of(*device, (0.0, top))] == [
+            (each.low, each.high) for each in expected
+        ]
+
+
+def test_an_end_is_as_near_to_where_multipliers_cease_to_serve_as_is_asked():
+    """From either side: one of a value serves 3 beyond it, and none serves beyond 123.4 or below 17."""
+    sampled = SimpleNamespace(reach=lambda value, _walls: (max(value - 3, 17.0), min(value + 3, 123.4)))
+    sampled.multiplier = lambda value: (value, 1.0 if 17 <= value <= 123.4 else -1.0)
+    line = Line(SimpleNamespace(at=float), sampled)
+    assert line.end(60.0, 500.0) == pytest.approx(123.4, rel=1e-2)
+    assert line.end(60.0, 500.0) <= 123.4
+    assert 17 <= line.end(60.0, 0.0) < 19
+    assert line.end(60.0, 62.0) == 62.0
