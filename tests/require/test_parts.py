@@ -23,7 +23,7 @@ from wavesweep.require.factors import _room
 from wavesweep.require.frame_gain import _units
 from wavesweep.require.gain_bound import GainBound
 from wavesweep.require.maps import _joined
-from wavesweep.require.on_check import _status
+from wavesweep.require.on_check import _along, _status, facts
 from wavesweep.require.sines import Panel
 
 
@@ -255,3 +255,45 @@ def test_states_have_units_in_which_both_forms_are_alike_where_both_move_them():
     there = units != 1
     assert there.sum() == 18
     np.testing.assert_allclose(alike[0][there], alike[1][there])
+
+
+DECAYS = {  # x' = -c K x, sampled each 0.1 s: z = 1 - c K/10 is within 0.9 for c K from 1 to 19
+    "rates": {"tick_hz": 10},
+    "numbers": {"c": 1.0, "K": 10.0},
+    "block": {"x": {"type": "integrator"}},
+    "wire": {"x.u": "-c*K*x.y"},
+    "sweep": {"along": "K", "K": {"start": 0, "stop": 30}, "c": [1.0, 2.0], "require": {"radius": 0.9}},
+}
+
+
+@pytest.mark.parametrize(
+    ("K", "c", "status", "reason"),
+    [
+        (10.0, 1.0, Status.CERTIFIED, ""),
+        (0.5, 1.0, Status.REFUTED, "K = 0.5, met in "),
+        (1.0, 1.0, Status.UNKNOWN, "K = 1 on an end, met in "),
+        (9.7, 2.0, Status.REFUTED, "K = 9.7, met in "),
+        (9.0, 3.0, Status.REFUTED, "K = 9, met in "),
+    ],
+)
+def test_a_design_is_judged_by_the_rows_of_its_own_table_or_else_by_a_look_along_their_number(K, c, status, reason):
+    spec = load(DECAYS | {"numbers": {"c": c, "K": K}})
+    assert _along(spec) == "K"
+    assert _along(load({name: table for name, table in DECAYS.items() if name != "sweep"})) == "c"
+    ends = {"low": [1.0, 0.5], "high": [19.0, 9.5], "open_low": [np.nan] * 2, "open_high": [np.nan] * 2}
+    swept = {name: np.array(column) for name, column in (ends | {"low_omega": [1.0, 1.0], "high_omega": [1.0, 1.0]}).items()}
+    swept |= {"c": np.array([1.0, 2.0]), "certified": np.ones(2, bool), "doubt": np.array(["", ""])}
+    for own in ({}, {"swept": swept}):
+        found = facts(spec, own)
+        (claim,) = found["claims"]
+        assert claim.status is status
+        assert claim.reason.startswith(reason)
+        assert bool(claim.reason) == bool(reason)
+        assert found["required"]["certified"]
+        assert found["required"]["intervals"] == [pytest.approx((1 / c, 19 / c))]
+        if own and c < 3:
+            assert (found["required"]["from"], found["required"]["to"]) == (0, 30)
+    unsure = swept | {"certified": np.zeros(2, bool), "doubt": np.array(["search", ""])}
+    (claim,) = facts(spec, {"swept": unsure})["claims"]
+    assert claim.status is (Status.UNKNOWN if c < 3 else status)
+    assert ("which is not certified" in claim.reason) is (c < 3 and K != 1)

@@ -108,6 +108,9 @@ def _status(rows: Columns, value: float, intervals: Sequence[tuple[float, float]
     inside = (rows["low"] < value) & (value < rows["high"])
     inside |= (rows["low"] == value) & np.isnan(rows["low_omega"])
     inside |= (rows["high"] == value) & np.isnan(rows["high_omega"])
+    of_modes = [rows[end][~np.isnan(rows[f"{end}_omega"])] for end in ("low", "high")]
+    if is_an_end(value, [np.concatenate(of_modes).tolist()]):
+        return Status.UNKNOWN
     beside = (value < rows["open_low"]) | (rows["open_high"] < value)
     known = bool((rows["certified"] | ((rows["doubt"] == "search") & beside)).all())
     if inside.any():
