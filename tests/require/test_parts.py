@@ -17,7 +17,7 @@ from wavesweep.require.between import Between
 from wavesweep.require.bound import Bound, words_of
 from wavesweep.require.by_forms import ByForms
 from wavesweep.require.damped import Damped
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, _merged
 from wavesweep.require.discs import RequiredCircle, Spiral, _radii, _with_others, eigenvectors
 from wavesweep.require.factors import _room
 from wavesweep.require.frame_gain import _units
@@ -297,3 +297,17 @@ def test_a_design_is_judged_by_the_rows_of_its_own_table_or_else_by_a_look_along
     (claim,) = facts(spec, {"swept": unsure})["claims"]
     assert claim.status is (Status.UNKNOWN if c < 3 else status)
     assert ("which is not certified" in claim.reason) is (c < 3 and K != 1)
+
+
+def test_panels_that_settle_within_a_gap_are_open_and_those_of_a_drift_at_the_low_end_too():
+    """Ends are exact to 8; the larger label of two partitions holds, and the drift begins to show at 30."""
+    accuracy = SimpleNamespace(of=lambda edges, _width: np.full(edges.size, 8.0), slow=1.0, begun=np.array([0.03]))
+    domain = SimpleNamespace(width=1000.0, span=(0.0, 1000.0))
+    edges = np.array([0.0, 20.0, 25.0, 100.0, 104.0, 104.9, 109.0, 200.0, 206.0, 208.0, 214.0, 300.0])
+    first = np.array([GOOD, OPEN, GOOD, OPEN, GOOD, OPEN, GOOD, OPEN, GOOD, OPEN, BAD, GOOD])
+    second = np.array([0.0, 110.0, 500.0]), np.array([GOOD, GOOD, OPEN])
+    found, label = _merged(0, [(edges, first), second], domain, accuracy)
+    assert found.tolist() == [0, 25, 100, 109, 200, 214, 300, 500]
+    assert label.tolist() == [OPEN, GOOD, OPEN, GOOD, OPEN, BAD, GOOD, OPEN]
+    wide = edges + np.where(edges > 206, 3.0, 0.0)  # a panel of 5 between others of 6 is no gap
+    assert _merged(0, [(wide, first)], domain, accuracy)[1].tolist() == [OPEN, GOOD, OPEN, GOOD, OPEN, GOOD, OPEN, BAD, GOOD]
