@@ -48,3 +48,29 @@ def test_a_signal_that_a_sampled_block_reads_has_a_margin_of_whole_frames():
     assert found["value"][row] == pytest.approx(0.0163956 / PERIOD, rel=1e-5)
     assert "delay" not in found["margin"].tolist()
     assert radius(100.0, PERIOD) > 1
+
+
+def integrator(K):
+    """A held gain before an integrator, once in 1 ms."""
+    block = {"plant": {"type": "tf", "num": [1], "den": [1, 0]}, "c": {"type": "gain", "k": K}}
+    wire = {"c.u": "-plant.y", "plant.u": "c.y"}
+    return {"rates": {"tick_hz": 1000}, "block": block, "wire": wire}
+
+
+def test_an_integrator_alone_has_a_delay_margin_or_a_sentence_says_why_not():
+    """With a dead time of n T + e: z^(n + 1) (z - 1) + K (T - e) z + K e = 0."""
+    table = margins(load(integrator(500.0)), "c.y")
+    row = table.columns["margin"].tolist().index("delay")
+    value = table.columns["value"][row]
+    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        n, e = divmod(share * value, 1e-3)
+        roots = np.roots([1, -1, *[0] * (int(n) - 1), 500 * (1e-3 - e), 500 * e])
+        assert (np.abs(roots).max() < 1) == stable
+    assert not [said for said in table.facts["notices"] if "delay" in said]
+
+
+def test_a_delay_margin_that_is_not_found_is_told(monkeypatch):
+    monkeypatch.setattr("wavesweep.margins.dead_time_margin.STATES_TIMES_TICKS", 10.0)
+    table = margins(load(integrator(20.0)), "c.y")
+    assert "delay" not in table.columns["margin"].tolist()
+    assert [said for said in table.facts["notices"] if "no delay margin" in said]

@@ -28,14 +28,17 @@ STATES_TIMES_TICKS = 2e5
 TICKS_BETWEEN_TRIALS = 4  # ticks from one dead time that is tried beforehand to the next
 
 
-def in_seconds(spec: Spec, signal: str, margins: Sequence[Margin]) -> list[Margin]:
-    """Return the margins of the spec's own loop with a delay in seconds in place of one in whole
-    frames, if it is known: `delay` in place of `delay_frames`."""
-    in_frames = [margin.name == "delay_frames" for margin in margins]
-    delay = delay_margin(spec, signal) if any(in_frames) else None
-    return [
-        delay if late and delay else margin for margin, late in zip(margins, in_frames, strict=True)
-    ]
+def in_seconds(spec: Spec, signal: str, margins: Sequence[Margin], times: int) -> list[Margin]:
+    """Return the margins of the spec's own loop with a delay in seconds, `delay`, if it is known: in place of one in whole frames,
+    or behind the others of a signal that is made once and has none, as that of an integrator alone. times: how often it is made
+    in a frame."""
+    others = [margin for margin in margins if margin.name != "delay_frames"]
+    asked = margins and (len(others) < len(margins) or times == 1)
+    delay = delay_margin(spec, signal) if asked else None
+    if delay is None:
+        return [*margins]
+    behind = 1 + [margin.name for margin in others].index("phase")
+    return [*others[:behind], delay, *others[behind:]]
 
 
 def delay_margin(spec: Spec, signal: str) -> Margin | None:

@@ -111,7 +111,7 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     cut, _ = _chosen(question, shown)
     loop = broken_at(spec, cut)
     margins, doubt = margins_of(loop)
-    margins = in_seconds(spec, cut, margins)
+    margins = in_seconds(spec, cut, margins, loop.times)
     marks = marks_of(loop, {margin.name: (margin.value, margin.omega) for margin in margins})
     doubts = words([margin.doubt for margin in margins])
     lines = lines_at(loop, margins)

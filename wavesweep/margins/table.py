@@ -30,6 +30,7 @@ GAINS = "gains from the certified stable interval around 1 of a factor of the si
 DELAY = "; a delay in seconds from the certified stable interval about 0 of a dead time behind the signal"
 CROSSINGS = "; crossings of the gain 1 from the pencil of the level 1/2 of the real part of 1/(1 + L), found to rounding"
 RIM = "; of the lifted signal the certified stable intervals of its phase, and of complex factors on the rim of a disk"
+NO_DELAY = "no delay margin: the loop bears each dead time that is tried, or readers of the signal would round it to ticks"
 UNITS = {
     "phase": "deg",
     "delay": "s",
@@ -72,7 +73,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
     cut = cut or default_cut(spec)
     loop = broken_at(spec, cut)
     margins_found, doubt = margins_of(loop)
-    margins_found = in_seconds(spec, cut, margins_found)
+    margins_found = in_seconds(spec, cut, margins_found, loop.times)
     if not margins_found:
         reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
         raise UsageError(
@@ -86,6 +87,8 @@ def margins(spec: Spec, cut: str = "") -> Table:
     status = Status.CERTIFIED if columns["certified"].any() else Status.UNKNOWN
     claims = {"spec": Claim(Property("margins", "figures"), own_scope(spec), status)}
     notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
+    if loop.times == 1 and not any(name.startswith("delay") for name in columns["margin"]):
+        notices.append(NO_DELAY)
     if spec.for_all:
         from wavesweep.margins.box_margins import METHOD_FOR_ALL, margins_for_all, refused
 
