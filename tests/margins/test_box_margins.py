@@ -90,7 +90,9 @@ def test_no_loop_of_a_box_has_less_than_what_is_proved():
 
 
 def test_values_are_proved_one_by_one_and_the_worst_counts_in_rows_behind_those_of_the_spec(monkeypatch):
-    monkeypatch.setattr("wavesweep.margins.dead_time_margin.in_seconds", lambda _spec, _cut, found, _times: found)  # takes longer
+    monkeypatch.setattr(
+        "wavesweep.margins.dead_time_margin.in_seconds", lambda _spec, _cut, found, _times: found
+    )  # takes longer
     columns = margins(load(LAG | {"for_all": {"late": {"values": [0, 1, 2]}}}), "net.y").columns
     for word, late in (("spec", 1), ("for_all", 2)):
         rows = columns["guarantee"] == word

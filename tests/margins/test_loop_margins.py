@@ -143,6 +143,15 @@ def test_a_gain_may_fall_without_limit_if_its_limit_is_below_a_millionth(pole, l
     assert down.value == (pytest.approx(pole, rel=1e-8) if limited else 0)
 
 
+@pytest.mark.parametrize(("gain", "known"), [(1.0, False), (1.5, True)])
+def test_a_mode_on_the_circle_is_not_said_to_be_unstable(gain, known):
+    """`x+ = -gain x`"""
+    spec = sampled([gain], [1.0, 0.0], 100)
+    spec["block"]["plant"]["discrete"] = True
+    found, doubt = margins_of(broken_at(load(spec), "c.y"))
+    assert (found, words([doubt])[0]) == ([], "" if known else "rounding")
+
+
 @pytest.mark.parametrize(("seed", "many"), [(1, 2), pytest.param(0, 30, marks=pytest.mark.slow)])
 def test_margins_of_random_loops(seed, many):
     """Against the grid to 1e-9; whole frames that last less than the delay margin leave the loop stable."""

@@ -366,15 +366,13 @@ def margins_of(loop: LiftedLoop, wanted: Collection[str] = MARGINS) -> tuple[lis
     since the spectral radius of a frame that is analytic in k has no peak there. Source: P. Seiler,
     A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
     """
-    margins = []
+    margins, doubt = [], int(Doubt.NONE)
     if GAINS.intersection(wanted):
         margins, doubt = _gains(loop, nearer="gain" in wanted)
-        if not margins:
-            return [], doubt
-    else:
+    if not margins:
         outside, clear = count_outside(*loop.errors(np.ones(1)))
-        doubt = int(Doubt.NONE if clear[0] else Doubt.ROUNDING)
-        if outside[0]:
+        doubt = doubt or int(Doubt.NONE if clear[0] else Doubt.ROUNDING)
+        if outside[0] or GAINS.intersection(wanted):
             return [], doubt
     if TURNS.intersection(wanted):
         turns = list(_at_unit_gain(loop)) if loop.cut else []
