@@ -243,14 +243,18 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     page, report = Page(spec), progress or (lambda *_: None)
     data = page._data()  # noqa: SLF001 - the same page
     stops, left = _stops(page)
-    combinations, designs, planes = list(product(*stops.values())), [], {}
+    combinations = list(product(*stops.values()))
+    designs = []
+    planes = {}
+    ranges = {}
     total = len(combinations) + len(TABLES)
     for done, values in enumerate(combinations):
         report(done, total)
         with suppress(
             WavesweepError
         ):  # a combination that makes no loop, such as a delay beyond the frame
-            designs.append(_design(page, dict(zip(stops, values, strict=True)), planes))
+            design = _design(page, dict(zip(stops, values, strict=True)), planes, ranges)
+            designs.append(design)
     data["first"], tables = None, []
     for done, (title, make) in enumerate(TABLES.items(), len(combinations)):
         report(done, total)
@@ -311,9 +315,9 @@ def _places_between(slider, axis, count):
     return [float(f"{value:.6g}") for value in spaced(low, high, count)]
 
 
-def _design(page, values, planes):
+def _design(page, values, planes, ranges):
     """The answers about a design. planes: those of earlier designs, by the numbers beside their
-    axes."""
+    axes; ranges: their stable intervals, by the number along which they are and those beside it."""
     spec, plane = changed(page.spec, values), page.plane
     answer = quick(spec) | {"values": values, "toml": text_of(spec)}
     search = {slider.path: slider.search for slider in page.sliders}
@@ -326,7 +330,13 @@ def _design(page, values, planes):
         along = [plane.x, plane.y]
     else:
         along = [path for path, span in search.items() if span][:1]
-    return answer | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
+    answer["ranges"] = []
+    for path in along:
+        beside = path, tuple(item for item in values.items() if item[0] != path)
+        if beside not in ranges:
+            ranges[beside] = stable_ranges(spec, path, search[path])
+        answer["ranges"].append(ranges[beside])
+    return answer
 
 
 def _intervals(spec):
