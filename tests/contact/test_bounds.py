@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.contact.test_proof import SLOW, any_multiplier, sampled_device, wall_loop
-from wavesweep.contact import rows, stretches
+from wavesweep.contact import rows, stretches, verdict
 from wavesweep.contact.motions import motion_at
 from wavesweep.contact.multipliers import LAGS, Sampled
 from wavesweep.contact.rows import LINEAR, Row
@@ -170,3 +170,36 @@ def test_an_end_is_as_near_to_where_multipliers_cease_to_serve_as_is_asked():
     assert line.end(60.0, 500.0) <= 123.4
     assert 17 <= line.end(60.0, 0.0) < 19
     assert line.end(60.0, 62.0) == 62.0
+
+
+@pytest.mark.parametrize(
+    ("unstable", "proved", "radius", "motion", "expected"),
+    [
+        (None, True, 0.5, "", ("unknown", "")),  # no loop of one wall
+        (True, True, 0.5, "", ("refuted", "no contact at all: it grows")),
+        (False, True, 2.0, "a wall", ("proved", "")),
+        (False, False, 1.1, "a wall", ("refuted", LINEAR)),
+        (False, False, 1.0, "a wall", ("refuted", "a wall")),
+        (False, False, 0.9, "", ("unknown", "")),
+    ],
+)
+def test_a_verdict_is_a_proof_or_else_what_refutes(monkeypatch, unstable, proved, radius, motion, expected):
+    loop = None if unstable is None else SimpleNamespace(unstable=unstable, without_wall="it grows")
+    line = SimpleNamespace(walls=None, proved=lambda low, high: proved and low == high == 300.0)
+    monkeypatch.setattr(verdict, "WallLoop", SimpleNamespace(of=lambda _cut: loop))
+    monkeypatch.setattr(verdict, "WallsAlong", lambda *about: about)
+    monkeypatch.setattr(verdict, "Line", SimpleNamespace(of=lambda about: line if about[1:] == (0, 2.0) else None))
+    monkeypatch.setattr(verdict, "radius_of", lambda frame: radius * (frame == (300.0, 2.0)))
+    monkeypatch.setattr(verdict, "motion_at", lambda _walls, value: motion if value == 300.0 else "")
+    cut = SimpleNamespace(closed=lambda *wall: wall)
+    monkeypatch.setattr(verdict, "wall_cut", lambda _loop: cut)
+    monkeypatch.setattr(verdict, "loops_of", lambda _spec, values, along: (values, along))
+    spec = SimpleNamespace(values={"K": 300.0, "B": 2.0}, wall=("K", "B"))
+    assert tuple(verdict.of_wall(spec).values()) == expected
+    members = [("n = 1", "first"), ("n = 2", "second")]
+    answers = {"first": {"verdict": "proved", "counterexample": ""}, "second": {"verdict": "refuted", "counterexample": "x"}}
+    monkeypatch.setattr(verdict, "constant_members", lambda _rules, _own: members)
+    monkeypatch.setattr(verdict, "_with_wall", lambda member, _spec: answers[member])
+    assert verdict.of_wall(spec, rules=True) == {"verdict": "refuted", "counterexample": "n = 2, x"}
+    answers["second"] = {"verdict": "unknown", "counterexample": ""}
+    assert verdict.of_wall(spec, rules=True) == {"verdict": "unknown", "counterexample": ""}
