@@ -1,19 +1,24 @@
 """What proofs of [for_all] are made of, each by a law of its own."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.frames import plan_of_controller
 from support.specs import values_of
 
 import wavesweep
+from wavesweep import SpecError
 from wavesweep.engine._switched.folded import counted_from_rest, shift_of
 from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
+from wavesweep.for_all import noise
 from wavesweep.for_all.boxes import proved_stable
 from wavesweep.for_all.frame_families import FramesInAnyOrder
 from wavesweep.for_all.hand_box import box_in_words
 from wavesweep.for_all.wall_frames import wall_frames
+from wavesweep.program.analyses.claims import Status
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -111,3 +116,58 @@ def test_frames_without_a_wall_have_the_modes_of_the_loop_once_it_is_put_back(ki
     for error, of in ((found.changes_error, found.changes), (found.rows_error, found.rows)):
         assert (error >= 0).all()
         assert error.max() < 1e-12 * (1 + np.abs(of).max())
+
+
+HELD = INTEGRATOR | {
+    "numbers": {"k": 0.1, "n": 2, "c": 1.0},
+    "block": {"sum": {"type": "integrator", "every": "n"}},
+    "sweep": {"along": "k", "k": {"start": 0, "stop": 2}},
+}
+VARYING = {"values": [1, 2], "varying": True}
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"n": {"varying": True}}, "for_all.n: expected start and stop, or values, found neither"),
+        ({"n": {"start": 1, "values": [1]}}, "for_all.n: expected either start and stop or values, found both"),
+        (
+            {"n": VARYING | {"shares": [1, 2], "next": [[1, 0], [0, 1]]}},
+            "for_all.n: expected either shares or next, found both",
+        ),
+        ({"n": {"values": [1, 2], "shares": [1, 2]}}, "values and varying = true beside shares, found others"),
+        ({"n": {"values": [2, 2]}}, "for_all.n: expected values that differ, found 2, 2"),
+        ({"n": VARYING | {"next": [[1, 0]]}}, "for_all.n.next: expected 2 lists, one for each value"),
+        ({"n": VARYING | {"next": [1, 0]}}, "for_all.n.next: expected 2 lists, one for each value"),
+        ({"n": VARYING | {"shares": [[1, 0]]}}, "for_all.n.shares: expected 2 lists, one for each length of frames"),
+        ({"n": VARYING | {"shares": [0, 0]}}, "for_all.n.shares: expected a weight above 0 in each list, found none"),
+        ({"n": {"values": [*range(1, 66)], "varying": True}}, "expected at most 64 values of a number that varies"),
+        ({"k": {"start": 1, "stop": 2}}, "for_all.k: expected a number that [sweep] does not have as well, found k"),
+        ({"lost": 1}, "for_all.lost: expected no lost or loss beside a drawn loop"),
+    ],
+)
+def test_what_a_number_may_be_is_said_in_one_line(asked, said):
+    assert load(HELD | {"for_all": {"n": VARYING | {"shares": [1, 3]}}}).for_all
+    with pytest.raises(SpecError) as refused:
+        load(HELD | {"for_all": asked})
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("squares", "status", "reason"),
+    [
+        ([(0.1, 0.9), (0.2, 1.0)], Status.PROVED, ""),
+        ([(0.1, 0.9), (0.5, 1.1)], Status.UNKNOWN, "between 0.5 and 1.1"),
+        ([(0.5, 1.1), (1.2, 1.3)], Status.REFUTED, "1.2 with c = 2"),
+    ],
+)
+def test_a_root_mean_square_is_judged_by_its_worst_case(monkeypatch, squares, status, reason):
+    cases = [SimpleNamespace(fixed={"numbers.c": float(c)}, ranges=[], values=square) for c, square in enumerate(squares, 1)]
+    bound = SimpleNamespace(at_most=1.0)
+    monkeypatch.setattr(noise, "own_cases", lambda *_: cases)
+    monkeypatch.setattr(noise, "rms_of", lambda _: bound)
+    monkeypatch.setattr(noise, "RandomPorts", SimpleNamespace(of=lambda _rules, values, *_: values))
+    monkeypatch.setattr(noise, "offered", lambda _: SimpleNamespace(root_mean_square=lambda ports: ports))
+    assert noise._of_cases(SimpleNamespace(require=None), None) == (status, reason)
+    cases[0].ranges = ["a range"]
+    assert noise._of_case(None, cases[0], bound) == (0.0, np.inf)
