@@ -129,6 +129,24 @@ def test_nobody_at_the_device_is_a_passive_hand():
     assert said == "with every passive hand: 5.983 N*s/m of damping suffice, the device has 4"
 
 
+@pytest.mark.parametrize(
+    ("needed", "refuted", "begins", "ends"),
+    [
+        (3.0, None, "proved stable", "3 N*s/m of damping suffice, the device has 4"),
+        (4.0, None, "proved stable", "4 N*s/m of damping suffice, the device has 4"),
+        (5.0, 4.0, "not known whether", "5 N*s/m of damping suffice, the device has 4"),
+        (5.0, 4.5, "not stable for all", "hands: x; 5 N*s/m of damping suffice, the device has 4"),
+        (None, 6.0, "not stable for all", "hands: x; no damping is proved to suffice, the device has 4"),
+    ],
+)
+def test_what_hands_need_is_held_against_what_the_device_has(needed, refuted, begins, ends):
+    spec = load(FIG4 | {"for_all": {"rates.ratio": {"values": [16, 20], "varying": True}}})
+    hands = {"needed": needed, "refuted": refuted, "device": 4.0, "by": "x"}
+    ((_, said),) = lines(spec, {"for_all": {"verdict": "proved"}, "every_hand": hands})
+    assert said.startswith(begins)
+    assert said.endswith(ends)
+
+
 def test_numbers_in_sentences_are_those_that_count():
     """By which share an end is open, and which damping suffices: never less than what is proved."""
     share = float(re.search(r"more than (\S+) %", OPEN_BETWEEN)[1]) / 100
