@@ -80,7 +80,7 @@ def test_a_gain_is_proved_next_to_its_closed_form_and_nothing_below(tmp_path, sp
 
 
 def test_a_level_that_is_the_gain_at_rest_is_told():
-    with pytest.raises(file.Refused, match="at rest it is 0.02, and forms show a millionth more"):
+    with pytest.raises(file.Refused, match=r"at rest it is 0\.02, and forms show a millionth more"):
         claim(LOOP, of("ref", "y", Fraction(1, 50)))
 
 
