@@ -8,7 +8,7 @@ from typing import Any
 
 from .balls import Cell, Number, Refused, add, negative, number
 from .identities import Identities
-from .reader.loops import INPUT, OUTPUT, Schedule
+from .reader.loops import INPUT, OUTPUT, Schedule, instants_of
 
 Form = dict[str, Number]
 APART = "~"  # in the name of a variable, before a number
@@ -93,9 +93,7 @@ def is_unread(schedules: Iterable[Schedule], drift: list[str], live: set[str]) -
 
 def needed(schedules: Iterable[Schedule], memory: set[str]) -> set[str]:
     """A memory, and all on which it depends."""
-    instants = [
-        each for schedule in schedules for each in (*schedule.kinds.values(), schedule.motion)
-    ]
+    instants = instants_of(schedules).values()
     wanted: set[str] = set()
     more = memory
     while more:
@@ -118,11 +116,10 @@ def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
     A variable with another equation at other instants may have another value there, and has a number after APART in its name.
     """
     names_of_equations: dict[frozenset, Form] = {}
-    instants = [(kind, False) for schedule in schedules for kind in schedule.kinds.values()]
-    instants += [(schedule.motion, True) for schedule in schedules]
+    motions = {id(schedule.motion) for schedule in schedules}
     wanted = needed(schedules, memory)
     variants: dict[str, dict[frozenset, str]] = {}
-    for instant, flows in instants:
+    for key, instant in sorted(instants_of(schedules).items(), key=lambda item: item[0] in motions):
         here = {}
         for name, terms in instant.equations.items():
             names_of_terms = variants.setdefault(name, {})
@@ -139,7 +136,7 @@ def at_rest(schedules: Iterable[Schedule], memory: set[str]) -> list[Form]:
                     if not name_read.startswith(("!", INPUT))
                 }
                 own = here.get(name, name)
-                if not (written and flows):
+                if not (written and key in motions):
                     row[own] = row.get(own, number(0)) - 1
                 row = {name_read: c for name_read, c in row.items() if c}
                 names_of_equations.setdefault(_contents(row), row)

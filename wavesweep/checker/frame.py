@@ -23,7 +23,7 @@ from .balls import (
     least,
     number,
 )
-from .reader.loops import INPUT, OUTPUT, Instant, Schedule, Unreadable
+from .reader.loops import INPUT, OUTPUT, Instant, Schedule, Unreadable, instants_of
 
 LARGEST = 200  # memory of a loop
 LONGEST = 1000  # inputs and outputs of a frame beside it
@@ -232,12 +232,16 @@ class Frames:
                 f"at most {LARGEST}, and {LONGEST}"
             )
         self.live = live
+        self.cell = POINT
+        self.still: dict[Written | Flow, dict] = {}  # maps of steps that depend on no side
+        self.maps: dict[Written | Flow, dict] = {}  # of the others in the cell
         self.words = {name: self._gathered(steps) for name, steps in words.items()}
 
     def _gathered(self, steps):
         """Steps in a row that depend on no side as one map, of what is wanted after it: [(step or map, wanted after it)]."""
         wanted = _needed(steps, self.live)[1:]
-        maps = {step: step.map(POINT) for step in set(steps) if not step.moves}
+        still_steps = {step for step in steps if not step.moves} - self.still.keys()
+        self.still |= {step: step.map(POINT) for step in still_steps}
         gathered: list[tuple] = []
         still = None
         for step, after in zip(steps, wanted, strict=True):
@@ -246,17 +250,19 @@ class Frames:
                 gathered.append((step, after))
                 still = None
             else:
-                now = maps[step]
+                now = self.still[step]
                 still = (_after(POINT, still[0], now, after) if still else now, after)
         return gathered + ([still] if still else [])
 
     def matrix(self, name: str, cell: Cell) -> dict[str, dict[str, tuple]]:
         """The rows of a frame's matrix over all memory."""
         moving = {step for step, _ in self.words[name] if not isinstance(step, dict)}
-        maps = {step: step.map(cell) for step in moving}
+        if cell is not self.cell:
+            self.cell, self.maps = cell, {}
+        self.maps |= {step: step.map(cell) for step in moving - self.maps.keys()}
         factors = []
         for step, after in self.words[name]:
-            now = step if isinstance(step, dict) else maps[step]
+            now = step if isinstance(step, dict) else self.maps[step]
             factors.append((now, after))
         total = _in_a_row(cell, factors, {}) if factors else {}
         return {row: total.get(row, {row: UNIT}) for row in self.live}
@@ -300,41 +306,38 @@ def steps_of(schedules: dict[str, Schedule]) -> dict[str, list[Written | Flow]]:
 
     Memory to which each of them writes 0 and nothing else, as what a hand exerts, is 0 after the first one and left out.
     """
-    solutions = {}
-    for name, schedule in schedules.items():
+    for schedule in schedules.values():
         if len(schedule.times) > INSTANTS:
             raise Unreadable(f"a frame of {len(schedule.times)} instants; at most {INSTANTS}")
-        maps = {kind: solved(instant) for kind, instant in schedule.kinds.items()}
-        solutions[name] = maps, solved(schedule.motion)
+    rows = {key: solved(instant) for key, instant in instants_of(schedules.values()).items()}
     names = set.intersection(
         *(
-            {k for _, kind in schedule.times for k in solutions[name][0][kind]}
-            for name, schedule in schedules.items()
+            {k for _, kind in schedule.times for k in rows[id(schedule.kinds[kind])]}
+            for schedule in schedules.values()
         )
     )
-    written = [rows for maps, motion in solutions.values() for rows in (*maps.values(), motion)]
-    silent = {name for name in names if not any(rows.get(name) for rows in written)}
-    return {
-        name: _in_order(schedule, *solutions[name], silent) for name, schedule in schedules.items()
-    }
+    silent = {name for name in names if not any(each.get(name) for each in rows.values())}
+    written = {key: Written(_without(each, silent)) for key, each in rows.items()}
+    flows: dict[tuple, Flow] = {}
+    return {name: _in_order(schedule, written, flows) for name, schedule in schedules.items()}
 
 
-def _in_order(schedule: Schedule, maps, motion, silent) -> list[Written | Flow]:
-    instants = {kind: Written(_without(rows, silent)) for kind, rows in maps.items()}
-    motion = _without(motion, silent)
-    flows: dict[frozenset, Flow] = {}
+def _in_order(schedule: Schedule, written: dict[int, Written], flows) -> list[Written | Flow]:
+    """The steps of a period. written: of instants by their identity; flows: those that there are already."""
+    motion = id(schedule.motion)
     steps: list[Written | Flow] = []
     ends = [time for time, _ in schedule.times[1:]] + [schedule.period]
     for (time, kind), until in zip(schedule.times, ends, strict=True):
-        steps.append(instants[kind])
+        steps.append(written[id(schedule.kinds[kind])])
         duration = number(until - time)
         if duration and least(duration) <= 0:
             raise Unreadable(
                 "instants whose order is not the same in the whole of a range of dead times"
             )
-        if duration and motion:
-            key = frozenset(duration.exact.items())
-            flows.setdefault(key, Flow(motion, duration))
+        if duration and written[motion].rows:
+            key = motion, frozenset(duration.exact.items())
+            if key not in flows:
+                flows[key] = Flow(written[motion].rows, duration)
             steps.append(flows[key])
     return steps
 

@@ -17,6 +17,7 @@ proof files, is written at the end of an instant with what stands behind it (B i
 
 import math
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 from . import devices, filters
@@ -176,6 +177,9 @@ class Drawing:
                 Rule().refuse(f"numbers.{name}", value, arithmetic)
         self.known: dict[str, object] = {}
         self.read: set[tuple[str, str]] = set()  # keys of blocks that were asked for
+        self.instants: dict[
+            object, tuple[Instant, list]
+        ] = {}  # of ticks, the same in all schedules
         hz = arithmetic.time(self.number(self.key("rates.tick_hz")))
         ABOVE_0.refuse("rates.tick_hz", hz, arithmetic)
         self.T = 1 / hz
@@ -645,6 +649,11 @@ class Drawing:
             moving.writes |= rows_of(states, A, states, B, acting)
         return moving
 
+    @cached_property
+    def flow(self) -> Instant:
+        """The motion, the same in all schedules."""
+        return self.motion()
+
     def plant_rows(self, equations, writes):
         """Outputs of plants as a tick shows them, and what is held from this tick on."""
         for name, (inputs, outputs, A, _, C, D) in self.plants.items():
@@ -868,22 +877,22 @@ class Drawing:
         period = self.frame_ticks()
         kinds: dict[object, Instant] = {}
         rank: list[tuple[Any, int, object]] = []
-        extra: list[tuple[Any, str, Instant]] = []
         for tick in range(period):
             active = tuple(
                 name for name in running if (tick - self.phase(name)) % self.every(name) == 0
             )
             now = held[tick] if held else {}
             own = (active, *now.items())
-            if own not in kinds:
-                kinds[own], extra = self.tick(running, active, now)
+            if own not in self.instants:
+                self.instants[own] = self.tick(running, active, now)
+            kinds[own], extra = self.instants[own]
             rank.append((tick * self.T, 1, own))
             for later, kind, instant in extra:
                 kinds[kind] = instant
                 rank.append((tick * self.T + later, 2, kind))
         shown = {name: name for name in kinds[own].equations}
         least = self.arithmetic.least
-        return Schedule.of(period * self.T, kinds, rank, self.motion(), shown, least)
+        return Schedule.of(period * self.T, kinds, rank, self.flow, shown, least)
 
     def tick(self, running, active, held):
         """What happens in a tick in which the blocks `active` run."""

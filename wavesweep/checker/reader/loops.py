@@ -8,6 +8,7 @@ outside, all others are variables of one instant.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Protocol
@@ -103,6 +104,14 @@ class Schedule:
         return Schedule(
             period, kinds, times, motion, {index: n for n, index in enumerate(ticks)}, shown
         )
+
+
+def instants_of(schedules: Iterable[Schedule]) -> dict[int, Instant]:
+    """What happens in some schedules, by its identity: those of one loop share it."""
+    instants = [
+        each for schedule in schedules for each in (*schedule.kinds.values(), schedule.motion)
+    ]
+    return {id(each): each for each in instants}
 
 
 class Keys:
