@@ -187,7 +187,9 @@ def test_an_interval_over_a_network():
     channel = {"every": 4, "phase": 0, "late": 7, "lost": 0}
     loop = {"channels": [channel, channel], "delays": [0, 2], "control": 2}
     found = ring(spec_of(loop))
-    proof = bracket_ring(found, (0.0, 20000.0))
+    told = []
+    proof = bracket_ring(found, (0.0, 20000.0), lambda *report: told.append(report))
+    assert [high for _, high, _ in told] == sorted(high for _, high, _ in told)  # what is told never shrinks
     assert proof.low == 0
     assert 5000 < proof.high < proof.above.x < 20000
     source = np.random.default_rng(2)
