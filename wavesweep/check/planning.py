@@ -18,6 +18,7 @@ from wavesweep.program.analyses.claims import questions
 from wavesweep.program.analyses.interval_jobs import method
 from wavesweep.program.analyses.response_jobs import response_job
 from wavesweep.program.analyses.spec_loops import refuse_singular
+from wavesweep.program.number_words import in_time
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.estimates import duration, expected_bytes, expected_seconds, short
 from wavesweep.program.sweep.grid import make_grid, own_loop
@@ -65,14 +66,14 @@ def _loop_lines(spec):
     drawn = loop.drawn()
     drift = loop.drift_of_frames()
     ticks = _count(drawn.ticks, "tick")
-    ms = f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
+    lasts = in_time(drawn.ticks * float(drawn.period))
     if spec.uneven:
         steps = _count(steps_of(spec.values["rates.ratio"])[1], "slow step")
-        yield f"  loop: the rates do not divide; both are in step again after a frame of {ticks} and {steps}, {ms}"
+        yield f"  loop: the rates do not divide; both are in step again after a frame of {ticks} and {steps}, {lasts}"
         over = "the next step begins" if spec.delay_of_frame else "its delay is over"
         yield f"    a slow step reads the fast tick at or before it; its result is in place from the first one on once {over}"
     else:
-        yield f"  loop: frame of {ticks}, {ms}"
+        yield f"  loop: frame of {ticks}, {lasts}"
     labels = drawn.labels()
     yield from _state_lines(drift, [labels[name] for name in drift.states])
     free = loop.changed({"environment.K_VE": 0.0}).drift_of_frames()
@@ -199,10 +200,10 @@ def _drawn_lines(spec):
     drawing = loop.drawing
     drawn = loop.drawn()
     drift = loop.drift_of_frames()
-    period = 1e3 * float(drawn.period)
+    period = float(drawn.period)
     labels = drawn.labels()
     yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"
-    yield f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms"
+    yield f"  frame of {_count(drawn.ticks, 'tick')} of {in_time(period)}, {in_time(drawn.ticks * period)}"
     yield from _rhythm_lines(drawing, drawn)
     yield from _plant_lines(drawing)
     yield from _dead_time_lines(drawing, spec.values)

@@ -12,7 +12,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.claim_words import in_words
 from wavesweep.program.analyses.claims import Claim, Property, Status, own_scope
 from wavesweep.program.columns import RATIO, Columns, joined
-from wavesweep.program.number_words import rounded_down, rounded_up
+from wavesweep.program.number_words import in_time, rounded_down, rounded_up
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.kind import (
     Kind,
@@ -184,7 +184,7 @@ def _lines(facts: Numbers) -> Iterator[Line]:
             yield said, True
             of_all = {}
     times = facts["times"]
-    period = f"{1e3 * facts['period_s']:.6g} ms"
+    period = in_time(facts["period_s"])
     if times == 1:
         yield f"broken at {facts['cut']}, once in {period}", False
     else:

@@ -8,6 +8,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.layout import ROW, Box, Routes, dots, lay_out
 from wavesweep.picture.wiring import CONTINUOUS, Terms, Wiring, WiringPart, wiring_of_drawing
+from wavesweep.program.number_words import in_time
 from wavesweep.program.plots.labels import as_it_stands
 from wavesweep.program.plots.style import MOST_DISTINCT, distinct_look, family_looks, figure, paler
 from wavesweep.program.spec import Spec
@@ -27,7 +28,7 @@ def diagram(spec: Spec) -> Any:
     drawing = spec.drawing or loop_drawing(spec.values)
     loop = wiring_of_drawing(drawing, spec.values)
     frame = f"{loop.ticks} tick{'' if loop.ticks == 1 else 's'}"
-    title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * loop.ticks * loop.tick_s:.6g} ms"
+    title = f"{spec.name}, {spec.kind}: frame of {frame}, {in_time(loop.ticks * loop.tick_s)}"
     if drawing.wall:
         named = [
             f"{part} {name.rpartition('.')[2]}"

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.ages import Ages, DataFlow, Life
 from wavesweep.program.analyses.claims import DELAY
-from wavesweep.program.number_words import rounded_up
+from wavesweep.program.number_words import in_time, rounded_up
 from wavesweep.program.spec import Spec
 
 # ages of all numbers in all signals, in all ticks of a frame; more would take some 0.2 GB
@@ -206,12 +206,17 @@ def in_ms(time: float) -> str:
     return f"{time:.4g}"
 
 
+def time_of(time: float) -> str:
+    """A time (ms) in words, with its unit."""
+    return in_time(time / 1e3, 4)
+
+
 def title_of(frames: Moments) -> str:
     """Which frames these are, in words."""
     if frames.main is None:
-        return f"a frame of {in_ms(frames.ticks * frames.tick_ms)} ms"
+        return f"a frame of {time_of(frames.ticks * frames.tick_ms)}"
     parts = [frames.which] if frames.which else []
-    parts.append(f"a result every {in_ms(frames.main.every * frames.tick_ms)} ms")
+    parts.append(f"a result every {time_of(frames.main.every * frames.tick_ms)}")
     if frames.lost:
         parts.append(f"{round(frames.lost / frames.main.every)} lost in a row")
     return ", ".join(parts)
@@ -229,15 +234,16 @@ def in_words(frames: Sequence[Moments], force: str = "") -> str:
     waits = (last.shown.start - last.shown.measured) * last.tick_ms
     stays = last.age * last.tick_ms - waits
     if waits:
-        place = f"in place {in_ms(waits)} ms after it reads"
+        place = f"in place {time_of(waits)} after it reads"
     else:
         place = "in place at once"
     first = frames[0]
     beside = ""
     if first is not last and first.age is not None:
-        beside = f", {in_ms(first.age * first.tick_ms)} ms {WHERE[first.which]}"
+        beside = f", {time_of(first.age * first.tick_ms)} {WHERE[first.which]}"
     unless = " if none is lost" if last.loses else ""
+    old = in_time((waits + stays) / 1e3, 4, rounded_up)
     return (
-        f"{force or f'what acts on {last.main.port}'} is computed from samples up to {rounded_up(waits + stays, 4)} ms old{unless}{beside} "
-        f"({last.main.block}: {place}, held {in_ms(stays)} ms)"
+        f"{force or f'what acts on {last.main.port}'} is computed from samples up to {old} old{unless}{beside} "
+        f"({last.main.block}: {place}, held {time_of(stays)})"
     )

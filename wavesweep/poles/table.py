@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.columns import Columns
-from wavesweep.program.number_words import lasting, rounded_down, rounded_up
+from wavesweep.program.number_words import in_time, lasting, rounded_down, rounded_up
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.tables.kind import (
     Line,
@@ -203,7 +203,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    per = f"per frame of {1e3 * found['period_s']:.6g} ms"
+    per = f"per frame of {in_time(found['period_s'])}"
     if found["over"]:
         span = f"{found['values']} values of {found['over']}, {found['from']:g} to {found['to']:g}"
         yield f"{count(found['poles'], 'pole')} {per} at {span}", False

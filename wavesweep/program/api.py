@@ -25,6 +25,7 @@ from wavesweep.program.analyses.claim_words import fact_of
 from wavesweep.program.analyses.claims import Claim, own_figures
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, age_column, joined
+from wavesweep.program.number_words import in_time
 from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.spec import Axis, Spec, load
 from wavesweep.program.spec.loading import naming
@@ -120,8 +121,7 @@ class Loop:
             of_what = f"{len(loop.drawing.blocks)} blocks drawn"
         else:
             of_what = self.spec.kind
-        millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
-        frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
+        frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {in_time(drawn.ticks * float(np.asarray(drawn.period)))}"
         return (
             f"<Loop {self.spec.name}: {of_what}, {len(drift.remaining)} states, {frame}; {numbers}>"
         )

@@ -5,6 +5,7 @@ refuted from a value on is printed rounded up, since nothing is known of what is
 that its digits give exactly is printed as it is.
 """
 
+from collections.abc import Callable
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from textwrap import wrap
 
@@ -61,6 +62,17 @@ def lasting(time_constant_s: float) -> str:
     """How a mode goes on: its time constant (s), negative of one that grows."""
     way = "falls to 1/e" if time_constant_s > 0 else "grows by a factor of e"
     return f"{way} in {abs(time_constant_s):.4g} s"
+
+
+def in_time(
+    seconds: float, digits: int = DIGITS, rounding: Callable[[float, int], str] = in_digits
+) -> str:
+    """A time with its unit: in ms, or from 10 s on in s."""
+    return (
+        f"{rounding(seconds, digits)} s"
+        if seconds >= 10
+        else f"{rounding(1e3 * seconds, digits)} ms"
+    )
 
 
 def rounded_up(value: float, digits: int = DIGITS) -> str:

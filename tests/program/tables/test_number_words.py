@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.program.number_words import in_all_digits, rounded_down, rounded_up, span_around, span_in_words
+from wavesweep.program.number_words import in_all_digits, in_time, rounded_down, rounded_up, span_around, span_in_words
 
 
 @pytest.mark.parametrize("digits", [1, 3, 6])
@@ -14,6 +14,11 @@ def test_rounding_goes_to_one_side_and_no_farther_than_a_unit_of_the_last_digit(
         assert down <= value <= up
         assert up - down <= 1.000001 * 10.0 ** (np.floor(np.log10(abs(value))) - digits + 1)
     assert (rounded_up(0.0), rounded_down(20.0), rounded_up(308.7404)) == ("0", "20", "308.741")
+
+
+def test_a_long_time_is_in_seconds():
+    assert [in_time(seconds) for seconds in (0.0005, 9.99, 60.0001)] == ["0.5 ms", "9990 ms", "60.0001 s"]
+    assert in_time(60.0001, 4, rounded_up) == "60.01 s"
 
 
 def test_ends_of_a_range_do_not_look_alike():

@@ -23,6 +23,7 @@ from wavesweep.program.analyses.mode_in_the_way import (
 from wavesweep.program.analyses.poles import leading
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
+from wavesweep.program.number_words import in_time
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.studies import FARTHEST_FACTOR
 from wavesweep.program.sweep.grid import own_loop
@@ -156,9 +157,7 @@ def own_lines(
             common = ""
         else:
             common = "common "
-        seconds = design["period_s"]
-        period = f"{seconds:.6g} s" if seconds >= 10 else f"{1e3 * seconds:.6g} ms"
-        why = f"spectral radius {radius:.6g} per {common}frame of {period}"
+        why = f"spectral radius {radius:.6g} per {common}frame of {in_time(design['period_s'])}"
         why += ", but for rounding" if radius == 1 else ""
     subject = f"{spec.name}, {spec.kind}"
     if verdict:
