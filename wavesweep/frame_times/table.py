@@ -280,15 +280,21 @@ def _caveats(found: Numbers) -> Iterator[Line]:
         )
 
 
+def _tick_text(facts: Mapping[str, Any]) -> str:
+    """The table [for_all] with the range of a tick."""
+    tick = facts["tick"]
+    head = f"# The ticks of {facts['spec_name']}, as wavesweep identify found them, for a spec of {facts['asked']['fast_hz']:g} Hz.\n"
+    run = f"# {count(facts['frames'], 'tick')} in {tick['duration_s']:.6g} s.\n"
+    interval = {"start": tick["start"], "stop": tick["stop"]}
+    return head + run + as_toml({"for_all": {"tick": interval}})
+
+
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The table [for_all] with the lengths, as a piece of a spec."""
     rows = facts["lengths"]
     arguments = facts["asked"]
-    if tick := facts["tick"]:
-        head = f"# The ticks of {facts['spec_name']}, as wavesweep identify found them, for a spec of {arguments['fast_hz']:g} Hz.\n"
-        run = f"# {count(facts['frames'], 'tick')} in {tick['duration_s']:.6g} s.\n"
-        interval = {"start": tick["start"], "stop": tick["stop"]}
-        return head + run + as_toml({"for_all": {"tick": interval}})
+    if facts["tick"]:
+        return _tick_text(facts)
     unfit = facts["unfit"]["frames"]
     every = facts["every"]
     counted = "whole ticks" if every == 1 else f"multiples of {every} ticks"

@@ -45,11 +45,9 @@ def stability_map(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _draw(axes, {name: column[rows] for name, column in columns.items()})
             axes.set_xlim(low[0], high[0])
             axes.set_ylim(low[1], high[1])
-            for set_scale, logarithmic in zip(
-                (axes.set_xscale, axes.set_yscale), facts["logarithmic"], strict=False
-            ):
+            for name, logarithmic in zip("xy", facts["logarithmic"], strict=False):
                 if logarithmic:
-                    set_scale("log")
+                    axes.set(**{f"{name}scale": "log"})
             axes.set_xlabel(label(names[0], facts))
             axes.plot(*facts["own"][:2], **OWN)
         panels[0].set_ylabel(label(names[1], facts))

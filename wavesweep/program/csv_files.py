@@ -148,6 +148,18 @@ def _beyond_limit(path: str | Path, error: csv.Error) -> UsageError:
 _NONE = "expected rows of numbers below the header"
 
 
+def _above_units(path: str | Path, over: list[str], mark: str, units: list[str]) -> list[str]:
+    """The names above a row of units, with these behind them in brackets; the row itself without names.
+    over: the lines above it."""
+    filled = [line for line in over if line.strip()]
+    line = COMMENT.sub("", _with_commas(filled[-1], mark)) if filled else ""
+    names = [name.strip() for name in next(rows_of(path, [line]), [])]
+    if len(names) != len(units):
+        return units
+    pairs = zip(names, units, strict=True)
+    return [f"{name} ({unit.strip('[]()')})" if unit else name for name, unit in pairs]
+
+
 def read_csv(path: str | Path, most_bytes: int) -> Csv:
     """Read a file of at most `most_bytes` bytes: columns between commas, semicolons, tabs or spaces, or
     JSON.
@@ -181,13 +193,8 @@ def read_csv(path: str | Path, most_bytes: int) -> Csv:
         raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")
     header = _with_commas(header, mark)
     names = [name.strip() for name in next(rows_of(path, [header]), [])]
-    if over and any(names):
-        filled = [line for line in over if line.strip()]
-        line = COMMENT.sub("", _with_commas(filled[-1], mark)) if filled else ""
-        bases = [name.strip() for name in next(rows_of(path, [line]), [])]
-        if len(bases) == len(names) and all(map(is_unit, names)):
-            pairs = zip(bases, names, strict=True)
-            names = [f"{base} ({unit.strip('[]()')})" if unit else base for base, unit in pairs]
+    if over and any(names) and all(map(is_unit, names)):
+        names = _above_units(path, over, mark, names)
     if names and all(_is_number(name) for name in names):
         raise UsageError(
             f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:LETTERS_SHOWN]}"

@@ -138,11 +138,8 @@ def _boxes(U, V, budget):
     U, V: Bernstein coefficients, the columns those of the number. A single row stands for functions
     of the number alone.
     """
-    coefficients = (*U.entries(), *V.entries())
-    if all(
-        coefficient.contains(0) for coefficient in coefficients
-    ):  # an eigenvalue is always on the circle
-        raise UndecidedError
+    if all(entry.contains(0) for entry in (*U.entries(), *V.entries())):
+        raise UndecidedError  # an eigenvalue is always on the circle
     # A box of 45 % of the bits encloses a crossing well enough.
     narrow = arb(2) ** (-int(0.45 * ctx.prec))
     count = 0

@@ -43,18 +43,16 @@ def ball_prover(loops: Loops, path: str, period: np.ndarray) -> BallProver:
         for found_start, found_stop, start_omega, stop_omega in proof.intervals:
             start = given_ends.get(found_start, found_start)
             stop = given_ends.get(found_stop, found_stop)
-            start_angle = angle(column, loop, start_omega, start)
-            stop_angle = angle(column, loop, stop_omega, stop)
+            start_angle = start_omega * period[column] * _slower(loop, path, start)
+            stop_angle = stop_omega * period[column] * _slower(loop, path, stop)
             rows.append((start, stop, start_angle, stop_angle))
         return rows
 
-    def angle(column, loop, omega, value):
-        """The angle per frame of an oscillation at a value of the number, which the rate may
-        follow from."""
-        if name_of(path) in loop.drawing.rating:
-            slower = loop.rate / loop.changed({path: value}).rate
-        else:
-            slower = 1.0
-        return omega * period[column] * slower
-
     return prove
+
+
+def _slower(loop: Loops, path: str, value: float) -> float:
+    """How many times as long a frame is at a value of a number, from which the rate may follow."""
+    if name_of(path) not in loop.drawing.rating:
+        return 1.0
+    return loop.rate / loop.changed({path: value}).rate

@@ -85,27 +85,22 @@ def elasticities(
                 batch = slice(start, start + most)
                 some = replace(loops, loops=built.some(batch))
                 batches.append(_rows(some, found, ends, members[batch]))
-    names = ("at", *names)
-    kinds = dict.fromkeys(TEXTS, object) | {
-        "interval": int,
-        "crossing": int,
-        "corner": bool,
-        "certified": bool,
-        "at": int,
-    }
-    joined_columns = {}
+    columns = _in_order(batches, ("at", *names))
+    rows = ends.row[columns.pop("at")]
+    axes = {grid_axis.name: np.asarray(found[grid_axis.name])[rows] for grid_axis in grid.axes}
+    return axes | columns
+
+
+def _in_order(batches: Sequence[dict], names: Sequence[str]) -> dict[str, np.ndarray]:
+    """The columns of batches behind each other, in the order of the ends that rows are "at"."""
+    kinds = dict.fromkeys(TEXTS, object) | {"corner": bool, "certified": bool}
+    kinds |= dict.fromkeys(("interval", "crossing", "at"), int)
+    columns = {}
     for name in names:
         nothing = np.zeros(0, kinds.get(name, float))
-        joined_columns[name] = np.concatenate([nothing, *(columns[name] for columns in batches)])
-    order = np.argsort(joined_columns.pop("at"), kind="stable")
-    rows = ends.row[
-        np.concatenate([np.zeros(0, int), *(columns["at"] for columns in batches)])[order]
-    ]
-    axes = {grid_axis.name: np.asarray(found[grid_axis.name])[rows] for grid_axis in grid.axes}
-    return axes | {
-        name: column[order].astype(kinds.get(name, float))
-        for name, column in joined_columns.items()
-    }
+        columns[name] = np.concatenate([nothing, *(batch[name] for batch in batches)])
+    order = np.argsort(columns["at"], kind="stable")
+    return {name: part[order].astype(kinds.get(name, float)) for name, part in columns.items()}
 
 
 class Moves(NamedTuple):

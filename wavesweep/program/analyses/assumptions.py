@@ -1,7 +1,7 @@
 """What a result is for: integration of the wall, delay and velocity, and which of them the spec
 left to the defaults."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from math import ceil, floor
@@ -59,14 +59,16 @@ def model_in_words(spec: Spec, swept: Collection[str] = (), told: Collection[str
     said_elsewhere = {*spec.given, *swept}
     deciding = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read]
     by_default = [path for path in deciding if path not in said_elsewhere]
-    if not by_default:
-        return assumed
-    delay = '"frame"' if spec.uneven else str(values["rates.ratio"])
+    return f"{assumed}; {_practice(spec, by_default)}" if by_default else assumed
+
+
+def _practice(spec: Spec, by_default: Sequence[str]) -> str:
+    """What engines usually have in the place of some favourable defaults."""
+    delay = '"frame"' if spec.uneven else str(spec.values["rates.ratio"])
     usual = {INTEGRATION: '"explicit"', DELAY: delay, VELOCITY: '"difference"'}
     plural = "s" if len(by_default) > 1 else ""
-    defaults = f"{FAVOURABLE}{plural} of {_listed(by_default)}"
     practice = _listed([usual[path] for path in by_default])
-    return f"{assumed}; {defaults}: engines usually have {practice}"
+    return f"{FAVOURABLE}{plural} of {_listed(by_default)}: engines usually have {practice}"
 
 
 def _drawn_in_words(spec: Spec, swept: Collection[str]) -> str:

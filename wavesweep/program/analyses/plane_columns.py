@@ -222,16 +222,20 @@ class _Round(NamedTuple):
     wanted: list[tuple[int, float]]
 
 
+def _cells_examined(source: _Source, curves: int) -> int:
+    """Into how many cells each of some curves is cut at least, as far as the budget has it."""
+    if source.dear:
+        return FEWEST_DEAR
+    return min(FEWEST_CELLS, max(1, int(BUDGET / source.cost / curves / 4)))
+
+
 def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Source) -> None:
     """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
     places = [view.position(x) for curve in curves for x in curve.columns]
     width_of_all = float(max(places) - min(places))
     pixel = width_of_all / view.wide
-    cells_examined = FEWEST_DEAR
-    if not source.dear:
-        affordable = max(1, int(BUDGET / source.cost / len(curves) / 4))
-        cells_examined = min(FEWEST_CELLS, affordable)
-    widest = width_of_all / cells_examined  # of a cell that its middle may decide
+    # Of a cell that its middle may decide.
+    widest = width_of_all / _cells_examined(source, len(curves))
     if source.dear:
         for curve in curves:
             curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, widest)

@@ -75,7 +75,9 @@ def speaking(quiet: bool) -> Iterator[None]:
     """
     import logging
 
-    watch, over, process = Watch(sys.stderr.isatty()), Event(), os.getpid()
+    watch = Watch(sys.stderr.isatty())
+    over = Event()
+    process = os.getpid()
 
     class Heard(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
@@ -90,11 +92,9 @@ def speaking(quiet: bool) -> Iterator[None]:
         while not over.wait(LOOK_AT_PROGRESS):
             watch.look()
 
-    heard, logger, thread = (
-        Heard(),
-        logging.getLogger("wavesweep"),
-        Thread(target=keep_looking, daemon=True),
-    )
+    heard = Heard()
+    logger = logging.getLogger("wavesweep")
+    thread = Thread(target=keep_looking, daemon=True)
     level = logger.level
     logger.addHandler(heard)
     if not quiet:

@@ -148,15 +148,20 @@ class Shown:
             least = max(start, float(np.nanmin(columns["low"])))
             return factors, (least / _ROOM_OF_FACTORS, top * _ROOM_OF_FACTORS)
         room = 0.06 * (top - bottom)
-        lowest = range_end(columns, "low")
+        return factors, (self._bottom(bottom, room, starts_in_view), top + room)
+
+    def _bottom(self, least: float, room: float, starts_in_view: bool) -> float:
+        """The low end of the axis, with room below the least value as far as it is swept, or if the swept
+        range ends there."""
+        start, _ = self.swept
+        lowest = range_end(self.columns, "low")
         if lowest is not None:
             below = lowest - room
-            bottom = min(bottom, below if lowest <= 0 else max(below, 0.0))
-        elif starts_in_view:
-            bottom = start
-        elif start < bottom:  # stability ends there, and what is below is unstable
-            bottom = max(start, bottom - room)
-        return factors, (bottom, top + room)
+            return min(least, below if lowest <= 0 else max(below, 0.0))
+        if starts_in_view:
+            return start
+        # If stability ends at the least value, what is below is unstable.
+        return max(start, least - room) if start < least else least
 
     def limits_of_walls(self) -> dict[str, float]:
         """Stiffnesses in the figure beyond which walls that are felt as they are may buzz, see

@@ -138,13 +138,9 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
         with parallel_config("loky", **options), started_here():
             # Arrays are never mapped: with this folder named, joblib makes none of its own, which a
             # kill would leave.
-            shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
+            shared = {"batch_size": 1, "max_nbytes": None, "temp_folder": tempfile.gettempdir()}
             run = Parallel(
-                count,
-                return_as="generator_unordered",
-                batch_size=1,
-                pre_dispatch=AHEAD * count,
-                **shared,
+                count, return_as="generator_unordered", pre_dispatch=AHEAD * count, **shared
             )
             answers = run(tasks)
     except OSError as error:  # no processes, no /dev/shm

@@ -165,9 +165,8 @@ class LoopSummary:
 
     def numbers(self) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold."""
-        names = [self._along, *self._axes]
-        if self._largest.row:
-            names += self._largest.place()
+        places = self._largest.place() if self._largest.row else ()
+        names = [self._along, *self._axes, *places]
         few = len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
         drawn = bool(numbers_of(self._facts))
         numbers = {
@@ -194,16 +193,14 @@ class LoopSummary:
         }
         if self._ruled_out:
             numbers["ruled_out"] = self._ruled_out
-        lengths = self._lengths.numbers()
-        if lengths:
+        if lengths := self._lengths.numbers():
             numbers["lengths"] = lengths
         if self._hand in ("", *COMPUTED):  # and not of hands, or of all that may happen
             if self._facts.get("conserves"):
                 numbers["conserves"] = True
-            if self._facts.get("without_wall"):
-                numbers["without_wall"] = dict(self._facts["without_wall"])
-            if self._facts.get("in_the_way"):
-                numbers["in_the_way"] = dict(self._facts["in_the_way"])
+            for name in ("without_wall", "in_the_way"):
+                if self._facts.get(name):
+                    numbers[name] = dict(self._facts[name])
         return numbers
 
     def _extreme(self, extreme: Extreme, **facts: Any) -> dict[str, Any] | None:
