@@ -295,7 +295,6 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     arguments = facts["asked"]
     if facts["tick"]:
         return _tick_text(facts)
-    unfit = facts["unfit"]["frames"]
     every = facts["every"]
     counted = "whole ticks" if every == 1 else f"multiples of {every} ticks"
     shares = [row["frames"] for row in rows]
@@ -303,7 +302,7 @@ def spec_text(facts: Mapping[str, Any]) -> str:
         f"# The frames of {facts['spec_name']}, as wavesweep identify found them, for a spec of {arguments['fast_hz']:g} Hz.",
         f"# {count(facts['frames'], 'frame')} in {facts['duration_s']:.6g} s.",
     ]
-    if unfit:
+    if unfit := facts["unfit"]["frames"]:
         lines.append(
             f"# Of {count(unfit, 'frame')} that did not last {counted}, both neighbours are here."
         )

@@ -4,22 +4,20 @@ The largest part that is open is always tried next, with others of its size, and
 number that moves its slack most if it is not proved.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from itertools import count, product
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Polynomials, Sides
-from wavesweep.engine.switched import constant_frames, inertia_of_cells
+from wavesweep.engine.switched import FramesOver, constant_frames, inertia_of_cells
 
-ORDER = (
-    6,
-    4,
-)  # of polynomials of two and three numbers: of more, parts take longer each, and of less there are more
+# of polynomials of two and three numbers: of more, parts take longer each, and of less there are more
+ORDER = 6, 4
 AT_ONCE = 128  # parts
 # of the slack: what the rest of a part's polynomials may cost for its halves to go on with them
 SHARED = 0.003
@@ -59,76 +57,121 @@ def covered(
     """Return the parts of the plane of some numbers from `ends[0]` to `ends[1]`.
 
     logarithmic: of which numbers shares of the plane are those of the logarithm. wanted: the share
-    that may stay open; most: parts that are tried. report: is called with what is
-    proved, in thousandths.
+    that may stay open; most: parts that are tried. report: is called with thousandths proved.
     """
     sides = Sides.of(loop, paths, ends)
-    whole = sides.places(ends)
-    order = ORDER[len(sides) - 2]
-    frames = constant_frames(loop, sides, whole, order)
-    largest = _largest_at_corners(frames, whole)
-    if largest > FAR:
-        pieces = 1 + int(np.log(largest) / np.log(FAR))
-        frames = constant_frames(loop, sides, whole, order, pieces=pieces)
-    pieces = len(frames.symbols)
-    span = scaled(ends, logarithmic)
-
-    def numbers_of(boxes):
-        """The ends of parts as numbers, those of the plane without rounding."""
-        numbers = np.where(boxes == whole[0], ends[0], sides.numbers(boxes))
-        return np.where(boxes == whole[1], ends[1], numbers)
-
-    def queued(boxes, known):
-        """Put parts into the queue, and add up their shares."""
-        places = scaled(numbers_of(boxes), logarithmic)
-        shares = (np.diff(places, axis=1)[:, 0] / np.diff(span, axis=0)).prod(-1)
-        for box, share, of_box in zip(boxes, shares.tolist(), known, strict=True):
-            heappush(waiting, _Part(-share, next(numbers), box, of_box))
-
-    numbers = count()
-    waiting: list[_Part] = []
+    plane = _Coordinates(sides, sides.places(ends), ends, logarithmic)
+    frames = _frames_over(loop, plane)
+    waiting = [_Part(-1.0, 0, plane.whole, None)]
+    put = 1  # parts that were put into the queue
     done: list[tuple[_Part, int]] = []
-    queued(whole[None], [None])
     open_ = 1.0
     tried = 0
     while waiting and open_ > wanted and tried < most:
         batch = [heappop(waiting) for _ in range(min(AT_ONCE, len(waiting)))]
         tried += len(batch)
-        known = _enclosed(frames, batch, sides)
-        with_bound = [at for at, each in enumerate(known) if not isinstance(each, int)]
-        side = np.array([0 if at in with_bound else each for at, each in enumerate(known)])
-        outside = np.full(len(batch), OPEN)
-        keep = np.zeros(len(batch), bool)
-        if with_bound:
-            found = inertia_of_cells(_side_by_side([known[at] for at in with_bound]), pieces)
-            outside[with_bound] = found.outside
-            keep[with_bound] = found.rest < SHARED
-            side[with_bound] = np.nan_to_num(found.moves, nan=np.inf).argmax(-1)
-        boxes = np.array([part.box for part in batch])
-        narrow = _width(boxes, side) < NARROWEST * _size(boxes, sides)[np.arange(len(side)), side]
-        for at in np.flatnonzero((outside != OPEN) | narrow).tolist():
-            done.append((batch[at], int(outside[at])))
-            if outside[at] != OPEN:
-                open_ += batch[at].order
-        for number in range(len(paths)):
-            chosen = np.flatnonzero((outside == OPEN) & ~narrow & (side == number))
-            kept = [at for at in chosen.tolist() if keep[at]]
-            halves = _halves_of_known([known[at] for at in kept], number) if kept else ([], [])
-            for upper in (False, True):
-                half = boxes[chosen].copy()
-                half[:, 1 - upper, number] = boxes[chosen, :, number].mean(1)
-                of_kept = dict(zip(kept, halves[upper], strict=True))
-                queued(half, [of_kept.get(at) for at in chosen.tolist()])
+        verdicts = _judged(frames, batch, sides)
+        for index in np.flatnonzero(verdicts.ended).tolist():
+            done.append((batch[index], int(verdicts.outside[index])))
+            if verdicts.outside[index] != OPEN:
+                open_ += batch[index].order
+        for box, matrices in _halves(batch, verdicts):
+            heappush(waiting, _Part(-plane.share(box), put, box, matrices))
+            put += 1
         if report:
             report(int(1000 * (1 - open_)), 1000, None)
     done += [(part, OPEN) for part in sorted(waiting)]
     boxes = np.array([part.box for part, _ in done])
-    outside = np.array([each for _, each in done])
-    return Plane(
-        numbers_of(boxes),
-        outside,
-        np.array([-part.order for part, _ in done]),
-    )
+    outside = np.array([number for _, number in done])
+    return Plane(plane.numbers(boxes), outside, np.array([-part.order for part, _ in done]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Coordinates:
+    """A plane of numbers, whose parts are boxes in places of sides, `(2, numbers)` each.
+
+    whole, ends: the plane as a box, and as numbers. logarithmic: see `covered`.
+    """
+
+    sides: Sides
+    whole: np.ndarray
+    ends: np.ndarray
+    logarithmic: np.ndarray
+
+    def numbers(self, boxes: np.ndarray) -> np.ndarray:
+        """The ends of parts as numbers, those of the plane without rounding."""
+        numbers = np.where(boxes == self.whole[0], self.ends[0], self.sides.numbers(boxes))
+        return np.where(boxes == self.whole[1], self.ends[1], numbers)
+
+    def share(self, box: np.ndarray) -> float:
+        """The share of a part in the plane."""
+        size = np.diff(scaled(self.numbers(box), self.logarithmic), axis=0)
+        return float((size / np.diff(scaled(self.ends, self.logarithmic), axis=0)).prod())
+
+
+def _frames_over(loop: Loops, plane: _Coordinates) -> FramesOver:
+    """The frames over the plane, in pieces if eigenvalues are large in it."""
+    sides = plane.sides
+    order = ORDER[len(sides) - 2]
+    frames = constant_frames(loop, sides, plane.whole, order)
+    largest = _largest_at_corners(frames, plane.whole)
+    if largest <= FAR:
+        return frames
+    pieces = 1 + int(np.log(largest) / np.log(FAR))
+    return constant_frames(loop, sides, plane.whole, order, pieces=pieces)
+
+
+class _Verdicts(NamedTuple):
+    """What is proved of parts.
+
+    outside: how many eigenvalues, or OPEN. ended: whether a part is proved or too narrow. side: along
+    which another one is halved. matrices: enclosed, None of a part in which they are not known well
+    enough for its halves.
+    """
+
+    outside: np.ndarray
+    ended: np.ndarray
+    side: np.ndarray
+    matrices: list[Polynomials | None]
+
+
+def _judged(frames: FramesOver, batch: Sequence["_Part"], sides: Sides) -> _Verdicts:
+    """What forms prove of some parts."""
+    enclosed = _enclosed(frames, batch, sides)
+    bounded = [index for index, found in enumerate(enclosed) if not isinstance(found, int)]
+    side = np.array([found if isinstance(found, int) else 0 for found in enclosed])
+    outside = np.full(len(batch), OPEN)
+    matrices: list[Polynomials | None] = [None] * len(batch)
+    if bounded:
+        of_cells = _side_by_side([enclosed[index] for index in bounded])
+        inertia = inertia_of_cells(of_cells, len(frames.symbols))
+        outside[bounded] = inertia.outside
+        side[bounded] = np.nan_to_num(inertia.moves, nan=np.inf).argmax(-1)
+        for index, rest in zip(bounded, inertia.rest, strict=True):
+            if rest < SHARED:
+                matrices[index] = enclosed[index]
+    boxes = np.array([part.box for part in batch])
+    narrow = _width(boxes, side) < NARROWEST * _size(boxes, sides)[np.arange(len(side)), side]
+    return _Verdicts(outside, (outside != OPEN) | narrow, side, matrices)
+
+
+def _halves(
+    batch: Sequence["_Part"], verdicts: _Verdicts
+) -> Iterator[tuple[np.ndarray, Polynomials | None]]:
+    """Yield the halves of open parts, the lower ones first, with their matrices if these are known: number
+    by number, so that those along one are made together."""
+    for number in np.unique(verdicts.side).tolist():
+        halved = np.flatnonzero(~verdicts.ended & (verdicts.side == number)).tolist()
+        known = [index for index in halved if verdicts.matrices[index] is not None]
+        of_halves = [[], []]
+        if known:
+            of_halves = _halves_of_known([verdicts.matrices[index] for index in known], number)
+        for upper in (0, 1):
+            matrices = dict(zip(known, of_halves[upper], strict=True))
+            for index in halved:
+                box = batch[index].box.copy()
+                box[1 - upper, number] = batch[index].box[:, number].mean()
+                yield box, matrices.get(index)
 
 
 def _largest_at_corners(frames, whole):
@@ -173,21 +216,21 @@ def _width(boxes, side):
 def _enclosed(frames, batch, sides):
     """The matrices of parts, or of those without a bound the side along which they have to be
     halved."""
-    known: list[Polynomials | int | None] = [part.known for part in batch]
-    new = [at for at, each in enumerate(known) if each is None]
+    enclosed: list[Polynomials | int | None] = [part.known for part in batch]
+    new = [index for index, part in enumerate(batch) if part.known is None]
     if new:
-        boxes = np.array([batch[at].box for at in new])
+        boxes = np.array([batch[index].box for index in new])
         away = OUTWARD * _size(boxes, sides)
         wider = np.stack([boxes[:, 0] - away, boxes[:, 1] + away], 1)
-        for at, found in zip(new, frames.over(wider), strict=True):
-            known[at] = found if isinstance(found, int) else found.matrices
-    return known
+        for index, found in zip(new, frames.over(wider), strict=True):
+            enclosed[index] = found if isinstance(found, int) else found.matrices
+    return enclosed
 
 
 def _side_by_side(matrices):
     """Matrices of several parts, `(pieces, n, n)` each, in a row."""
-    terms = np.concatenate([each.terms for each in matrices], 1)
-    rest = np.concatenate([each.rest for each in matrices])
+    terms = np.concatenate([of_part.terms for of_part in matrices], 1)
+    rest = np.concatenate([of_part.rest for of_part in matrices])
     return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
 
 
@@ -202,5 +245,5 @@ def _halves_of_known(matrices, number):
         middle = np.zeros(whole.numbers)
         middle[number] = 0.5 * sign
         moved = whole.within(middle, half)
-        halves.append([moved.of(own) for own in pieces])
+        halves.append([moved.of(of_part) for of_part in pieces])
     return halves

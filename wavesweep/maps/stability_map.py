@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.maps.covering import OPEN, covered, scaled
+from wavesweep.maps.covering import OPEN, Plane, covered, scaled
 from wavesweep.maps.rectangle import largest_about
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.tables.table import Table, facts_of
@@ -56,16 +56,6 @@ def stability_map(
     ends = np.array([(axis.start, axis.stop) for axis in axes], float).T
     logarithmic = np.array([axis.scale == "log" for axis in axes])
     plane = covered(loop, paths, ends, logarithmic, wanted, MOST_PARTS, report)
-    order = np.lexsort(plane.ends[:, 0].T[::-1])
-    columns: dict[str, np.ndarray] = {}
-    for at, place in enumerate(PLACES[: len(names)]):
-        columns[f"{place}_low"] = plane.ends[order, 0, at]
-        columns[f"{place}_high"] = plane.ends[order, 1, at]
-    outside = plane.outside[order]
-    kinds = np.where(outside == OPEN, "open", np.where(outside == 0, "stable", "unstable"))
-    columns["proved"] = kinds.astype(object)
-    columns["outside"] = np.where(outside == OPEN, np.nan, outside)
-    columns["share"] = plane.share[order]
     own = np.array([spec.own(path) for path in paths], float)
     about = None
     if len(axes) == 2:
@@ -73,7 +63,8 @@ def stability_map(
         about = largest_about(scaled(own, logarithmic), scaled(ends, logarithmic), obstacles)
     if about is not None:
         about[:, logarithmic] = np.exp(about[:, logarithmic])
-    counts = {"computed": len(outside), "skipped": 0, "certified": int((outside != OPEN).sum())}
+    proved = int((plane.outside != OPEN).sum())
+    counts = {"computed": len(plane.outside), "skipped": 0, "certified": proved}
     timings = {"compute_s": time.perf_counter() - started}
     facts = facts_of(
         spec,
@@ -92,7 +83,21 @@ def stability_map(
         "own": own.tolist(),
         "about": None if about is None else np.clip(about, *ends).tolist(),
     }
-    return Table.of("stability-map", columns, facts)
+    return Table.of("stability-map", _columns(plane), facts)
+
+
+def _columns(plane: Plane) -> dict[str, np.ndarray]:
+    """The parts of a plane in the order of their low ends."""
+    order = np.lexsort(plane.ends[:, 0].T[::-1])
+    columns: dict[str, np.ndarray] = {}
+    for ends, place in zip(plane.ends[order].transpose(2, 1, 0), PLACES, strict=False):
+        columns[f"{place}_low"], columns[f"{place}_high"] = ends
+    outside = plane.outside[order]
+    kinds = np.where(outside == OPEN, "open", np.where(outside == 0, "stable", "unstable"))
+    columns["proved"] = kinds.astype(object)
+    columns["outside"] = np.where(outside == OPEN, np.nan, outside)
+    columns["share"] = plane.share[order]
+    return columns
 
 
 def _axes(spec: Spec, names: Sequence[str]) -> list[Axis]:

@@ -66,70 +66,74 @@ def clear(
     eigenvalues in the middle.
 
     K, L: N - L and L in the middle, `(n, r, r)`; rims: both on circles of twice the size about the
-    discs, `(n, points, r, r)`. inputs: the last columns, in which L is
-    0 and the pencil is N times a number that is not 0 for any d of the circle. arc: its ends (rad),
-    `(n, 2)`. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal
-    in the middle, `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
+    discs, `(n, points, r, r)`. inputs: the last columns, in which L is 0 and the pencil is N times a
+    number that is not 0 for any d of the circle. arc: its ends (rad), `(n, 2)`. Without this number,
+    and in vectors V of the eigenvalues and a basis W, it is diagonal in the middle, `d_i - d`, or 1
+    for the inputs, and what is left is dominated by that.
     """
     N = K.value.shape[-1]
-    n = N - inputs
-    states = np.arange(N) < n
-    last = ~states
+    last = np.arange(N) >= N - inputs
     dK, dL = (each.with_rounding(2 * N, of_complex=True) for each in (K, L))  # products of three
-    K, L = K.value, L.value
-
-    def parts(K: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """P and Q of `P - d Q`."""
-        back = -np.conj(TURN)
-        unit = 1 - np.conj(TURN)
-        return np.where(last, K, RATE * K), states * (unit * L + back * K)
-
-    def sizes_of_parts(K: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Those of their entries, of K and L with entries of these sizes."""
-        back = abs(TURN)
-        unit = abs(1 - TURN)
-        return np.where(last, K, abs(RATE) * K), states * (unit * L + back * K)
-
-    P, Q = parts(K, L)
-    P_error, Q_error = sizes_of_parts(dK, dL)
+    P, Q = _parts(K.value, L.value, last)
+    P_error, Q_error = _sizes_of_parts(dK, dL, last)
     with np.errstate(all="ignore"):
-        # Without the inputs, the eigenvalues and vectors of the states.
-        from_u = inverse(P[:, n:, n:])
-        S = P[:, :n, :n] - P[:, :n, n:] @ from_u @ P[:, n:, :n]
-        T = Q[:, :n, :n] - P[:, :n, n:] @ from_u @ Q[:, n:, :n]
-        S = inverse(T) @ S
-        fine = np.isfinite(S).all((-1, -2))
-        S, units = balance(np.where(fine[:, None, None], S, 0.0), thorough=True)
-        delta, V = _vectors(S)
-        V = units[:, :, None] * V
-        U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
-        of_states = np.concatenate([V, 0 * U.mT], -1)
-        of_inputs = np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)
-        V = np.concatenate([of_states, of_inputs], -2)
+        delta, V, fine = _eigenvectors(P, Q, inputs)
         W = inverse(np.where(last, P, Q @ V))
 
         # What the vectors leave in the middle, and how much both parts change on the discs.
         d = np.concatenate([delta, np.zeros((len(delta), inputs))], -1)
         P_off = W @ P @ V - W @ Q @ V * d[:, None, :] - np.eye(N) * last
-        Q_off = W @ Q @ V - np.eye(N) * states
-        K_rims, L_rims = rims
-        K_moved = K_rims - K[:, None]
-        L_moved = L_rims - L[:, None]
-        P_upper, Q_upper = parts(K_moved, L_moved)
-        P_lower, Q_lower = parts(K_moved.conj(), L_moved.conj())
-        P_moved = np.concatenate([P_upper, P_lower], 1)
-        Q_moved = np.concatenate([Q_upper, Q_lower], 1)
+        Q_off = W @ Q @ V - np.eye(N) * ~last
+        moved = [
+            rim - middle[:, None] for rim, middle in zip(rims, (K.value, L.value), strict=True)
+        ]
+        on_circle = [np.concatenate([upper, upper.conj()], 1) for upper in moved]
+        P_moved, Q_moved = _parts(*on_circle, last)
 
         def bound(moved: np.ndarray, off: np.ndarray, error: np.ndarray) -> np.ndarray:
             change = SAFE / 2 * np.abs(_between(W, moved, V, inputs)).max(1)
             return change + np.abs(off) + np.abs(W) @ error @ np.abs(V)
 
-        F = bound(P_moved, P_off, P_error)
-        loss = bound(Q_moved, Q_off, Q_error)
         room = np.where(last, 1.0, off_arc(d, arc))
         size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
-        H = F + size[:, :, None] * loss
+        H = bound(P_moved, P_off, P_error) + size[:, :, None] * bound(Q_moved, Q_off, Q_error)
     return fine & dominated(H, room), delta
+
+
+def _parts(K: np.ndarray, L: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """P and Q of the pencil `P - d Q`, of K and L `(..., N, N)`; last: which columns are inputs."""
+    back = -np.conj(TURN)
+    unit = 1 - np.conj(TURN)
+    return np.where(last, K, RATE * K), ~last * (unit * L + back * K)
+
+
+def _sizes_of_parts(
+    K: np.ndarray, L: np.ndarray, last: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The most that entries of P and Q are, of K and L with entries of these sizes."""
+    back = abs(TURN)
+    unit = abs(1 - TURN)
+    return np.where(last, K, abs(RATE) * K), ~last * (unit * L + back * K)
+
+
+def _eigenvectors(
+    P: np.ndarray, Q: np.ndarray, inputs: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The eigenvalues `(n, r)` and vectors `(n, N, N)` of pencils `P - d Q`, and whether they are finite:
+    the inputs u, of which Q has nothing, follow from the states x by the last rows."""
+    n = P.shape[-1] - inputs
+    from_u = inverse(P[:, n:, n:])
+    S = P[:, :n, :n] - P[:, :n, n:] @ from_u @ P[:, n:, :n]
+    T = Q[:, :n, :n] - P[:, :n, n:] @ from_u @ Q[:, n:, :n]
+    S = inverse(T) @ S
+    fine = np.isfinite(S).all((-1, -2))
+    S, units = balance(np.where(fine[:, None, None], S, 0.0), thorough=True)
+    delta, V = _vectors(S)
+    V = units[:, :, None] * V
+    U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
+    of_states = np.concatenate([V, 0 * U.mT], -1)
+    of_inputs = np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)
+    return delta, np.concatenate([of_states, of_inputs], -2), fine
 
 
 def _between(W: np.ndarray, parts: np.ndarray, V: np.ndarray, inputs: int) -> np.ndarray:

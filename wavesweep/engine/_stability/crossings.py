@@ -218,18 +218,17 @@ def crossings(
     crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span
     are only counted.
     """
-    owner = columns.owner
     fixed = columns.fixed
     column, index = np.nonzero(roots.inside)
     cosine = roots.value[column, index]
     jump = -2.0 * roots.slope_sign[column, index]
-    side = _side(polynomial, owner[column], fixed[column], cosine, span)
-    growth_to_infinity = np.bincount(column, jump * (side > 0), minlength=fixed.size)
+    side = _side(polynomial, columns.owner[column], fixed[column], cosine, span)
+    growth = np.bincount(column, jump * (side > 0), minlength=fixed.size)  # to infinity
     near = side == 0
     column, cosine, jump = (fact[near] for fact in (column, cosine, jump))
-    seed = angle(cosine, polynomial.scale[owner[column]])
-    largest = max(map(abs, span))
-    polished, inverses = polish(columns.loops(column), columns.along, fixed[column], seed, largest)
+    seed = angle(cosine, polynomial.scale[columns.owner[column]])
+    start = columns.along, fixed[column], seed, max(map(abs, span))
+    polished, inverses = polish(columns.loops(column), *start)
     complete = roots.proved.copy()
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(polished.theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed))
@@ -242,11 +241,11 @@ def crossings(
     value = np.concatenate([polished.value, ends.value])
     theta = np.concatenate([polished.theta, ends.theta])
     jump = np.concatenate([jump, ends.jump])
-    growth = _growth_beyond(value, jump, span)
-    growth_to_infinity = growth_to_infinity + np.bincount(column, growth, minlength=fixed.size)
-    growth_to_infinity[~complete] = np.nan
-    every_inverse = np.concatenate([inverses, at_ends])
-    return Crossings(column, value, theta, jump, order, every_inverse, complete, growth_to_infinity)
+    beyond = _growth_beyond(value, jump, span)
+    growth = growth + np.bincount(column, beyond, minlength=fixed.size)
+    growth[~complete] = np.nan
+    inverses = np.concatenate([inverses, at_ends])
+    return Crossings(column, value, theta, jump, order, inverses, complete, growth)
 
 
 def _growth_beyond(value: np.ndarray, jump: np.ndarray, span: tuple[float, float]) -> np.ndarray:

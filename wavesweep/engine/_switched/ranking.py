@@ -134,8 +134,7 @@ def least_refuted(
         follows = ranked.family.follows
         rule = follows.tobytes()
         if rule not in shortest:
-            # Short words that are known from the beginning.
-            shortest[rule] = short_words(follows)[:60]
+            shortest[rule] = short_words(follows)[:60]  # known from the beginning
         ranked.known += ranked.follow([*dict.fromkeys([*shortest[rule], *ranked.known])])
     while True:
         ends = limits.copy()

@@ -111,9 +111,8 @@ def _of_package(
         yield f"{cannot_be_read}: no facts of a run", True
         return
     damaged = list(_files(package)) or list(_described(package))
-    csv = package.with_name(package.name.replace(PACKAGE, ".csv"))
-    parquet = csv.with_suffix(".parquet")
-    damaged += _between(csv, parquet)
+    parquet = package.with_name(package.name.replace(PACKAGE, ".parquet"))
+    damaged += _between(parquet.with_suffix(".csv"), parquet)
     yield from ((text, True) for text in damaged)
     if not damaged:
         yield f"{package}: the files have the bytes and hashes of the package", False
