@@ -60,9 +60,10 @@ def varying(spec: Spec) -> list[str]:
     Errors: UsageError for too many numbers if nothing does.
     """
     names = [axis.name for axis in spec.for_all.changing]
-    names += ["lost"] * bool(spec.for_all.lost or spec.for_all.loss) + ["messages"] * bool(
-        spec.drawing and spec.drawing.channels
-    )
+    if spec.for_all.lost or spec.for_all.loss:
+        names.append("lost")
+    if spec.drawing and spec.drawing.channels:
+        names.append("messages")
     if not names:
         refuse_unsuitable_ranges(spec, "")
     return names

@@ -102,7 +102,7 @@ class DesignRanking(DesignProof):
         """The softest wall of each with which some short pattern of frames is unstable, or else its
         limit.
 
-        path: of the stiffness. limits: of each the stiffest wall that is stable at constant frames.
+        path: of the stiffness; stop: its end, which is not asked here. limits: of each the stiffest wall that is stable at constant frames.
         designs: of which design each is, if the best one alone matters; those of others are then
         bounds from above.
         """

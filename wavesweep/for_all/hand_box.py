@@ -60,16 +60,8 @@ class HandBox:
 
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Low and high of each number, by its path."""
-        return dict(
-            zip(
-                HAND,
-                [
-                    (float(low), float(high))
-                    for low, high in (self.mass, self.damping, self.stiffness)
-                ],
-                strict=True,
-            )
-        )
+        sides = zip(HAND, (self.mass, self.damping, self.stiffness), strict=True)
+        return {path: (float(low), float(high)) for path, (low, high) in sides}
 
 
 HOLDING_A_DEVICE = HandBox(mass=(0.005, 0.6), damping=(2.0, 10.0), stiffness=(100.0, 1000.0))

@@ -81,7 +81,11 @@ class SmallGain:
 
     @staticmethod
     def of(loop: OpenLoop) -> SmallGain:
-        """The same of a loop with channels."""
+        """The same of a loop with channels; the middle delay is taken if few messages are kept for it.
+
+        The energy gain g of d over w is `sum D^2` over a channel's ticks of a period, D the most by
+        which what is shown is older than the newest message, times 1/4 about the middle.
+        """
         newest = replace(loop, choices=[[choice[:1] for choice in row] for row in loop.choices])
         middle = sum(loop.counts) <= MOST_KEPT
         of_messages = loop if middle else newest

@@ -100,8 +100,12 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
 
 
 def _frames(ticks: Ticks, befores, samples):
-    """The frames with the columns of the force behind their matrices: changes and rows of each, with
-    bounds on their errors."""
+    """Yield of each frame its changes `[A - 1, B]`, `(n, n + 1)`, and the row `[C, D]`, `(1, n + 1)`, that the
+    wall reads, from states and the wall's force; then bounds on the errors of both.
+
+    befores: the ticks of each frame before the one in which the force acts, `samples`. Where no tick's
+    pattern has an entry of A, it is 0 exactly.
+    """
     n = len(ticks.states)
     identity = np.eye(n)
     nothing = np.zeros((1, n, n))

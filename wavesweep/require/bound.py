@@ -208,27 +208,22 @@ class Bound:
 
     def method(self, on_circle: str) -> str:
         """How the intervals are found, in a line; on_circle: how those of the unit circle are."""
+        ways = []
+        if self.bounded:
+            ways.append(DISCS.format("each other and the unit circle"))
+        elif self.damped:
+            ways.append(DISCS.format("the spiral of the damping ratio"))
         if self.on_radius:
-            way = (
+            ways.append(
                 f"{on_circle}; of frames over the required radius, whose unit circle is its circle"
             )
-        else:
-            way = ""
-        discs = DISCS.format(
-            "each other and the unit circle" if self.bounded else "the spiral of the damping ratio"
-        )
-        modes = [discs if self.damped or self.bounded else "", way]
-        return "; and ".join(
-            filter(
-                None,
-                [
-                    *modes,
-                    on_circle if self.gains and not any(modes) else "",
-                    "" if all(map(_in_time, self.gains)) else GAIN,
-                    IN_TIME if any(map(_in_time, self.gains)) else "",
-                ],
-            )
-        )
+        if self.gains and not ways:
+            ways.append(on_circle)
+        if not all(map(_in_time, self.gains)):
+            ways.append(GAIN)
+        if any(map(_in_time, self.gains)):
+            ways.append(IN_TIME)
+        return "; and ".join(ways)
 
     def refuse_rates(self, name: str) -> None:
         """Raise UsageError for a time to settle or the band of a gain, along a number that

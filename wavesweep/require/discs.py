@@ -187,11 +187,17 @@ class RequiredCircle:
         return np.minimum(apart.min(-1) / 2.5, np.abs(1 + delta) / 2)
 
     def label(self, delta: np.ndarray, radius: np.ndarray, _: np.ndarray) -> np.ndarray:
-        """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`."""
+        """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`: GOOD if all are on or inside
+        the circle.
+
+        With z also 1/conj(z) is an eigenvalue. A disc that meets no other one, and no image of another
+        one under z -> 1/conj(z), has a single eigenvalue, which is its own image: on the circle.
+        """
         z = 1 + delta
         size = np.abs(z)
         alone = ~_meeting(z, radius, z, radius)
         with np.errstate(all="ignore"):
+            # The image of a disc is in one of this radius about z/|z|^2.
             image = np.where(radius < size, radius / (size * (size - radius)), np.inf)
             alone &= ~_meeting(z / size**2, image, z, radius)
         good = (alone | (size + radius < 1)).all(-1)  # what is inside is 0, if nothing is outside

@@ -342,7 +342,8 @@ class BoundedGain(Between):
             return in_a_row(port.kind.tolist(), eliminated, then)
 
     def _form(self, port: Any, shape: tuple[int, int]) -> Form:
-        """The form of all inputs of frames at points of panels."""
+        """The form of all inputs of frames at points of panels: P, S and R of this file's first lines, at
+        rest those in which the constant input w does not count."""
         points = shape[1]
         E, G, O, T = self.over_frame(port, np.prod(shape))
         P = -(O.mT @ O)

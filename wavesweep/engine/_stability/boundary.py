@@ -404,15 +404,15 @@ class _Sizes(NamedTuple):
 
 
 def _errors_of_equation(
-    cut: LinearFractional, sizes: _Sizes, adjoint: np.ndarray
+    cut: LinearFractional, sizes: _Sizes, residual: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what moves the characteristic equation, twice `(...)`: a rounding of every entry, and
     the bounds on the errors of the entries.
 
-    Both have with them what the solve leaves of `(w I - E) s = B`, which is `adjoint`, `(..., n, 1)`:
-    it moves the equation by `|l| |left|`.
+    Both have with them the residual of the solve, `r = B - (w I - E) s`, `(..., n, 1)`, which moves
+    the equation by `|l| |r|`.
     """
-    of_solve = (sizes.adjoint * np.abs(adjoint)[..., 0]).sum(-1)
+    of_solve = (sizes.adjoint * np.abs(residual)[..., 0]).sum(-1)
     terms = sizes.moved_by(cut, np.abs(cut.E), np.abs(cut.B), np.abs(cut.C), np.abs(cut.D))
     rounding = EPS * terms + of_solve
     return rounding, rounding + sizes.moved_by(cut, cut.dE, cut.dB, cut.dC, cut.dD)

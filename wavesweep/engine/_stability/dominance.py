@@ -490,7 +490,8 @@ class _Rows(NamedTuple):
         stop: np.ndarray,
         radius: np.ndarray,
     ) -> _Rows:
-        """Those of some tests from h = start to stop."""
+        """Those of the tests `chosen` from h = start to stop, on the circle of the radius, `(tests,)`
+        each. With mu = w + b h + c h^2, all terms of its powers are bounded at the h farthest from 0."""
         mu = tests.mu.take(chosen)
         slope = tests.slope[chosen]
         b = np.abs(mu.b)

@@ -163,7 +163,8 @@ class ReducedEquation:
         return (terms @ self.place).reshape(-1, self.n, self.n)
 
     def entries(self, panel: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The entries at places of panels, and their derivatives."""
+        """The entries of A, B and C at places x of panels, -1 to 1, by their Chebyshev series, and
+        their derivatives by x, `(points, entries)`; see `split`."""
         series = self.series
         degree = self.degrees
         angle = np.arccos(np.clip(x, -1, 1))[:, None]
@@ -208,7 +209,8 @@ class ReducedEquation:
     def around(
         self, value: np.ndarray, slope: np.ndarray, theta: np.ndarray, radius: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """S at some points of a circle, and its derivatives by the angle and by x."""
+        """`S = w I - A - sum_m C_m B_m z^-m` at points `z = radius e^(i theta)`, w = z - 1, and its
+        derivatives by theta and by x, `(points, n, n)` each. value, slope: see `entries`."""
         unit = np.eye(self.n)
         A, B, C = self.split(value)
         A1, B1, C1 = self.split(slope)
@@ -238,6 +240,9 @@ class ReducedEquation:
         return good, by_x
 
     def _judged_at_once(self, boxes: _Boxes, radius: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `judged`. In a box with the half sides a and b, `S^-1 S' = I + X` with `|X| <= change = a |S^-1
+        S_theta| + b |S^-1 S_x| + |S^-1| (bounds on second derivatives and rounding)`, by Taylor: S' is
+        regular if the spectral radius of `change` is below 1."""
         # Boxes of different angles share the entries of the frame.
         facts = np.stack([boxes.panel, boxes.x, boxes.wide])
         _, distinct, of = np.unique(facts, axis=1, return_index=True, return_inverse=True)
@@ -282,7 +287,11 @@ class ReducedEquation:
         return _Crossings(panel, x, theta, self.moved(panel, x + BESIDE_CROSSING, theta))
 
     def moved(self, panel: np.ndarray, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """How far rounding of S may move a crossing along x, from a place next to it."""
+        """How far rounding of S may move a crossing along x, from a place next to it, `(places,)`.
+
+        S stays singular if `a dtheta + b dx + tr(S^-1 R) = 0` for its rounding R, with a and b the
+        traces of `S^-1 S_theta` and `S^-1 S_x`: so `|dx| <= |a| |tr|/|Im(a* b)|`.
+        """
         value, slope = self.entries(panel, x)
         S, S_theta, S_x = self.around(value, slope, theta)
         back = inverse(S)
@@ -565,6 +574,7 @@ def _labelled(
             equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + LARGER_CIRCLE
         )
         E, dE = errors(np.array([column]), windows.value[index : index + 1])
+        # Eigenvalues z = 1 + delta as parts of the larger circle's radius.
         smaller = (E - LARGER_CIRCLE * np.eye(E.shape[-1])) / (1 + LARGER_CIRCLE)
         count, clear = count_outside(smaller, dE)
         if undecided is not None and not undecided.x.size and clear[0] and count[0] > 0:

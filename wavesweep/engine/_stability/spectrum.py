@@ -269,16 +269,10 @@ def _sure_radius(
         reached = _smallest(balanced[matrix], points[:, None])[:, 0] <= rounding[matrix]
         sure[index[matrix[reached]]] = np.nan
         return sure.reshape(np.shape(radius))
-    for index_of_matrix in np.unique(matrix):
-        w = np.unique(points[matrix == index_of_matrix])
-        if _may_reach(
-            E[index_of_matrix],
-            balanced[index_of_matrix],
-            units[index_of_matrix],
-            w,
-            rounding[index_of_matrix],
-        ):
-            sure[index[index_of_matrix]] = np.nan
+    for i in np.unique(matrix):
+        w = np.unique(points[matrix == i])
+        if _may_reach(E[i], balanced[i], units[i], w, rounding[i]):
+            sure[index[i]] = np.nan
     return sure.reshape(np.shape(radius))
 
 

@@ -156,7 +156,11 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
 
 
 def _by_each_method(columns: CutColumns, span: tuple[float, float]) -> Intervals:
-    """Return the intervals of the columns, each by the first method that proves it."""
+    """Return the intervals of the columns, each by the first method that proves it, or else by the last.
+
+    A method is told which columns are followed by another one: what it does not prove of these is
+    left to that one.
+    """
     pending = np.arange(columns.size)
     answered = np.zeros(columns.size, bool)
     done = []

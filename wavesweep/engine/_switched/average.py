@@ -89,8 +89,8 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
 
 
 def _powers(M: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The matrices that decay, as indices, and their powers by 1, 2, 4 and so on until nothing
-    is left."""
+    """Which of some matrices `(cells, n, n)` have powers that vanish, as indices, and of these `M^1, M^2,
+    M^4, ...`, until all of them have vanished or overflown."""
     powers = []
     with np.errstate(all="ignore"):
         for _ in range(BY_TWO):

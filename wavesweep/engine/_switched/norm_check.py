@@ -253,17 +253,20 @@ def _exceeds_each(slack: Slack, numbers: int) -> np.ndarray:
 def _slack_over(
     forms: Polynomials, graph: Graph, A: Polynomials, weight: np.ndarray | None
 ) -> Slack:
-    """The slack G. G(0) is about 1 where F(0) is positive definite; infinite bounds otherwise."""
+    """The slack `G = W' F W` of each edge from i to j, `F = P_i - A' P_j A`, or on average of each node i,
+    `F = P_i - sum weight A' P_j A` over its edges; W is the same over the box, and such that G in its
+    middle is about 1 where F is positive definite there. Elsewhere bounds are infinite.
+    """
     n = A.terms.shape[-1]
     P_j = forms.of(graph.target)
     moved = A.of(graph.symbol)
     if weight is None:
         P_i = forms.of(graph.source)
-        at = np.arange(graph.source.size)
+        place = np.arange(graph.source.size)  # of each edge among the F
         added = 0
     else:
         P_i = forms
-        at = graph.source
+        place = graph.source
         added = np.bincount(graph.source).max()
         root = _root(weight)
         rest = root * moved.rest + 2 * UNIT_ROUNDING * root * np.abs(moved.terms).sum(0)
@@ -274,7 +277,7 @@ def _slack_over(
         if weight is None:
             return of_edges
         of_nodes = np.zeros((*of_edges.shape[:-3], graph.nodes, n, n))
-        at_nodes: Any = (..., at, slice(None), slice(None))  # which numpy's types do not know
+        at_nodes: Any = (..., place, slice(None), slice(None))  # which numpy's types do not know
         np.add.at(of_nodes, at_nodes, of_edges)
         return of_nodes
 
@@ -287,8 +290,9 @@ def _slack_over(
     W = np.linalg.inv(roots).mT
     size = np.abs(W)
     # "Unknown numbers": `W' F(s) W`, multiplied out with B = A W.
-    rounding = 2 * n * UNIT_ROUNDING * (np.abs(moved.terms).sum(0) @ size[at])
-    B = Polynomials(moved.terms @ W[at], moved.rest @ size[at] + rounding, A.numbers, A.order)
+    rounding = 2 * n * UNIT_ROUNDING * (np.abs(moved.terms).sum(0) @ size[place])
+    rest = moved.rest @ size[place] + rounding
+    B = Polynomials(moved.terms @ W[place], rest, A.numbers, A.order)
     B_transposed = Polynomials(B.terms.mT, B.rest.mT, A.numbers, A.order)
     after = B_transposed @ (P_j @ B)
     terms = W.mT @ P_i.terms @ W - summed(after.terms)

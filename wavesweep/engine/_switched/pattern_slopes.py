@@ -12,8 +12,8 @@ import numpy as np
 def largest_modes(
     products: np.ndarray, size: Callable[[np.ndarray], np.ndarray] = np.abs
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return of each of some products `(patterns, n, n)` the eigenvalue z that is largest, `(patterns,)`,
-    and its vectors x and y, `(patterns, n)`; size: of eigenvalues `(patterns, n)`."""
+    """Return of each of some products P `(patterns, n, n)` the eigenvalue z whose size is largest,
+    `(patterns,)`, and its vectors x and y, `(patterns, n)`: `P x = z x`, `y P = z y`, `y x = 1`."""
     z, vectors = np.linalg.eig(products)
     largest = size(z).argmax(-1)
     index = np.arange(len(z))
