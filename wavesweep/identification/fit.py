@@ -273,7 +273,7 @@ def _encoder_alone(model, theta, rows, noise):
         step = np.linalg.lstsq(slopes / size, residual, rcond=1e-12)[0] / size
         theta = theta + step
         residual = residual - slopes @ step
-        usual = float(np.median(np.abs(residual))) / 0.6745
+        usual = float(np.median(np.abs(residual))) / 0.6745  # a standard deviation of normal noise
         # Beyond 5 times the noise of the readings or their step an error is not
         # that of an encoder; errors of the last digits of the motion are smaller.
         if usual < 5.0 * max(noise, rows.resolution, 1e-7 * float(np.ptp(rows.reading))):

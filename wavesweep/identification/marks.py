@@ -209,9 +209,8 @@ class Responses:
             hertz = np.array(points["frequency_hz"])
             if name.startswith("admittance"):
                 label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
-                # mm/N
                 if name == "admittance_abs":
-                    values = 1e3 * np.abs(H)
+                    values = 1e3 * np.abs(H)  # mm/N
                 else:
                     values = np.degrees(np.angle(H))
                 axes.plot(hertz, values, color=colour, label=label, **_OF_RESPONSE)

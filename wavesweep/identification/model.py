@@ -495,14 +495,12 @@ def sensitivities(
     columns = []
     for index, size in enumerate(steps):
         if model.names[index] == "bias" or (model.names[index] == "start" and not model.spring):
-            columns.append(
-                np.ones(len(force) - skip)
-            )  # without a spring all positions move with the first one
+            # Without a spring all positions move with the first one.
+            columns.append(np.ones(len(force) - skip))
             continue
         step = np.zeros(len(theta))
         step[index] = size
-        ahead, behind = (
-            readings(model, theta + sign * step, force, period, skip) for sign in (1, -1)
-        )
+        ahead = readings(model, theta + step, force, period, skip)
+        behind = readings(model, theta - step, force, period, skip)
         columns.append((ahead - behind) / (2 * size))
     return np.stack(columns, axis=1)

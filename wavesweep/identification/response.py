@@ -165,14 +165,16 @@ def _fit(measured, hold, model, start):
 
 
 def _first(measured, hold, model):
-    """Of each delay tried, 1/H = k - m w^2 + j w d by linear least squares of relative errors."""
+    """The numbers to begin with, `[log m, d, k if there is a spring, delay if it is fitted]`: of each delay
+    tried, `1/H = k - m w^2 + j w d` by linear least squares of relative errors, and the best of these."""
     omega = 2 * np.pi * measured.frequency_hz
     best = None
     for late in LATE if model.delay is None else (model.delay,):
-        ahead = measured.admittance * np.exp(
-            1j * omega * hold.period * (late + 0.5 * hold.held)
-        )  # if held, half a tick late
-        columns = [-(omega**2), 1j * omega, *([np.ones_like(omega)] if model.spring else [])]
+        turn = omega * hold.period * (late + 0.5 * hold.held)  # a held force is half a tick late
+        ahead = measured.admittance * np.exp(1j * turn)
+        columns = [-(omega**2), 1j * omega]
+        if model.spring:
+            columns.append(np.ones_like(omega))
         A = np.stack([column * ahead for column in columns], axis=1)
         A = np.concatenate([A.real, A.imag])
         unit = np.concatenate([np.ones_like(omega), np.zeros_like(omega)])
@@ -180,10 +182,8 @@ def _first(measured, hold, model):
         x = np.linalg.lstsq(A / size, unit, rcond=None)[0] / size
         error = float(np.sum((A @ x - unit) ** 2))
         if x[0] > 0 and (best is None or error < best[0]):
-            best = (
-                error,
-                np.array([np.log(x[0]), *x[1:], *([float(late)] if model.delay is None else [])]),
-            )
+            delays = [float(late)] if model.delay is None else []
+            best = error, np.array([np.log(x[0]), *x[1:], *delays])
     if best is None:
         raise UsageError(
             "no mass, however large or small, has this response; do force and position have the same sign?"

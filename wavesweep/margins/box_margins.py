@@ -259,14 +259,14 @@ class _Case:
     def __init__(
         self, spec: Spec, cut: str, loop: Loops, ranges: Sequence[Axis], fixed: Mapping[str, object]
     ):
-        self.spec, self.cut, self.fixed = spec, cut, fixed
+        self.spec = spec
+        self.cut = cut
+        self.fixed = fixed
         self.boxes = spec.for_all.boxes
         self.ranged = [axis.path for axis in ranges]
         self.broken = {}
         self.known = {}
-        self.box = np.array(
-            [[axis.start for axis in ranges], [axis.stop for axis in ranges]], float
-        )
+        self.box = np.array([(axis.start, axis.stop) for axis in ranges], float).reshape(-1, 2).T
         self.loop = loop.read
         once = broken_at(self.spec, cut).cut
         self.names = [name for name in ENDS if name != "delay_frames" or once]
@@ -358,9 +358,9 @@ class _Case:
             return best
 
         best = worse(self._corners[0], [*self.known, *self._corners, *met])
-        # Halvings of the steps of the search for the worst numbers.
-        for halving in range(1, 1 + 6 if self.ranged else 1):
-            steps = np.diag(self.box[1] - self.box[0]) * 0.5**halving
+        halvings = 6 if self.ranged else 0  # of the steps of the search for the worst numbers
+        for halving in range(halvings):
+            steps = np.diag(self.box[1] - self.box[0]) * 0.5 ** (halving + 1)
             near = np.clip(best + np.concatenate([steps, -steps]), *self.box)
             best = worse(best, map(tuple, near.tolist()))
         margins = self._at(best) or {}

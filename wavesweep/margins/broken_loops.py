@@ -38,9 +38,8 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> LiftedLo
     that may have been meant. Errors: see `broken_at`."""
     times = _times_per_frame(loop)
     if signal not in times:
-        shown = [
-            re.sub(r"\.tap(\d+)\.y$", r".y\1", name) for name in times
-        ]  # of a delay with taps, as wires read it
+        # Of a delay with taps, as wires read it.
+        shown = [re.sub(r"\.tap(\d+)\.y$", r".y\1", name) for name in times]
         close = nearest(signal, [*shown, *named])
         hint = f"; did you mean `{close}`?" if close else ""
         expected = f"an output of a block that some wire reads at a tick ({', '.join(shown) or 'this loop has none'})"

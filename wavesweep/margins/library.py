@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -89,15 +89,11 @@ class LoopMargins(api.Loop):
         """
         from wavesweep.margins.figure import margins, named_specs
 
-        axes_given, margins_table = axes_asked(self.spec, axes), _margins(self.spec, cut)
         places = []
-        for values in product(*(axis.values for axis in axes_given)):
+        for values in product(*(axis.values for axis in axes_asked(self.spec, axes))):
             if values:
                 places.append(dict(zip(axes, values, strict=True)))
+        of_loop = _margins(self.spec, cut)
         family = named_specs(self.spec, places)
-        return drawn_into(
-            ax,
-            lambda: margins(margins_table.columns, margins_table.facts, family),
-            legend=legend,
-            caption=caption,
-        )
+        draw = partial(margins, of_loop.columns, of_loop.facts, family)
+        return drawn_into(ax, draw, legend=legend, caption=caption)

@@ -35,7 +35,9 @@ def _figures(step: Step) -> Iterator[tuple[str, tuple[float, ...], str]]:
 
 def draw_step(axes: Any, step: Step) -> list[tuple[Any, str]]:
     """Draw the step response of T over time; gives the marks for a legend, each with its words."""
-    final, times, values = step.final, step.time_s[: step.shown], step.value[: step.shown]
+    final = step.final
+    times = step.time_s[: step.shown]
+    values = step.value[: step.shown]
     unit, scale = ("ms", 1e3) if times[-1] < 1 else ("s", 1.0)
     # Samples, up to which each has a dot.
     dots = {"marker": ".", "markersize": 3} if times.size <= 60 else {}
@@ -47,17 +49,15 @@ def draw_step(axes: Any, step: Step) -> list[tuple[Any, str]]:
     if step.settling_s > 0:
         axes.axhspan(final * (1 - BAND), final * (1 + BAND), color="0.85", linewidth=0, zorder=0.5)
     marks = []
-    for kind, times, words in _figures(step):
+    for kind, moments, words in _figures(step):
         style = {"marker": _MARKS[kind][0], "color": MARK, "markersize": 4.5, "linestyle": "none"}
         style |= {"markerfacecolor": "none" if kind == "rise" else MARK}
-        (handle,) = axes.plot(
-            np.multiply(scale, times), [step.value_at(time) for time in times], zorder=4, **style
-        )
+        reached = [step.value_at(moment) for moment in moments]
+        (handle,) = axes.plot(np.multiply(scale, moments), reached, zorder=4, **style)
         marks.append((handle, words))
         if kind == "peak":
-            axes.plot(
-                [scale * times[0]] * 2, [final, step.value_at(times[0])], color=MARK, linewidth=1.0
-            )
+            peak = [final, reached[0]]
+            axes.plot([scale * moments[0]] * 2, peak, color=MARK, linewidth=1.0)
     return marks
 
 

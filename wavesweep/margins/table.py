@@ -175,6 +175,8 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _lines(facts: Numbers) -> Iterator[Line]:
+    """Yield the lines of the summary, each with whether it warns: where the loop is broken, its margins,
+    then those that hold for all of [for_all]."""
     of_all = facts.get("for_all", {})
     said = ""
     if of_all:
@@ -226,6 +228,7 @@ def _refuted(margin: Mapping[str, Any]) -> str:
 
 
 def _line(name: str, margin: Numbers, more: str) -> Line:
+    """The line of a margin, rounded to the safe side, and whether it warns; more: words behind its size."""
     doubt = f"not certified ({margin['doubt']})" if margin["doubt"] else ""
     if margin["value"] is None:
         return f"{SAID[name]}: {doubt}{more}", True

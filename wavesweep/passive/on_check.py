@@ -96,13 +96,11 @@ def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:
         jobs = jobs_of(spec, axes)
     except (SpecError, UsageError) as error:
         return [f"  passivity: not possible with this spec: {error}"], []
-    loops, channels = jobs["port"].slices, jobs["channel"].slices if "channel" in jobs else 0
-    if channels:
-        norm = f", norm of {channels} wave channel{'s' * (channels != 1)}"
-    else:
-        norm = ""
-    plan_line = f"  passivity: hand's port of {loops} loop{'s' * (loops != 1)}{norm}"
-    how = "method: level sets of the frame's energy balance, without a frequency grid"
-    return [f"{plan_line}; {how}", *(f"    {line}" for line in not_computed(jobs["port"].grid))], [
-        *jobs.values()
-    ]
+    loops = jobs["port"].slices
+    plan = f"  passivity: hand's port of {loops} loop{'s' * (loops != 1)}"
+    if "channel" in jobs:
+        channels = jobs["channel"].slices
+        plan += f", norm of {channels} wave channel{'s' * (channels != 1)}"
+    plan += "; method: level sets of the frame's energy balance, without a frequency grid"
+    lines = [plan, *(f"    {line}" for line in not_computed(jobs["port"].grid))]
+    return lines, [*jobs.values()]

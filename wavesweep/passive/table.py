@@ -104,7 +104,8 @@ def over_frequency(spec: Spec) -> Table:
     every combination of the axes."""
     from wavesweep.passive.port_jobs import curves
 
-    started, axes = time.perf_counter(), tuple(axis for axis in spec.sweep if axis.values)
+    started = time.perf_counter()
+    axes = tuple(axis for axis in spec.sweep if axis.values)
     columns = joined(curves(spec, axes))
     methods = {
         "ports": "least eigenvalue of the Hermitian part with balanced weights, at each frequency"
@@ -182,13 +183,14 @@ class PassivityTally:
         )
 
     def add(self, columns: Columns) -> None:
-        needed, passive = columns["damping_needed"], columns["channel_passive"]
+        """Count the rows of a block that are passive, unstable and so on, and widen the ranges of numbers
+        by it."""
+        needed = columns["damping_needed"]
+        passive = columns["channel_passive"]
+        nearly = columns["channel_norm"] ** 2 - 1 <= self._tolerance
         flags = {
             "rows": np.ones(needed.size, bool),
-            "channel_passive_within_tolerance": (
-                columns["channel_norm"] ** 2 - 1 <= self._tolerance
-            )
-            | passive,
+            "channel_passive_within_tolerance": nearly | passive,
             "channel_passive": passive,
             "port_passive": columns["port_passive"],
             "no_damping_is_enough": np.isnan(needed) & self._damped,
@@ -198,13 +200,11 @@ class PassivityTally:
             "unstable": ~columns["stable"],
         }
         self._counts.update({name: int(flag.sum()) for name, flag in flags.items()})
-        values = {name: columns.get(name, np.zeros(0)) for name in self._ranges} | {
-            "damping_needed": needed[needed > 0]
-        }
+        values = {name: columns.get(name, np.zeros(0)) for name in self._ranges}
+        values["damping_needed"] = needed[needed > 0]
         for name, column in values.items():
-            self._ranges[name] = _range(
-                np.array([*(self._ranges[name] or ()), *(_range(column) or ())])
-            )
+            ends = [*(self._ranges[name] or ()), *(_range(column) or ())]
+            self._ranges[name] = _range(np.array(ends))
 
     def numbers(self, facts: Mapping[str, Any]) -> Numbers:
         order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",

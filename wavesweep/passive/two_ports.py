@@ -180,15 +180,14 @@ def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> WorstWeights:
     Osborne, Journal of the ACM 7(4), 338-345, 1960).
     """
     if log_w is None:
-        log_w, sizes = np.zeros(Z.shape[:2]), np.abs(Z) ** 2
+        log_w = np.zeros(Z.shape[:2])
+        sizes = np.abs(Z) ** 2
         sizes[:, range(Z.shape[-1]), range(Z.shape[-1])] = NEXT_TO_ZERO
         for _ in range(STEPS):
             square = np.exp(2 * log_w)
-            step = (
-                np.log((square[:, None] @ sizes)[:, 0] / (sizes @ (1 / square)[:, :, None])[..., 0])
-                / 8
-                - log_w / 2
-            )
+            of_columns = (square[:, None] @ sizes)[:, 0]
+            of_rows = (sizes @ (1 / square)[:, :, None])[..., 0]
+            step = np.log(of_columns / of_rows) / 8 - log_w / 2
             log_w += step
             if np.abs(step).max(initial=0.0) < SETTLED:
                 break
@@ -276,14 +275,16 @@ class Pair:
 
         The interval times the circle is divided into boxes, each with its own weights.
         """
-        queue, open_ = [(low, high, *pair) for pair in pairwise(ANGLES)], []
+        queue = [(low, high, *pair) for pair in pairwise(ANGLES)]
+        open_ = []
         if not is_stable(self.pairs(np.array([(low + high) / 2])).lifted.E).all():
             return None
         for _ in range(BOXES):
             if not queue:
                 return open_
             first, last, below, above = box = queue.pop()
-            p, theta = (first + last) / 2, (below + above) / 2
+            p = (first + last) / 2
+            theta = (below + above) / 2
             shunts, functions = self._weighted(box)
             if functions is None:
                 return p
@@ -385,21 +386,19 @@ class PairDeterminant:
         return covered is not None and not len(covered.open) and not len(covered.negative)
 
     def hermitian(self, numbers, theta) -> HermitianPart:
-        """The Hermitian part, continued to complex numbers and angles."""
+        """The Hermitian part `(R Z(z) R^-1 + (R Z(1/z) R^-1)')/2` at numbers and angles, `(points,)` each,
+        which may be complex, and the sizes of its terms; R: the weights."""
         unique, place = np.unique(numbers, return_inverse=True)
-        at = self.pairs(unique if unique.imag.any() else unique.real)
-        ratio = at.ratio if self.rest else np.full(unique.shape, np.nan)
-        R, lifted = np.exp(weights(self.log_w, ratio))[place], at.lifted.at(place)
+        pairs = self.pairs(unique if unique.imag.any() else unique.real)
+        ratio = pairs.ratio if self.rest else np.full(unique.shape, np.nan)
+        R = np.exp(weights(self.log_w, ratio))[place]
         scale = R[:, :, None] / R[:, None, :]
-        (hermitian, size), (back, size_back) = (
-            components_with_sizes(lifted, theta, sign) for sign in (1, -1)
-        )
-        hermitian, size = (
-            scale * hermitian + (scale * back).mT,
-            np.abs(scale) * size,
-        )
-        size += (np.abs(scale) * size_back).mT
-        return HermitianPart(hermitian / 2, size / 2, lifted, at, place)
+        lifted = pairs.lifted.at(place)
+        Z, size = components_with_sizes(lifted, theta, 1)
+        back, size_back = components_with_sizes(lifted, theta, -1)
+        hermitian = scale * Z + (scale * back).mT
+        size = np.abs(scale) * size + (np.abs(scale) * size_back).mT
+        return HermitianPart(hermitian / 2, size / 2, lifted, pairs, place)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -227,18 +227,15 @@ def _unlike_the_linear(spec, linear, tones, frame):
 def _facts(
     spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]
 ) -> dict[str, Any]:
+    """The facts of a run; with the digest of the file of frames, as that of the spec has only its name."""
     from wavesweep.simulation.from_spec import beside, claim_of
 
     counts = {"computed": 1, "skipped": 0, "certified": 0}
     facts = facts_of(spec, methods, counts, timings, notices, claims={"spec": claim_of(spec)})
-    # The digest of the spec covers only the names of files.
     if spec.simulate.frames_file:
-        # As those that read it for the run take.
-        # the SHA-256 of a file. most: bytes, those of the first reading, so that what a shell
-        # passes is not read again
-        facts["frames_sha256"] = hashlib.sha256(
-            read_bytes(beside(spec, spec.simulate.frames_file), 1_000_000_000)
-        ).hexdigest()
+        # The same limit in bytes as of the run's reading: what a shell passes is not read again.
+        data = read_bytes(beside(spec, spec.simulate.frames_file), 1_000_000_000)
+        facts["frames_sha256"] = hashlib.sha256(data).hexdigest()
     return facts
 
 

@@ -57,23 +57,16 @@ class Meeting(NamedTuple):
         there. One that does not pull has the force of both, cut off at 0.
         """
         gap = depth if self.position is None else depth - self.position
+        # Of spring and damper, at the depth and the speed that they leave.
+        force = (self.K * gap + self.B * speed) / (1.0 - self.K * self.yields - self.B * self.slows)
         if not self.pulls:
-            force = (self.K * gap + self.B * speed) / (
-                1.0 - self.K * self.yields - self.B * self.slows
-            )
-            if force > 0.0:
-                return (force, True)
-            return (0.0, False)
-        if (
-            self.position is not None
-            and not gap * (1.0 - self.B * self.slows) + self.yields * self.B * speed > 0.0
-        ):
-            if gap > 0.0 and self.yields < 0.0:
-                return (-gap / self.yields, True)
-            return (0.0, False)
-        return (self.K * gap + self.B * speed) / (
-            1.0 - self.K * self.yields - self.B * self.slows
-        ), True
+            return (force, True) if force > 0.0 else (0.0, False)
+        pressed = gap * (1.0 - self.B * self.slows) + self.yields * self.B * speed > 0.0
+        if self.position is None or pressed:
+            return force, True
+        if gap > 0.0 and self.yields < 0.0:
+            return -gap / self.yields, True
+        return 0.0, False
 
 
 class Program(NamedTuple):
@@ -331,17 +324,16 @@ def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
 
 
 def _solved(torn, once, alone) -> list[tuple[str, Sum]]:
-    """The sums that solve the equations of what is torn. Errors: IllPosedLoopError if they have
-    no solution."""
-    shares = []  # of a unit of each torn number, what comes back to all of them
+    """The sums that solve the equations `x = S x + alone` of the torn numbers x, `x = (1 - S)^-1 alone`.
+    Errors: IllPosedLoopError if they have no solution."""
+    shares = []  # columns of S: of a unit of each torn number, what comes back to all of them
     for name in torn:
         values = evaluated([*once, *alone], {name: 1.0})
         shares.append([values.get(back, 0.0) for back, _ in alone])
     share = np.array(shares, dtype=float).T
     rest = np.eye(len(torn)) - share
-    if np.linalg.svd(rest, compute_uv=False)[-1] <= TICK_SHARE_ROUNDING * (
-        1.0 + np.abs(share).max()
-    ):
+    least = np.linalg.svd(rest, compute_uv=False)[-1]
+    if least <= TICK_SHARE_ROUNDING * (1.0 + np.abs(share).max()):
         raise IllPosedLoopError(
             f"{', '.join(torn)}: what goes round within the tick comes back as it is, so it has no single value; a delay on "
             "the way, such as that of the environment or of the local model, makes it one"

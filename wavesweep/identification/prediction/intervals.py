@@ -174,11 +174,11 @@ def _of_large(innovations, slopes, to_theta):
     Ticks in which friction holds the device for a moment leave such innovations, and they do not
     have a mean of 0.
     """
-    bound = LARGE_INNOVATION * np.median(np.abs(innovations)) / 0.6745
+    deviation = np.median(np.abs(innovations)) / 0.6745  # of normal ones
+    bound = LARGE_INNOVATION * deviation
+    beyond = innovations - np.clip(innovations, -bound, bound)
     size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-    step = np.linalg.lstsq(
-        slopes / size, innovations - np.clip(innovations, -bound, bound), rcond=1e-10
-    )[0]
+    step = np.linalg.lstsq(slopes / size, beyond, rcond=1e-10)[0]
     return np.abs(to_theta @ (step / size))
 
 

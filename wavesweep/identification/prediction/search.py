@@ -190,7 +190,6 @@ def least_of(log, search, point, skip, most_steps):
             except np.linalg.LinAlgError:
                 return np.full(len(log.reading) - skip, 1e6)
             # Squares of larger ones are no doubles.
-            # Innovations that are squared.
             if not max(np.abs(errors).max(), np.abs(effects).max()) < 1e150:
                 return np.full(len(log.reading) - skip, 1e6)
             gains, rest = projected(errors, effects)
