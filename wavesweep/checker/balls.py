@@ -209,7 +209,10 @@ def _parted(a):
 
 @lru_cache(1024)
 def _exp_cos_sin(c: int):
-    """Of an exact c. Rounding of the sum, 2 a term, grows at most 4 times in each halving: far below the guard bits."""
+    """exp, cos and sin of an exact c, as balls: the series of `c/2^k`, then k doublings, `e^2 = e e`, `cos 2x = cos^2 - sin^2`.
+
+    Rounding of the sum, 2 a term, grows at most 4 times in each doubling: far below the guard bits.
+    """
     halvings = max(0, abs(c).bit_length() - BITS + 6)
     if halvings > 12:
         raise Refused("a large argument of a function")

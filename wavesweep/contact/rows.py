@@ -293,7 +293,8 @@ def _recorded(rows: list[Row], why: str, span: tuple[float, float], along="") ->
     if not rows:
         records["counterexample"] = why
     for number, row in enumerate(rows):
-        records["fails_below"][number], records["fails_from"][number] = row[2:4]
+        records["fails_below"][number] = row.fails_below
+        records["fails_from"][number] = row.fails_from
         records["counterexample"][number] = row.refuters.written(TEXT)
         places = _open_places(row, span)
         records["settled"][number] = not places

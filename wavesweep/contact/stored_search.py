@@ -53,7 +53,8 @@ class WallSamples:
         unit = 2.0 ** round(np.log2(size_of_read)) if size_of_read > 0 else 1.0
         columns = np.append(units, 1.0)
         moved = self.moved * columns / units[:, None]
-        read, slide = self.read * columns / unit, self.slide * columns / unit
+        read = self.read * columns / unit
+        slide = self.slide * columns / unit
         return WallSamples(moved, read, slide, self.drifts, self.follows), units, unit
 
 
@@ -109,31 +110,26 @@ def find_stored(
     N = terms[0].moved.shape[-1]
     basis = symmetric_basis(N - 1)
     m = len(basis)
+    # Numbers of the unknowns: coordinates of the forms by wall and node, h, the weights, and t.
     forms = np.arange(len(walls) * graph.nodes * m).reshape(len(walls), graph.nodes, m)
     h = forms.size
     kinds = 1 if frames.drifts else 2
     weights = h + 1 + np.arange(count * kinds).reshape(count, kinds)
     t = h + 1 + weights.size
-    alone = np.broadcast_to([h], (count, 1)), np.broadcast_to([t], (count, 1))
+    h_of_edges = np.full((count, 1), h)
+    t_of_edges = np.full((count, 1), t)
     inequalities = []
-    for of_wall, own in zip(terms, forms, strict=True):
-        moved = of_wall.moved[frame][:, None]
-        slopes = np.zeros((count, 2 * m + 2 + kinds, N, N))
-        slopes[:, :m, :-1, :-1] = basis
-        slopes[:, m : 2 * m] = -(moved.mT @ basis @ moved)
-        for place, term in enumerate(
-            (of_wall.rise, of_wall.rise - of_wall.last, of_wall.own)[: 1 + kinds]
-        ):
-            slopes[:, 2 * m + place] = -term[frame]
-        slopes[:, -1] = -np.eye(N)
-        index = np.concatenate([own[source], own[target], alone[0], weights, alone[1]], axis=1)
+    for of_wall, P in zip(terms, forms, strict=True):
+        unknowns = [P[source], P[target], h_of_edges, weights, t_of_edges]
+        slopes = _slopes(of_wall, frame, basis, kinds)
+        index = np.concatenate(unknowns, axis=1)
         inequalities.append(Inequality(np.zeros((count, N, N)), slopes, index))
-    each = forms.reshape(-1, m)
-    of_forms = np.broadcast_to(basis, (len(each), *basis.shape))
-    inequalities.append(Inequality(np.zeros((len(each), N - 1, N - 1)), of_forms, each))
+    of_nodes = forms.reshape(-1, m)
+    slopes = np.broadcast_to(basis, (len(of_nodes), *basis.shape))
+    inequalities.append(Inequality(np.zeros((len(of_nodes), N - 1, N - 1)), slopes, of_nodes))
     # A small share of all traces beside t keeps those bounded that the condition does not bound.
     cost = np.zeros(t + 1)
-    cost[each] = 1e-9 * np.trace(basis, axis1=1, axis2=2)
+    cost[of_nodes] = 1e-9 * np.trace(basis, axis1=1, axis2=2)
     cost[t] = -1.0
     bounded = np.zeros((2 * (t - h), t + 1))
     bounded[: t - h, h:t] = -np.eye(t - h)
@@ -142,16 +138,36 @@ def find_stored(
     if not (np.isfinite(x).all() and x[t] > LEAST_ROOM):
         return None
     P = np.tensordot(x[forms], basis, (2, 0))
-    found = np.zeros((count, 2))
-    found[:, ::-1][:, :kinds] = np.maximum(x[weights], 0.0)
+    weights_of_edges = np.zeros((count, 2))
+    weights_of_edges[:, ::-1][:, :kinds] = np.maximum(x[weights], 0.0)
     try:
         last = frames.read.copy()
         last[:, 0] -= frames.slide
         beside = 1e-2 * x[t] / (1 + np.square(last).sum(-1).max(0))
-        roots = [_over_last(own, wall, beside) for own, wall in zip(P, walls, strict=True)]
+        roots = [_over_last(of_wall, wall, beside) for of_wall, wall in zip(P, walls, strict=True)]
     except np.linalg.LinAlgError:
         return None
-    return Stored(np.array(roots), float(max(x[h], 0.0)), found)
+    return Stored(np.array(roots), float(max(x[h], 0.0)), weights_of_edges)
+
+
+def _slopes(of_wall: _Terms, frame: np.ndarray, basis: np.ndarray, kinds: int) -> np.ndarray:
+    """What each unknown adds to the condition of each edge from i to j, `(edges, unknowns, N, N)`:
+
+        P_i - M' P_j M - h rise - a (rise - last) - g own - t I >= 0,
+
+    in coordinates of P_i and P_j, h, the weights a and, if there are two kinds, g, and t.
+    """
+    moved = of_wall.moved[frame][:, None]
+    m = len(basis)
+    N = moved.shape[-1]
+    slopes = np.zeros((len(frame), 2 * m + 2 + kinds, N, N))
+    slopes[:, :m, :-1, :-1] = basis
+    slopes[:, m : 2 * m] = -(moved.mT @ basis @ moved)
+    of_forces = (of_wall.rise, of_wall.rise - of_wall.last, of_wall.own)
+    for place, term in enumerate(of_forces[: 1 + kinds]):
+        slopes[:, 2 * m + place] = -term[frame]
+    slopes[:, -1] = -np.eye(N)
+    return slopes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,16 +181,18 @@ class _Terms:
     own: np.ndarray
 
 
-def _terms(frames, wall):
+def _terms(frames: WallSamples, wall: tuple[float, float]) -> _Terms:
+    """The terms of a wall (K, B), whose force is u and whose linear force is `K x + B v`; f is what
+    is between them, `f = K x + B v - u`. Each is a row over (eta, m, u_before, u)."""
     K, B = wall
     n = frames.moved.shape[1]
 
     def wide(rows):
+        """Rows over (eta, u), with 0 for m and u_before between these."""
         return np.insert(rows, [n, n], 0.0, axis=-1)
 
-    f = wide(K * frames.read[:, 0] + B * frames.read[:, 1])
     *_, m, before, u = np.eye(n + 3)
-    f = f - u
+    f = wide(K * frames.read[:, 0] + B * frames.read[:, 1]) - u
     next_m = f - K * wide(frames.slide)
     next_u = np.broadcast_to(u, next_m.shape)
     moved = np.concatenate([wide(frames.moved), next_m[:, None], next_u[:, None]], axis=1)

@@ -61,8 +61,7 @@ class Line:
         ceases to serve.
         """
         start = low
-        # Sampled again so many times at most, with angles at which the check fails.
-        for _ in range(4):
+        for _ in range(4):  # sampled again at most, with angles at which the check fails
             ends = self.walls.at(low, high) if whole else self.walls.at(high)
             multiplier, margin = self.sampled.multiplier(ends)
             if not margin > LEAST_SHARE:
@@ -85,9 +84,9 @@ class Line:
         seed: a value that some multiplier serves. Each step takes the multiplier of a value as far
         as it serves, or else halves the way that is left.
         """
-        best, beyond, value = seed, limit, seed
-        # Steps towards an end, at most.
-        for _ in range(12):
+        best = value = seed
+        beyond = limit
+        for _ in range(12):  # steps towards an end, at most
             multiplier, margin = self.sampled.multiplier(self.walls.at(value))
             if margin > LEAST_SHARE:
                 reach = self.sampled.reach(multiplier, self.walls)

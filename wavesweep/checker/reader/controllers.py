@@ -320,6 +320,7 @@ class Controller:
     # What a slow event computes
 
     def slow(self, equations, writes, event, x, v, wave):
+        """Add the law of the slow environment to what happens at an event; x, v, wave: names of what it reads."""
         law = SLOW[self.kind]
         if "slow.speed" in law:
             law = f"{law}; {AVATAR[self.integration]}"

@@ -777,18 +777,20 @@ class Drawing:
     def messages(self, name, new, runs, equations, writes):
         """The receiver gets the message that was sent so many messages before the newest one, or None, and holds what it has."""
         now = [f"{name} now"] * runs
-        count_kept = (
-            self.whole(name, "late", 0) // self.every(name) + 1 - runs
-        )  # of those that may still come
+        # Of those that may still come.
+        count_kept = self.whole(name, "late", 0) // self.every(name) + 1 - runs
         sent = [*now, *(f"@{name} sent {age}" for age in range(count_kept))]
         if runs:
             equations[f"{name} now"] = self.into(name)
             for age, message in enumerate(sent):
                 writes[f"@{name} sent {age}"] = {message: 1}
-        lost = runs and self.word(name, "missing", "held") == "zero"
-        equations[f"{name}.y"] = (
-            {sent[new]: 1} if new is not None else {} if lost else {f"@held {name}.y": 1}
-        )
+        if new is not None:
+            output = {sent[new]: 1}
+        elif runs and self.word(name, "missing", "held") == "zero":
+            output = {}
+        else:
+            output = {f"@held {name}.y": 1}
+        equations[f"{name}.y"] = output
 
     def run_delay(self, name, equations, writes):
         equations[f"{name} now"] = self.into(name)
