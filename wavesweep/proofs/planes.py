@@ -53,6 +53,8 @@ def lines_within(
 
 
 def _leaves(family, names, part: Part, halvings: int) -> Iterator[Leaf]:
+    """Yield the cells of a part with a form of the checker's digits, halved as often as is needed; those
+    that stay without one are open."""
     if part.outside is None:
         yield Leaf(part.box, {"open": True})
         return
@@ -93,14 +95,16 @@ def _line(family, ends: Ends, outside: int) -> tuple[dict[str, Any] | None, int]
 
 
 def _of_form(found, exponents, digits) -> dict[str, Any]:
+    """A form as a file has it, in so many digits: `L' (signs + sum of s^exponents Q) L`, with L of
+    the eigenvectors of its middle and Q its further terms in the same coordinates."""
     P, *further = found.forms[:, 0, 0]
     values, vectors = np.linalg.eigh(P)
     roots = np.sqrt(np.abs(values))[:, None] * vectors.T
     back = np.linalg.inv(roots)
     L = roots @ np.linalg.inv(found.basis[0, 0])
     slopes = []
-    for powers, each in zip(exponents, further, strict=False):
-        Q = back.T @ each @ back
+    for powers, term in zip(exponents, further, strict=False):
+        Q = back.T @ term @ back
         slopes.append([[*powers], written((Q + Q.T) / 2, digits)])
     return {
         "L": written(L / np.abs(L).max(), digits),

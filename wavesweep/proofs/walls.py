@@ -158,17 +158,20 @@ def _pieces_in_frames(family: file.Family, claim: file.Claim) -> Lines:
 def _samples(family: file.Family, names: Sequence[str]):
     """The frames in doubles, as forms are searched, and the places of its memory among the states."""
     last = [contact.LAST + name for name in names]
-    eta = [at for at, name in enumerate(family.states) if name not in last]
+    eta = [index for index, name in enumerate(family.states) if name not in last]
     places = [family.states.index(name) for name in last]
     columns = [*eta, len(family.states)]
-    moved, read, slide = [], [], []
-    kinds = [
-        file.sampled_at(family, {name: Fraction(name == own) for name in names}).values()
-        for own in names
-    ]
+    moved = []
+    read = []
+    slide = []
+    # At the wall of stiffness 1 alone, and of damping 1 alone, whose forces are position and speed.
+    kinds = []
+    for unit in names:
+        wall = {name: Fraction(name == unit) for name in names}
+        kinds.append(file.sampled_at(family, wall).values())
     for frames in zip(*kinds, strict=True):
         rows = np.array(frames[0].moved, float)[..., 1] / balls.ONE
-        rise = np.array([each.rise for each in frames], float)[..., 1][:, columns] / balls.ONE
+        rise = np.array([frame.rise for frame in frames], float)[..., 1][:, columns] / balls.ONE
         moved.append(rows[np.ix_(eta, columns)])
         read.append(np.pad(rise, ((0, 2 - len(rise)), (0, 0))))
         slide.append((rise[0] - rows[places[0], columns]) * bool(family.rest))
