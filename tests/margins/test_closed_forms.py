@@ -8,7 +8,7 @@ import wavesweep
 from wavesweep.margins import box_margins, panel
 from wavesweep.margins.figure import _closed_step, decibels_and_degrees, draw_bode, draw_nyquist, open_loop
 from wavesweep.margins.marked_steps import draw_others, draw_step
-from wavesweep.margins.table import KINDS, margins
+from wavesweep.margins.table import KINDS, _numbers, margins
 from wavesweep.program.analyses.claim_words import fact_of
 from wavesweep.program.analyses.claims import Claim, Property, Status, own_scope
 from wavesweep.program.plots.style import family_looks
@@ -279,3 +279,33 @@ def test_lines_say_what_is_lifted_in_doubt_or_without_a_limit_and_what_holds_for
     ]
     assert proved[1][0].endswith("(for_all):")
     assert (len(refuted), refuted[0][1]) == (2, True)
+
+
+def test_rows_of_the_spec_and_of_all_its_numbers_are_told_apart():
+    columns = {"guarantee": ["spec", "spec", "for_all"], "cut": ["c.y"] * 3, "margin": ["phase", "disk", "phase"]}
+    columns |= {
+        "value": [50.0, 0.8, 40.0],
+        "unit": ["deg", "ratio", "deg"],
+        "omega": [3.0, np.nan, np.nan],
+        "hz": [0.5, 1.0, np.nan],
+    }
+    columns |= {
+        "doubt": ["", "search", ""],
+        "limited": [True] * 3,
+        "fails_below": [np.nan] * 3,
+        "fails_from": [np.nan, np.nan, 41.0],
+    }
+    columns |= {"settled": [True] * 3, "counterexample": ["", "", "g = 1"]}
+    columns = {name: np.array(cells, object if isinstance(cells[0], str) else None) for name, cells in columns.items()}
+    facts = {"cut": "c.y", "period_s": 0.02, "claims": {"for_all": "a claim"}}
+    found = _numbers(columns, facts)
+    assert (found["rows"], found["doubts"], found["times"], found["claim"]) == (3, {"search": 1}, 1, "a claim")
+    assert {name: row["value"] for name, row in found["margins"].items()} == {"phase": 50.0, "disk": 0.8}
+    assert found["for_all"] == {
+        "phase": {"value": 40.0, "unit": "deg", "omega": None, "doubt": "", "limited": True, "hz": None}
+        | {"fails_below": None, "fails_from": 41.0, "settled": True, "counterexample": "g = 1"}
+    }
+    alone = {name: column[:2] for name, column in columns.items() if name != "guarantee"}
+    assert {"for_all", "claim"}.isdisjoint(_numbers(alone, facts | {"times": 4}))
+    with pytest.raises(wavesweep.UsageError, match="expected a loop that is stable, found one that is not; wavesweep check"):
+        margins(lag(1.6))
