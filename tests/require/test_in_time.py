@@ -76,6 +76,38 @@ def test_responses_of_an_integrator_have_closed_forms(measure, level, low, high)
     assert (row.low, row.high) == (pytest.approx(low, rel=1e-8), pytest.approx(high, rel=1e-8))
 
 
+@pytest.mark.slow
+def test_a_step_that_ends_at_zero_settles_within_a_value_with_its_unit():
+    """The error (1 - K T)^k of a step, and y/K of a load of 1 by ten ticks after it."""
+    tables = INTEGRATOR | {
+        "wire": {"p.u": "c.y + load", "c.u": "K*(ref - p.y)"},
+        "ports": {
+            "inputs": {"ref": "ref", "load": "load"},
+            "outputs": {"off": {"signal": "ref - p.y", "unit": "m"}, "own": {"signal": "p.y", "unit": "m"}},
+        },
+    }
+    loop = wavesweep.compile(tables | {"sweep": {"along": "K", "K": {"start": 1, "stop": 190}}})
+    settled = {"at_most": 0.1, "within": "20 mm"}
+    (row,) = loop.stable_intervals(require={"step_settling": {"from": "ref", "to": "off", **settled}}).itertuples()
+    assert row.certified
+    assert (row.low, row.high) == (pytest.approx((1 - 0.02**0.1) / T, rel=1e-8), pytest.approx((1 + 0.02**0.1) / T, rel=1e-8))
+    settled = {"at_most": 0.05, "within": "0.5 cm"}
+    (row,) = loop.stable_intervals(require={"step_settling": {"from": "load", "to": "own", **settled}}).itertuples()
+    assert row.certified
+    assert abs(1 - row.low * T) ** 5 / row.low == pytest.approx(0.005, rel=1e-7)
+
+
+@pytest.mark.parametrize(("to", "within", "said"), [("own", "20 mm", "no output of"), ("place", "3 kg", "> 0 in m")])
+def test_a_distance_in_another_unit_than_that_of_the_output_is_refused(to, within, said):
+    outputs = {"own": "p.y", "place": {"signal": "p.y", "unit": "m"}}
+    required = {"step_settling": {"from": "ref", "to": to, "at_most": 0.1, "within": within}}
+    with pytest.raises(SpecError, match=said):
+        load(
+            INTEGRATOR
+            | {"ports": {"inputs": {"ref": "ref"}, "outputs": outputs}, "sweep": {**INTEGRATOR["sweep"], "require": required}}
+        )
+
+
 LAG = {
     "rates": {"tick_hz": 1 / T},
     "numbers": {"K": 0.3},

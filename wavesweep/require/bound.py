@@ -314,13 +314,18 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
             measure.words.format(
                 **written[name],
                 from_=written[name]["from"],
-                percent=100 * written[name].get("within", WITHIN),
+                band=_within(written[name].get("within", WITHIN)),
             )
             for name, measure in MEASURES.items()
             if name in written
         ),
     ]
     return " and ".join(filter(None, said))
+
+
+def _within(band: float | str) -> str:
+    """A share in per cent, or a value with its unit."""
+    return band if isinstance(band, str) else f"{100 * band:.15g} %"
 
 
 def _at_cut(margins: dict[str, float | str]) -> str:

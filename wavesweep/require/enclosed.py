@@ -277,7 +277,8 @@ class _Step:
     first: outputs of the first frame. steps: the ticks. ends: of the ticks of a frame, each with a bound on its
     error. settling: whether the ticks are looked for from the step until all samples are within `band`, in place
     of the overshoot; or, if `after` is given, how far samples are from the end that come more than so many ticks
-    after the step. unsure: see UNSURE.
+    after the step. scale: what samples are shares of in place of their end, which then counts as 1. unsure: see
+    UNSURE.
     """
 
     def __init__(
@@ -290,6 +291,7 @@ class _Step:
         band: float,
         after: float | None,
         unsure: np.ndarray,
+        scale: float | None = None,
     ) -> None:
         self.settling = settling
         self.band = band
@@ -297,10 +299,12 @@ class _Step:
         self.after = -np.inf if after is None else after
         self.unsure = unsure
         self.steps = steps
-        self.final = ends[0].mean(-1)
-        self.inverse = _largest_on(1 / self.final)
-        self.known = np.isfinite(self.inverse) & ~poles_inside(self.final[..., None])
-        self.ends = ends[0] / self.final[..., None]
+        final = ends[0].mean(-1)
+        self.scale = final if scale is None else np.full_like(final, scale)
+        rest = 1 - final / self.scale
+        self.inverse = _largest_on(1 / self.scale)
+        self.known = np.isfinite(self.inverse) & ~poles_inside(self.scale[..., None])
+        self.ends = ends[0] / self.scale[..., None] + rest[..., None]
         self.off = ends[1][:, 0].max(-1)
         self.largest = np.ones(len(self.ends))
         self.most = np.zeros(len(self.ends))
@@ -308,11 +312,11 @@ class _Step:
         self.high = np.zeros((len(self.ends), self.unsure.size))
         self.frame = self.ends.shape[-1]
         self.tick = 0
-        self._take(first / self.final[..., None, None])
+        self._take(first / self.scale[..., None, None] + rest[..., None, None])
 
     def look(self, outputs: np.ndarray) -> None:
         ends = np.tile(self.ends, outputs.shape[-2] // self.frame)
-        self._take(outputs / self.final[..., None, None] + ends[..., None])
+        self._take(outputs / self.scale[..., None, None] + ends[..., None])
 
     def _take(self, shares: np.ndarray) -> None:
         """Take the next samples, as shares of the final value, `(panels, points, ticks, steps)`."""
@@ -364,7 +368,7 @@ class _Step:
         """The largest value of each panel by the bound on what samples are off, how much that is of
         the end, and whether it is known."""
         off = each_off.max(-1) + (1 + self.largest) * self.off
-        share = off / np.abs(self.final[:, 0])
+        share = off / np.abs(self.scale[:, 0])
         if not self.in_ticks:
             return values[:, 0] + share, share, self.known & (share <= self.unsure[-1])
         place = np.searchsorted(self.unsure, share)  # NaN is behind all
@@ -499,6 +503,7 @@ def step(
     band: float = BAND,
     after: float | None = None,
     read: np.ndarray | None = None,
+    scale: float | None = None,
     proved: bool = True,
 ) -> Enclosed:
     """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
@@ -507,9 +512,9 @@ def step(
 
     maps: E, G, O and T, see `over_frame`, at the middle of each panel and on its rim, `(panels, points, ...)`, each
     with a bound on its error; read: the ticks of their inputs, None for all. level: about which the value is asked, None
-    if it is; proved: whether all
-    later samples are bounded, else it is what is seen of some loops, whose E is finite, in doubles. Without
-    a final value, or next to 0, nothing is known.
+    if it is; scale: what `band` is a share of in place of the final value; proved: whether all later samples are
+    bounded, else it is what is seen of some loops, whose E is finite, in doubles. Without a final value, or next to 0,
+    nothing is known, unless there is a scale.
     """
     E, G, O, T = maps
     ticks = T.value.shape[-2]
@@ -536,6 +541,7 @@ def step(
                 band=band,
                 after=after,
                 unsure=unsure,
+                scale=scale,
             )
             seen.known &= regular[panels]
             return method(*(pair.part(panels) for pair in (E, O, starts)), seen, *more)

@@ -5,8 +5,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from wavesweep.engine.errors import UsageError
+
 OVERSHOOT, STEP_SETTLING, RMS = "overshoot", "step_settling", "rms"
 FACTOR_GAIN, FACTOR_PHASE = "gain", "phase_deg"
+BAND = "sweep.require.step_settling.within"
 WITHIN = 0.02  # of its end, to which a step settles where nothing else is said
 
 
@@ -41,8 +44,8 @@ MEASURES = {
         "s",
         1e6,
         True,
-        "a step is within 2 %, or another share, of its final value, and stays, from a tick within this time on",
-        "a step of {from_} within {percent:.15g} % of its end in {to} after {at_most:.15g} s",
+        "a step is within 2 %, or `within`, of its final value, and stays, from a tick within this time on",
+        "a step of {from_} within {band} of its end in {to} after {at_most:.15g} s",
         "settling time of a step",
         "time of the first tick from which on an output stays within 2 %, or another share, of the final value of its step; "
         "settling is that of the slowest mode",
@@ -62,6 +65,23 @@ MEASURES = {
 
 Wished = tuple[str, float, dict[str, Any]]
 """The name of a wish for what is required, its bound and its options."""
+
+
+def distance(drawing: Any, signal: str, text: str) -> float:
+    """The number of a text like `0.5 mm` in the unit of an output of [ports].
+
+    Errors: UsageError for another signal or unit, or a number that is not above 0.
+    """
+    from wavesweep.program.reading.units import number_in
+
+    unit = next((unit for name, _, unit in drawing.outputs if name == signal), "")
+    value = number_in(text, unit) if unit else None
+    if value is not None and value > 0:
+        return value
+    expected = f"a share, or a value > 0 in {unit}"
+    if not unit:
+        expected = f"a share where {signal} is no output of [ports] with a unit"
+    raise UsageError(f"{BAND}: expected {expected}, found {text}")
 
 
 class GainBound(NamedTuple):
@@ -146,14 +166,15 @@ class FactorBound(NamedTuple):
 class TimeBound(NamedTuple):
     """What a value of the response in time from an input to an output may be at most.
 
-    measure: which value, one of MEASURES. within: the share of its end to which a step settles.
+    measure: which value, one of MEASURES. within: the share of its end to which a step settles; a text like `0.5 mm` is
+    how far it may be from its end after a step of 1, see `distance`.
     """
 
     measure: str
     source: str
     signal: str
     at_most: float
-    within: float = WITHIN
+    within: float | str = WITHIN
 
     band_hz = None  # it is of all frequencies
 
@@ -165,7 +186,7 @@ class TimeBound(NamedTuple):
     @property
     def wish(self) -> Wished:
         """The wish for it."""
-        options = {"from": self.source, "to": self.signal}
+        options: dict[str, Any] = {"from": self.source, "to": self.signal}
         if self.measure == STEP_SETTLING:
             options["within"] = self.within
         return self.measure, self.at_most, options

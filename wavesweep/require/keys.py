@@ -10,8 +10,10 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import ALL_MODES, MODES, TIMES_OF_MODES
 from wavesweep.program.reading.tables import KeyValues, SpecTable, nested, several
+from wavesweep.program.reading.units import WITH_UNIT, has_unit
 from wavesweep.require.damped import Damped
 from wavesweep.require.gain_bound import (
+    BAND,
     FACTOR_GAIN,
     FACTOR_PHASE,
     MEASURES,
@@ -21,6 +23,7 @@ from wavesweep.require.gain_bound import (
     GainBound,
     PeakBound,
     TimeBound,
+    distance,
 )
 
 if TYPE_CHECKING:
@@ -111,12 +114,14 @@ KEYS = Key.by_path(
             high=1e12,
         ),
         Key.number(
-            "sweep.require.step_settling.within",
+            BAND,
             WITHIN,
             "1",
-            "the share of its final value within which a step has settled",
+            "the share of its final value within which a step has settled; or how far it may be from it after a step of 1, with "
+            'the unit of the output: "0.5 mm"',
             low=1e-6,
             high=0.999,
+            instead=WITH_UNIT,
         ),
         Key.word(
             "sweep.require.margins.cut",
@@ -257,7 +262,14 @@ def build(request: Request) -> Require | None:
     leaves = request.belongs.below(PATH)
     of_margins = {name: leaf for name, leaf in leaves.items() if name.startswith("margins")}
     remaining = {name: leaf for name, leaf in leaves.items() if name not in of_margins}
+    name = BAND.removeprefix(f"{PATH}.")
+    band = remaining.get(name)
+    if band and has_unit(band.value):
+        remaining = {key: leaf for key, leaf in remaining.items() if key != name}
     values = TABLE.read(remaining, mistakes)
+    if band and has_unit(band.value):
+        values[name] = band.value
+        _refuse_unit(request, band, leaves.get("step_settling.to"))
     if of_margins:
         inside = {name[len("margins.") :]: leaf for name, leaf in of_margins.items()}
         values["margins"] = tuple(_at_cut(request, table) for table in several(inside))
@@ -274,6 +286,18 @@ def build(request: Request) -> Require | None:
     if any(values.values()):
         return Require(values)
     return None
+
+
+def _refuse_unit(request: Request, band: Any, signal: Any) -> None:
+    """Add the mistake of a distance with a unit that is not that of the output."""
+    loop = request.loop(request.sweep) if signal else None
+    if loop is None:
+        return
+    try:
+        distance(loop, signal.value, band.value)
+    except UsageError as error:
+        expected, found = str(error).removeprefix(f"{BAND}: expected ").rsplit(", found ", 1)
+        request.mistakes.refuse(band, BAND, expected, found, of_key=False)
 
 
 def _at_cut(request: Request, leaves: dict[str, Any]) -> dict[str, float | str]:
@@ -324,6 +348,8 @@ def _refuse_unknown_ports(request: Request, leaves: dict[str, Any]) -> None:
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
     table = shapes.keys(TABLE.keys_in_it)
+    settling = table["properties"]["step_settling"]["properties"]
+    settling["within"] = {"anyOf": [settling["within"], {"type": "string"}]}
     table["properties"]["margins"] = shapes.several(table["properties"]["margins"])
     return table
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from wavesweep.engine.response import Port
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
 from wavesweep.require.enclosed import BAND, ROWS_OF_BLOCK, Enclosed, mean_square, step
-from wavesweep.require.gain_bound import MEASURES, RMS, STEP_SETTLING, TimeBound
+from wavesweep.require.gain_bound import MEASURES, RMS, STEP_SETTLING, TimeBound, distance
 from wavesweep.require.gain_intervals import END_EXACTNESS, attached, begun_at_low_end, reads
 from wavesweep.require.maps import over_frame, squares_over_frame
 
@@ -37,11 +37,13 @@ def enclosed_value(
     level: float | None = None,
     *,
     band: float = BAND,
+    of_signal: bool = False,
     proved: bool = True,
 ) -> Enclosed:
     """What is known of a value of responses, one of MEASURES; maps: `maps_of` a port, by panels and points.
 
-    level: about which it is asked, None if the value is. band, proved: see `step`. A time that is asked
+    level: about which it is asked, None if the value is. band, proved: see `step`; of_signal: whether the band is
+    of the signal after a step of 1, and no share of its end. A time that is asked
     about is the level times how far the response is from its end after that, over the band: so it does
     not jump where one more sample leaves the band.
     """
@@ -50,10 +52,14 @@ def enclosed_value(
         return Enclosed(np.sqrt(square.low), np.sqrt(square.high))
     of_step = partial(step, maps, read=np.flatnonzero(reads(port)), proved=proved)
     if measure == STEP_SETTLING:
+        scale = None
+        if of_signal:
+            scale, band = band / BAND, BAND
         if level is None:
-            value, unit = of_step(settling=True, band=band), 1 / port.rate
+            value, unit = of_step(settling=True, band=band, scale=scale), 1 / port.rate
         else:
-            value = of_step(band, settling=True, after=level * port.rate - 1)
+            after = level * port.rate - 1
+            value = of_step(band, settling=True, after=after, scale=scale)
             unit = level / band
         return value._replace(low=value.low * unit, high=value.high * unit)
     return of_step(level)
@@ -92,6 +98,10 @@ def along_time(
     frame of more than MOST_TICKS.
     """
     measure = wanted.measure
+    of_signal = isinstance(wanted.within, str)
+    if of_signal:
+        band = distance(loops.drawing, wanted.signal, wanted.within)
+        wanted = wanted._replace(within=band)
     span = domain.span
     size = domain.period.size
     drift, port, number, p = typical_between(loops, along, span, size, route, measure)
@@ -105,8 +115,8 @@ def along_time(
     low = stable.low + BESIDE_END * ends.of(stable.low, domain.width) * (stable.low > span[0])
     high = stable.high - BESIDE_END * ends.of(stable.high, domain.width) * (stable.high < span[1])
     inner = replace(stable, low=low, high=high)
-    judge = InTime(*about, columns, inner, wanted, port, np.zeros(size))
-    if MEASURES[measure].of_step and judge.ends_at_zero(number, p):
+    judge = InTime(*about, columns, inner, wanted, of_signal, port, np.zeros(size))
+    if MEASURES[measure].of_step and not of_signal and judge.ends_at_zero(number, p):
         found = f"one from {wanted.source} to {wanted.signal}; rms bounds what comes of it"
         expected = "a step that ends at another value than 0"
         raise UsageError(f"sweep.require.{measure}: expected {expected}, found {found}")
@@ -118,10 +128,11 @@ def along_time(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InTime(Between):
-    """A value of the response of loops, which has to be at most the level; port: of some of them;
-    looked_at: so many outputs of each column."""
+    """A value of the response of loops, which has to be at most the level; of_signal: see `enclosed_value`; port: of
+    some of them; looked_at: so many outputs of each column."""
 
     wanted: TimeBound
+    of_signal: bool
     port: Port
     looked_at: np.ndarray
     forms: ClassVar[None] = None
@@ -137,7 +148,8 @@ class InTime(Between):
     def _value(self, maps: Sequence[Bounded]) -> Enclosed:
         """What is known of the value, about its level."""
         wanted = self.wanted
-        return enclosed_value(wanted.measure, maps, self.port, self.level, band=wanted.within)
+        how: Any = {"band": wanted.within, "of_signal": self.of_signal}
+        return enclosed_value(wanted.measure, maps, self.port, self.level, **how)
 
     def over_frame(self, port: Port, size: int) -> tuple[Bounded, ...]:
         return maps_of(self.wanted.measure, port, self.kept, (size,), self.read)

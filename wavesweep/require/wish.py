@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.keys import Key
 from wavesweep.program.columns import SPARED
-from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, RMS, STEP_SETTLING, WITHIN
+from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, RMS, STEP_SETTLING, WITHIN, distance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -97,7 +97,11 @@ def measured(measure: str, loops: Loops, size: int, *, proved: bool, **options: 
     if not maps:
         return value, stable
     band = options.get("within", WITHIN)
-    found = enclosed_value(measure, maps, port, band=band, proved=proved)
+    of_signal = isinstance(band, str)
+    if of_signal:
+        band = distance(loops.drawing, options["to"], band)
+    how: Any = {"band": band, "of_signal": of_signal, "proved": proved}
+    found = enclosed_value(measure, maps, port, **how)
     known = np.isfinite(found.high)
     value[stable] = np.where(known, found.high, np.nan)
     certified = ~np.isnan(loops.read.radii(size))

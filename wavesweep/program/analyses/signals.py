@@ -38,13 +38,10 @@ def routed(
     for key, expected, text_found, hint in faults_of_ends(drawing, source, signal):
         meant = f"; did you mean {hint}?" if hint else ""
         raise UsageError(f"{path}.{key}: expected {expected}, found {text_found}{meant}")
-    drawing = replace(
-        drawing,
-        outputs=(
-            *(port for port in drawing.outputs if port[0] != signal),
-            (signal, _outputs(drawing)[signal], ""),
-        ),
-    )
+    unit = next((unit for name, _, unit in drawing.outputs if name == signal), "")
+    others = (port for port in drawing.outputs if port[0] != signal)
+    outputs = (*others, (signal, _outputs(drawing)[signal], unit))
+    drawing = replace(drawing, outputs=outputs)
     return drawing, (_inputs(drawing)[source], OUTPUT + signal)
 
 

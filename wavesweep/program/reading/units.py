@@ -24,6 +24,8 @@ OWN = (
     "degree_per_second = degree / second = dps",
 )
 TIME = ("time", "t", "realtime")  # names of a column of times
+# as `Key.instead` of a share that may be a text of a number and a unit as well
+WITH_UNIT = "a value with its unit"
 LONGEST = 40  # letters; no more, so that no text takes long
 _TEXT = re.compile(rf"(?!.*\d{{3}})[\w°%µμΩ·⋅•*/^().+ ⁻¹²³-]{{1,{LONGEST}}}")
 # a power that no unit has; what is expected is held against it as well, as a spec may name it

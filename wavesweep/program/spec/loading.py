@@ -8,12 +8,20 @@ from itertools import islice
 
 from wavesweep.engine.drawing import RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.keys import PORT_UNITS, Leaf, Mistakes, Path, Place, leaves_of, plain
+from wavesweep.engine.keys import (
+    PORT_UNITS,
+    Leaf,
+    Mistakes,
+    Path,
+    Place,
+    leaves_of,
+    plain,
+)
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import joined_path, normal_path, sort_leaves
 from wavesweep.program.reading.tables import flat_keys, missing, section_of, study_keys
-from wavesweep.program.reading.units import has_unit, named_unit, number_in
+from wavesweep.program.reading.units import WITH_UNIT, has_unit, named_unit, number_in
 from wavesweep.program.spec.resolving import TWINS, Given, resolve
 from wavesweep.program.spec.spec import Spec
 from wavesweep.program.spec.studies import Request, Studies, build_studies
@@ -272,7 +280,7 @@ def _unit_at(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]
         key = keys_of_block(kind).get(path[2]) if kind in TYPES else None
     if leaf is not None:
         return str(leaf.value)
-    if not key or not key.numeric:
+    if not key or not key.numeric or key.instead == WITH_UNIT:
         return None
     unit = key.unit.removesuffix("1")
     for name, units in PORT_UNITS.items() if path[0] == "simulate" else ():
