@@ -16,7 +16,7 @@ from support.drawn import ARM
 from wavesweep import UsageError, load
 from wavesweep.engine.doubts import words
 from wavesweep.margins import figure, library
-from wavesweep.margins.broken_loops import broken_at, cuts_of, factor_at, lines_at, with_block
+from wavesweep.margins.broken_loops import broken_at, cuts_of, default_cut, factor_at, lines_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.section import sections
 from wavesweep.program.api import compile as compiled
@@ -293,6 +293,18 @@ def test_a_name_for_what_a_slow_block_holds_has_the_margins_of_that_block():
 def test_signals_that_break_no_loop_are_refused(cut, said):
     with pytest.raises(UsageError, match=said):
         broken_at(load(ARM_SPEC), cut)
+
+
+def test_a_loop_over_a_network_is_cut_where_its_messages_come():
+    """A damper beside the channel acts on the mass as well: it is no margin of the network."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 50.0},
+        "block": {"m": {"type": "mass", "mass": 0.3, "damping": 8.0}, "b": {"type": "difference"}}
+        | {"net": {"type": "channel", "lost": 1}},
+        "wire": {"b.u": "m.x", "net.u": "m.x", "m.f": "-2*b.y - K*net.y"},
+    }
+    assert default_cut(load(tables)) == "net.y"
 
 
 @pytest.mark.parametrize("late", [0.0002, 0.001, 0.0016])

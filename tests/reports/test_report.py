@@ -7,6 +7,7 @@ from collections import Counter
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -165,3 +166,12 @@ def test_a_figure_in_which_nothing_is_drawn_is_left_out():
     numbers = [int(number) for number in re.findall(r"<figcaption>Figure (\d+)[.]", page)]
     assert numbers == [*range(1, len(figures) + 1)]
     assert "why" not in " ".join(re.findall(r"<figcaption>(.*?)</figcaption>", page))
+
+
+@pytest.mark.parametrize(("tables", "said"), [({"controller": {"kind": "dc"}}, True), (PD, False)])
+@pytest.mark.parametrize("held", [False, True])
+def test_a_report_says_that_nobody_holds_a_device_that_has_a_port_for_a_hand(tables, said, held):
+    hand = {"operator": {"mass": 0.1, "damping": 1.0, "stiffness": 100.0}} if held and said else {}
+    table = SimpleNamespace(facts={"claims": {"spec": "stable"}})
+    words = [*content._of_nobody(load(tables | hand), table)]
+    assert bool(words) == (said and not held)

@@ -33,3 +33,26 @@ def test_the_linear_loop_is_drawn_between_the_tones_as_well():
     assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
     assert magnitude.max() > 3 * dots.get_ydata().max()
     assert (frequency.min(), frequency.max()) == (0.5, 20.0)
+
+
+@pytest.mark.slow
+def test_ages_have_an_axis_of_their_own_and_no_wall_is_drawn_that_is_not_there():
+    """A master that a message 2 ticks old draws back: one force, in newtons, and ages in seconds."""
+    loop = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 50.0, "B": 0.0},
+        "block": {"master": {"type": "mass", "mass": 0.3, "damping": 8.0}, "back": {"type": "channel", "late": 2}},
+        "signals": {"felt": "K*back.y + B*master.v"},
+        "wire": {"back.u": "master.x", "master.f": "hand - felt"},
+        "ports": {
+            "hand": {"force": "hand", "displacement": "master.x", "reaction": "felt"},
+            "wall": {"stiffness": "K", "damping": "B"},
+        },
+        "simulate": {"input": "step", "at_s": 0.0, "duration_s": 0.05, "messages": {"back": [0, 2]}},
+    }
+    table, *_ = simulation_tables(load(loop).asking("simulate"))
+    axes = plots.simulate(table.columns, table.facts).axes
+    drawn = {panel.get_ylabel().replace("\n", " "): [line.get_label() for line in panel.lines] for panel in axes}
+    assert drawn["signals"] == ["felt"]
+    assert drawn["age of messages (s)"] == ["age_of_back"]
+    assert drawn["control force (N)"] == ["against the hand"]

@@ -195,7 +195,8 @@ def _readings(drawing: Drawing) -> set[tuple[str, str]]:
 def cuts_of(spec: Spec) -> list[str]:
     """The signals at which the spec's own loop can be broken.
 
-    First those of controllers that a plant reads, and rare ones.
+    First what channels show, since all that crosses a network is cut there, then those of controllers that a plant
+    reads, and rare ones.
     """
     loop = own_loop(spec)
     drawing = loop.drawing
@@ -210,9 +211,13 @@ def cuts_of(spec: Spec) -> list[str]:
     for name, often in _times_per_frame(loop).items():
         if often <= MOST_TIMES and (_block_of(name), _block_of(name)) in reads:
             times[name] = often
-    return sorted(
-        times, key=lambda name: (_block_of(name) in plants, name not in acting, times[name])
-    )
+    channels = {channel.name for channel in spec.drawing.channels} if spec.drawing else set()
+
+    def rank(name: str) -> tuple[bool, bool, bool, int]:
+        block = _block_of(name)
+        return block in plants, block not in channels, name not in acting, times[name]
+
+    return sorted(times, key=rank)
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:

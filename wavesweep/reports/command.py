@@ -27,7 +27,7 @@ FILE = "report.html"
     metavar="SIGNAL",
     default="",
     help="The signal for the margins, BLOCK.PORT [default: the cut of the spec's require.margins, or of a wish, else the one "
-    "that acts on the plant].",
+    "of a channel, or that acts on the plant].",
 )
 @of_hands
 @overwriting("Replace a file that is no report of this spec.")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
+from wavesweep.haptics.controllers import HAND
 from wavesweep.program.analyses.claim_words import (
     beyond_the_ends,
     claimed,
@@ -263,6 +264,17 @@ def _assumed(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{wall}."
 
 
+def _of_nobody(spec: Spec, table: Table) -> Iterator[str]:
+    """Yield that a device with a port for a hand is held by none, if rows are of the spec's own numbers."""
+    with_port = not spec.drawing or spec.drawing.hand
+    if (
+        with_port
+        and "spec" in table.facts["claims"]
+        and not any(spec.values.get(key) for key in HAND)
+    ):
+        yield "Nobody holds the device: --for-hands has rows for hands"
+
+
 def _answer(
     spec: Spec, intervals: ReportSection | None, own: Line, judged: Verdict
 ) -> Iterator[str]:
@@ -294,7 +306,8 @@ def _answer(
         yield html.element("p", f"All rows: {intervals.command}", "small")
     yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
     yield html.element("h2", "What the proof assumes")
-    yield html.listing((line, False) for line in _assumed(intervals.table.facts))
+    lines = [*_assumed(intervals.table.facts), *_of_nobody(spec, intervals.table)]
+    yield html.listing((line, False) for line in lines)
 
 
 def _own_place(spec: Spec) -> str:

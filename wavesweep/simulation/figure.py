@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.program.analyses.plane_columns import spec_of
-from wavesweep.program.columns import Columns, complex_columns, run_column
+from wavesweep.program.columns import Columns, age_column, complex_columns, run_column
 from wavesweep.program.plots.labels import assumption, at_hand, printed, with_unit
 from wavesweep.program.plots.sampling import MOST_PLACES, extremes
 from wavesweep.program.plots.style import (
@@ -62,6 +62,7 @@ _AT_THE_HAND = (
 _DRAWN = {
     "device": "hand",
     "asked for": "against the hand",
+    "slow wall": "wall",
     "taken by motors": "taken by this force",
 }  # in a drawn loop
 
@@ -169,6 +170,8 @@ def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
     for name in ("f_h", "energy_hand"):
         if name in columns and not columns[name].any():
             left_out.add(name)
+    if words and "f_m" in columns and np.array_equal(columns["f_m"], columns.get("F_s")):
+        left_out.add("F_s")  # no other force than this one
     present = [panel for panel in _AT_THE_HAND if panel[2] in columns and panel[2] not in left_out]
     for (title, unit), rows in groupby(present, key=lambda row: row[:2]):
         signals = []
@@ -203,8 +206,12 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     for group in groups:
         beside = [name for name in inputs if alike(name, group[0])]
         panels.append(_panel(", ".join(group), [*group, *beside], inputs, units[group[0]]))
-    if unlisted:
-        panels.append(_panel("signals", unlisted, inputs, None))
+    ages = [name for name in unlisted if name.startswith(age_column(""))]
+    named = [name for name in unlisted if name not in ages]
+    if named:
+        panels.append(_panel("signals", named, inputs, None))
+    if any(columns[name].any() for name in ages):
+        panels.append(_panel("age of messages", ages, inputs, units[ages[0]]))
     return panels
 
 

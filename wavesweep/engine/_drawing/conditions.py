@@ -106,11 +106,12 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
             by_name["every"],
         )
     if block.loses_at_random:
-        expected = (
-            "0 beside loss or burst, since messages are lost either at random or by any pattern"
-        )
-        for name in ("late", "lost"):
-            yield Condition(lambda number: number == 0, expected, by_name[name])
+        expected = {
+            "late": "0 beside loss or burst, since how late a message is has no chances; a delay that is always there is a block delay",
+            "lost": "0 beside loss or burst, since messages are lost either at random or by any pattern",
+        }
+        for name, words in expected.items():
+            yield Condition(lambda number: number == 0, words, by_name[name])
     yield from _conditions_of_type(block, by_name, tick)
 
 
