@@ -106,11 +106,11 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
             by_name["every"],
         )
     if block.loses_at_random:
-        expected = {
+        alone = {
             "late": "0 beside loss or burst, since how late a message is has no chances; a delay that is always there is a block delay",
             "lost": "0 beside loss or burst, since messages are lost either at random or by any pattern",
         }
-        for name, words in expected.items():
+        for name, words in alone.items():
             yield Condition(lambda number: number == 0, words, by_name[name])
     yield from _conditions_of_type(block, by_name, tick)
 
