@@ -40,6 +40,13 @@ COMPUTED: Mapping[str, RowKind] = {
     "spec": RowKind("the spec's own numbers", "nominal numbers", column="guarantee"),
 }
 """Intervals of one loop; the others are searched for, at the swept values alone."""
+ARGUMENTS: Mapping[str, str] = {
+    "": "a row that is not certified, or of a set of loops or hands",
+    "enclosed": "all bounds by which no crossing can be missed are enclosures",
+    "first order": "some of these bounds hold to first order in a rounding",
+    "sampled": "some of these bounds are sampled, with a margin",
+}
+"""The words of the column `argument`, by the numbers of `Intervals.argument`."""
 
 
 @cache

@@ -177,6 +177,7 @@ class _Row(NamedTuple):
     residual: float
     low_cause: int = 0
     high_cause: int = 0
+    argument: int = Intervals.SAMPLED
 
 
 class _End(NamedTuple):

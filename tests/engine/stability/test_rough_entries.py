@@ -4,12 +4,14 @@ import mpmath
 import numpy as np
 import pytest
 from panel_speed import chain
-from support.intervals import cut_of
-from support.specs import random_values
+from support.intervals import cut_of, intervals_of
+from support.specs import nested, random_values, values_of
 
 import wavesweep
 from wavesweep.engine._monodromy.cut import FIRST, SECOND, LinearFractional
 from wavesweep.engine._stability.crossings import sampled_polynomial, warp_scale
+from wavesweep.engine._stability.intervals import Intervals
+from wavesweep.engine._stability.stable import stable_intervals
 
 
 def random_cut(seed, *, integrates, spread):
@@ -111,3 +113,13 @@ def test_frames_of_many_ticks_are_certified_in_doubles(ticks):
     tables = chain(2, ticks)
     table = wavesweep.compile(tables).stable_intervals("K", (0, 1000), m=np.linspace(0.1, 0.3, 5))
     assert table.certified.all()
+
+
+def test_a_row_says_by_what_bounds_it_is_certified():
+    """By one polynomial, on arcs of the circle, and on panels of a number that is no gain."""
+    by_polynomial = intervals_of(values_of("dc"))
+    assert set(by_polynomial.argument) == {Intervals.ENCLOSED}
+    on_arcs = stable_intervals(cut_of(random_values(365)), FIRST, (0, 20000.0), np.zeros((1, 1)))
+    assert set(on_arcs.argument) == {Intervals.FIRST_ORDER}
+    on_panels = wavesweep.compile(nested(values_of("dc"))).stable_intervals("device.mass", span=(0.02, 0.2))
+    assert set(on_panels["argument"]) == {"sampled"}

@@ -53,7 +53,7 @@ def test_a_part_in_doubt_leaves_no_doubt_where_others_are_never_stable():
         known = np.isfinite(low)
         each = {"column": [0], "index": [0 if known else -1], "count": [int(known)], "low": [low], "high": [high]}
         each |= {"low_omega": [0.0], "high_omega": [0.0], "doubt": [doubt], "residual": [0.0]}
-        each |= {"low_cause": [0], "high_cause": [0]}
+        each |= {"low_cause": [0], "high_cause": [0], "argument": [1]}
         return Intervals(**{name: np.array(value) for name, value in each.items()})
 
     none, one, two, unknown = intervals(np.nan, np.nan), intervals(0.0, 1.0), intervals(2.0, 3.0), intervals(0.5, 9.0, 4)

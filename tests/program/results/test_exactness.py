@@ -38,9 +38,9 @@ def test_the_text_is_what_the_contract_says(columns, facts, tmp_path):
     assert b'"' not in text
     assert (
         lines[3] == "20000.0,3,K_VE,0,0,9.007199254740992e+15,20000.0,,3.0,0,1e-16,rounding,"
-        "9.007199254740992e+15,9.007199254740992e+15,1.0,1.0,1,1.0,1.0"
+        "9.007199254740992e+15,9.007199254740992e+15,1.0,1.0,1,1.0,1.0,"
     )
-    assert lines[4] == "-0.0,4,K_VE,1,0,1e+15,-0.0,,4.0,1,1e-16,,1e+15,1e+15,1.0,1.0,1,1.0,1.0"
+    assert lines[4] == "-0.0,4,K_VE,1,0,1e+15,-0.0,,4.0,1,1e-16,,1e+15,1e+15,1.0,1.0,1,1.0,1.0,"
 
 
 @pytest.mark.parametrize("stem", ["a,b", 'say "hi"', "two\nlines", "123", "NaN", "grün"])

@@ -21,6 +21,7 @@ FIELDS = (
     ("doubt", "i1"),
     ("low_cause", "i1"),
     ("high_cause", "i1"),
+    ("argument", "i1"),
 )
 CAUSES = ("low_cause", "high_cause")
 LINES = ("low_hz", "high_hz")
@@ -57,6 +58,7 @@ def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
         "residual",
         "doubt",
         *CAUSES,
+        "argument",
     ):
         records[name] = getattr(rows, name)
     for name, _ in OPEN:

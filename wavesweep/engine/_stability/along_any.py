@@ -41,7 +41,8 @@ def stable_along_any(
     """
     regions = regions_along_any(family, span, variable=variable, balls=balls, from_one=from_one)
     doubts = doubts_of(regions, np.full(family.columns, Doubt.NONE))
-    return intervals_of(regions, doubts, family.period)
+    sampled = np.full(family.columns, Intervals.SAMPLED)
+    return intervals_of(regions, doubts, family.period, sampled)
 
 
 def regions_along_any(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,9 @@ class Intervals(Rows):
     the range ends the interval, or an open place begins there. doubt: reason why the column is not
     certified, NONE if it is (numbers of `doubts.Doubt`). residual: the largest relative residual of
     the characteristic equation at crossings of the interval, 0 if there are none. low_cause,
-    high_cause: what sets an end, 0 for a mode or nothing, n for the n-th bound on a gain.
+    high_cause: what sets an end, 0 for a mode or nothing, n for the n-th bound on a gain. argument: of
+    the column, by what bounds no crossing of it can be missed: ENCLOSED, enclosures alone; of others
+    some hold to FIRST_ORDER in a rounding, or are SAMPLED with a margin; 0 if nothing is said.
     """
 
     column: np.ndarray
@@ -40,6 +42,10 @@ class Intervals(Rows):
     residual: np.ndarray
     low_cause: np.ndarray
     high_cause: np.ndarray
+    argument: np.ndarray
+    ENCLOSED: ClassVar[int] = 1
+    FIRST_ORDER: ClassVar[int] = 2
+    SAMPLED: ClassVar[int] = 3
 
     @property
     def certified(self) -> np.ndarray:
@@ -47,11 +53,13 @@ class Intervals(Rows):
         return self.doubt == Doubt.NONE
 
 
-def intervals_of(r: Regions, doubt: np.ndarray, period: np.ndarray) -> Intervals:
+def intervals_of(
+    r: Regions, doubt: np.ndarray, period: np.ndarray, argument: np.ndarray
+) -> Intervals:
     """Return runs of regions with no unstable eigenvalue, those that are not known, and an empty
     row for columns without any.
 
-    doubt: `(columns,)`, codes. period: of each column's frame, s.
+    doubt, argument: `(columns,)`, codes. period: of each column's frame, s.
     """
     label = np.sign(r.unstable)
     same = np.diff(r.column) == 0
@@ -77,14 +85,18 @@ def intervals_of(r: Regions, doubt: np.ndarray, period: np.ndarray) -> Intervals
         residual=np.where(stable, np.maximum(r.residual[first], r.residual[last]), 0.0),
         low_cause=0 * first,
         high_cause=0 * first,
+        argument=argument[column],
     )
     none = np.flatnonzero(np.bincount(column, minlength=period.size) == 0)
-    located = Intervals.join([rows, _empty(none, doubt[none])])
+    located = Intervals.join([rows, _empty(none, doubt[none], argument[none])])
     return _numbered(located.take(np.argsort(located.column, kind="stable")))
 
 
 def _empty(
-    column: np.ndarray, doubt: np.ndarray, span: tuple[float, float] = (np.nan, np.nan)
+    column: np.ndarray,
+    doubt: np.ndarray,
+    argument: np.ndarray,
+    span: tuple[float, float] = (np.nan, np.nan),
 ) -> Intervals:
     """Rows of columns that have no stable interval; span: of which nothing is known."""
     size = column.size
@@ -101,6 +113,7 @@ def _empty(
         residual=np.zeros(size),
         low_cause=np.zeros(size, int),
         high_cause=np.zeros(size, int),
+        argument=argument,
     )
 
 
@@ -133,11 +146,13 @@ def joined(intervals: Sequence[Intervals]) -> Intervals:
     merged = merged.take(
         np.lexsort((merged.low, merged.column))
     )  # NaN, of a range with nothing to say, goes last
-    doubt = np.zeros(int(merged.column.max(initial=-1)) + 1, int)
+    doubt, argument = np.zeros((2, int(merged.column.max(initial=-1)) + 1), int)
     np.maximum.at(doubt, merged.column, merged.doubt)
+    np.maximum.at(argument, merged.column, merged.argument)
     first = np.append(True, np.diff(merged.column) != 0)[: merged.column.size]
     merged = merged.take(first | ~np.isnan(merged.low))
-    return _numbered(replace(merged, doubt=doubt[merged.column]))
+    column = merged.column
+    return _numbered(replace(merged, doubt=doubt[column], argument=argument[column]))
 
 
 def _touching(rows: Intervals) -> np.ndarray:
@@ -243,9 +258,9 @@ def without_any(
     empty = intervals.take(index)
     empty = empty.take(np.unique(empty.column, return_index=True)[1])
     if doubt == Doubt.NONE:
-        without = _empty(empty.column, np.full(empty.column.size, Doubt.NONE))
+        without = _empty(empty.column, np.full(empty.column.size, Doubt.NONE), empty.argument)
     else:
-        without = _empty(empty.column, np.maximum(empty.doubt, doubt), span)
+        without = _empty(empty.column, np.maximum(empty.doubt, doubt), empty.argument, span)
     remaining = Intervals.join([intervals.take(~index), without])
     return remaining.take(np.argsort(remaining.column, kind="stable"))
 
@@ -269,16 +284,19 @@ def common(loops: Sequence[Intervals]) -> Intervals:
     never stable together.
     """
     of_loops = [_by_column(intervals) for intervals in loops]
+    arguments = np.concatenate([intervals.argument for intervals in loops])
+    owners = np.concatenate([intervals.column for intervals in loops])
     rows = []
     for column in of_loops[0]:
         pieces, doubt = _common_in_column([columns[column] for columns in of_loops])
         count = sum(piece.stable for piece in pieces)
+        argument = arguments[owners == column].max()
         before = 0
         for piece in pieces or [_Piece(np.nan, np.nan, np.nan, np.nan, 0, 0, 0.0, False)]:
             index = before if piece.stable else -1
             before += piece.stable
-            causes = piece.low_cause, piece.high_cause
-            rows.append((column, index, count, *piece[:4], doubt, piece.residual, *causes))
+            facts_of_piece = piece.residual, piece.low_cause, piece.high_cause, argument
+            rows.append((column, index, count, *piece[:4], doubt, *facts_of_piece))
     facts = zip(*rows, strict=True) if rows else [()] * len(fields(Intervals))
     named = zip(fields(Intervals), facts, strict=True)
     return Intervals(

@@ -185,17 +185,21 @@ def _by_each_method(columns: CutColumns, span: tuple[float, float]) -> Intervals
         doubt = np.where(lost, Doubt.OVERFLOW, doubt)
         answered_now = (doubt == Doubt.NONE) | ~followed
         answers = labelled.take(answered_now[labelled.column])
-        done.append(
-            (replace(answers, column=rows[answers.column]), rows[answered_now], doubt[answered_now])
-        )
+        kind = Intervals.FIRST_ORDER if method is _by_arcs else Intervals.ENCLOSED
+        answers = replace(answers, column=rows[answers.column])
+        arguments = np.full(rows.size, kind)[answered_now]
+        done.append((answers, rows[answered_now], doubt[answered_now], arguments))
         answered[rows[answered_now]] = True
         pending = np.flatnonzero(~answered)
-    pieces, answered_rows, doubts = zip(*done, strict=True)
-    doubt = np.concatenate(doubts)[np.argsort(np.concatenate(answered_rows))]
+    pieces, answered_rows, doubts, kinds = zip(*done, strict=True)
+    order = np.argsort(np.concatenate(answered_rows))
+    doubt = np.concatenate(doubts)[order]
+    argument = np.concatenate(kinds)[order]
     joined = Regions.join(pieces)
     if len(pieces) > 1:
         joined = joined.take(np.argsort(joined.column, kind="stable"))
-    return intervals_of(joined, doubt, np.broadcast_to(cut.period, cut.batch)[owner])
+    period = np.broadcast_to(cut.period, cut.batch)[owner]
+    return intervals_of(joined, doubt, period, argument)
 
 
 def _methods(order: int) -> list[_Method]:

@@ -21,7 +21,7 @@ from wavesweep.program.analyses.claims import STABLE, Claim, Property, Scope, St
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
-from wavesweep.program.row_kinds import LEFT_OPEN, TEXT
+from wavesweep.program.row_kinds import ARGUMENTS, LEFT_OPEN, TEXT
 from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.program.sweep.grid import (
     CHECKED,
@@ -244,6 +244,7 @@ def _joined(pieces):
     records = np.array(joined or together[:1])
     records["intervals"], records["interval"] = len(joined), np.arange(len(records))
     records["doubt"] = together["doubt"][np.argmin(together["certified"])]
+    records["argument"] = together["argument"].max()
     for name in records.dtype.names:
         if records.dtype[name].kind == "b":
             records[name] = together[name].all()
@@ -258,6 +259,7 @@ def _columns(job, combination, records):
         if name != "slice" and not name.endswith("_cause")
     }
     columns["doubt"] = words(columns["doubt"])
+    columns["argument"] = _arguments(records, bool(job.asked.guarantee))
     required = job.asked.require
     columns |= columns_of_ends(records, required.bound.set_by if required else ())
     if job.asked.guarantee:  # what refutes it names what sets an end
@@ -266,6 +268,12 @@ def _columns(job, combination, records):
         }
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | columns
+
+
+def _arguments(records: np.ndarray, of_set: bool) -> np.ndarray:
+    """The words of the column `argument`; of_set: of rows that are not for one loop."""
+    told = records["certified"] & (not of_set)
+    return np.array(list(ARGUMENTS), object)[np.where(told, records["argument"], 0)]
 
 
 def _sample(job):
@@ -472,6 +480,7 @@ def at_points(
     records = _searches(spec, query, loops, **how).records()
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names}
     columns["doubt"] = words(records["doubt"])
+    columns["argument"] = _arguments(records, False)
     return columns | columns_of_ends(records)
 
 

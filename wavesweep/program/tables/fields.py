@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from wavesweep.capabilities import CAPABILITIES
 from wavesweep.engine.doubts import MEANINGS
-from wavesweep.program.row_kinds import words_of
+from wavesweep.program.row_kinds import ARGUMENTS, words_of
 
 
 class Doubt(NamedTuple):
@@ -104,7 +104,7 @@ class Field:
     advice: str = ""
 
 
-_VALUES = {column: words_of(column) for column in ("hand", "guarantee")}
+_VALUES = {column: words_of(column) for column in ("hand", "guarantee")} | {"argument": ARGUMENTS}
 
 
 def columns_beside(
@@ -140,11 +140,31 @@ _FELT = _GROUPS["felt"]
 _LINES = _GROUPS["lines"]
 _OPEN = _GROUPS["open"]
 _BODE = _GROUPS["bode"]
-_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_OPEN, *_GROUPS["set-by"])
+_INTERVALS = (
+    *_ALONG,
+    *_FOUND,
+    *_FELT,
+    *FOR_ALL,
+    *_LINES,
+    *LEFT_OPEN,
+    *_OPEN,
+    *_GROUPS["set-by"],
+    *_GROUPS["argument"],
+)
 _REFUTED = tuple(
     field for field in (*FOR_ALL, *LEFT_OPEN) if field.name not in ("guarantee", "settled")
 )
-_FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES, *_REFUTED, *_OPEN)
+_FOR_HANDS = (
+    *_ALONG,
+    *_GROUPS["hand"],
+    *_FOUND,
+    *ABOUT_ENDS,
+    *_FELT,
+    *_LINES,
+    *_REFUTED,
+    *_OPEN,
+    *_GROUPS["argument"],
+)
 COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
         **dict.fromkeys(("zwidth", "stability-region"), _INTERVALS),
