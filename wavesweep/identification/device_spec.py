@@ -142,10 +142,9 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     ranges = _set_delay(tables["device"], facts)
     if _of_positions(facts):
         tables["device"]["velocity"] = "difference"
+    effects = {}
     if facts["resolution"] and facts["measured"] == "position":
-        effects = {"resolution": float(f"{facts['resolution']:.9g}")}
-    else:
-        effects = {}
+        effects["resolution"] = float(f"{facts['resolution']:.9g}")
     if "friction" in parameters:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
     tables["simulate"] = effects

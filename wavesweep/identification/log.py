@@ -175,10 +175,8 @@ def read_log(
     rows = file.numbers(taken_columns + beside, 50)  # rows, at least
     readings = {}
     taken = []
-    for column, name in enumerate(used):
-        readings[name], said = converted(
-            rows[:, column], places[name], path, name, scales, *UNITS[name]
-        )
+    for name, column in zip(used, rows.T, strict=False):
+        readings[name], said = converted(column, places[name], path, name, scales, *UNITS[name])
         taken.append(said)
     _refuse_constant(path, readings, motion)
     period, jitter, period_half = _period(path, file, readings["time"])

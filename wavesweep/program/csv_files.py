@@ -161,8 +161,7 @@ def _above_units(path: str | Path, over: list[str], mark: str, units: list[str])
 
 
 def read_csv(path: str | Path, most_bytes: int) -> Csv:
-    """Read a file of at most `most_bytes` bytes: columns between commas, semicolons, tabs or spaces, or
-    JSON.
+    """Read columns of a file of at most `most_bytes` bytes, between commas, semicolons, tabs or spaces, or of JSON.
 
     The header is the first line whose next ten lines are rows of numbers, with other columns or
     without; what is above it is left out. Between semicolons and tabs a number may have a decimal

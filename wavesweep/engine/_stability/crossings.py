@@ -215,8 +215,7 @@ def crossings(
     moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which
     is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the sign of
     the polynomial. A column in which a root may be at such an end itself (an undamped device
-    crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span
-    are only counted.
+    crosses twice at z = 1, at K = 0) is not complete. Crossings surely outside the span are counted.
     """
     fixed = columns.fixed
     column, index = np.nonzero(roots.inside)

@@ -157,10 +157,7 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
 
 def _by_each_method(columns: CutColumns, span: tuple[float, float]) -> Intervals:
     """Return the intervals of the columns, each by the first method that proves it, or else by the last.
-
-    A method is told which columns are followed by another one: what it does not prove of these is
-    left to that one.
-    """
+    What a method does not prove of columns that are `followed` by another one is left to that."""
     pending = np.arange(columns.size)
     answered = np.zeros(columns.size, bool)
     done = []

@@ -248,8 +248,7 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     if full:
         return {}
     if empty is None:
-        nothing_decides = spec.drawing and conserves(own_loop(spec))
-        if nothing_decides:
+        if spec.drawing and conserves(own_loop(spec)):
             return {"conserves": True}
         return {}
     changes = {other.path: empty[other.name] for other in job.grid.axes}
