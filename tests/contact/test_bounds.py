@@ -154,6 +154,9 @@ def test_a_stretch_is_of_pieces_from_the_first_end_that_is_proved_downwards(monk
     assert [(piece.low, piece.high) for piece in found.pieces] == [(40.0, 90.0), (0.0, 40.0)]
     assert (found.low, found.high) == (0.0, 90.0)
     assert [high for _, high in dict.fromkeys(asked)] == pytest.approx([100, 99.9, 99.7, 99, 97, 90, 40])
+    monkeypatch.setattr(stretches, "motion_beyond", lambda *_: SimpleNamespace(value=45.0))
+    (whole,) = Line(None, None).stretch(5.0, 100.0).pieces
+    assert (whole.low, whole.high) == (5.0, pytest.approx(5 + 0.998 * 40))  # next to a motion that goes on
     device = np.array([[0.5, 0.1, 0.2], [0.0, 0.3, 0.4]]), np.ones((2, 3)), 0.01, (0, 1.0)
     for top, expected in ((90.0, found.pieces), (96.0, ())):
         assert [(piece.low, piece.high) for piece in pieces_of(*device, (0.0, top))] == [

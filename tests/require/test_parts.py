@@ -279,7 +279,8 @@ DECAYS = {  # x' = -c K x, sampled each 0.1 s: z = 1 - c K/10 is within 0.9 for 
 def test_a_design_is_judged_by_the_rows_of_its_own_table_or_else_by_a_look_along_their_number(K, c, status, reason):
     spec = load(DECAYS | {"numbers": {"c": c, "K": K}})
     assert _along(spec) == "K"
-    assert _along(load({name: table for name, table in DECAYS.items() if name != "sweep"})) == "c"
+    timed = {"numbers": {"n": 1, "c": c, "K": K}, "block": {"x": {"type": "integrator", "every": "n"}}}
+    assert _along(load({name: table for name, table in (DECAYS | timed).items() if name != "sweep"})) == "c"  # n is a time
     ends = {"low": [1.0, 0.5], "high": [19.0, 9.5], "open_low": [np.nan] * 2, "open_high": [np.nan] * 2}
     swept = {name: np.array(column) for name, column in (ends | {"low_omega": [1.0, 1.0], "high_omega": [1.0, 1.0]}).items()}
     swept |= {"c": np.array([1.0, 2.0]), "certified": np.ones(2, bool), "doubt": np.array(["", ""])}
