@@ -12,8 +12,9 @@ from wavesweep.identification import explained
 from wavesweep.identification.curves import forceless, with_curve
 from wavesweep.identification.explained import Effect, judged
 from wavesweep.identification.figure import _spectrum
-from wavesweep.identification.fit import by_prediction, fitted
+from wavesweep.identification.fit import LogRows, _inliers, by_prediction, fitted
 from wavesweep.identification.model import Model
+from wavesweep.identification.model import two_masses as two_masses_of_model
 from wavesweep.identification.prediction.innovations import errors_of, projected, theta_of
 from wavesweep.identification.prediction.intervals import _half_widths, _of_large, _static, _step, estimated_at
 from wavesweep.identification.prediction.scaled_log import scaled, spikes
@@ -270,3 +271,24 @@ def test_rounds_of_a_smoother_find_friction_that_does_not_fall_beside_damping():
     theta = theta_of(rounds.log, search.found(rounds.point), projected(errors, effects)[0])
     assert theta == pytest.approx([np.log(0.1), 1.0, 0.3], abs=1e-3)
     assert with_falling_friction(rounds.log, search, rounds.point, 4) is None
+
+
+def test_readings_far_from_a_fit_near_the_best_one_are_outliers():
+    """Of numbers that are off by more than the noise: what they leave is no outlier."""
+    noise = 1e-6 * np.random.default_rng(4).standard_normal(220)
+    noise[[60, 150]] += 2e-5, -1e-4
+    rows = LogRows(CHIRP, marched(0.1, 1.0, CHIRP) + noise, 1 / RATE, 1e-6, 4, np.ones(216, bool))
+    model = Model(delay=0.0)
+    theta = np.array([{"log_mass": np.log(0.1001), "damping": 1.001}.get(name, 0.0) for name in model.names])
+    assert np.abs(rows.residual(model, theta)).std() > 1e-5
+    assert np.flatnonzero(~_inliers(model, theta, rows)).tolist() == [56, 146]
+
+
+def test_numbers_that_no_double_holds_have_no_readings():
+    numbers = dict.fromkeys(
+        ("damping", "load_damping", "coupling_damping", "delay", "offset", "start", "velocity", "twist", "slip"), 0.0
+    )
+    numbers |= {"mass": 1e-3, "load_mass": 1e-3, "coupling_stiffness": 1e300}
+    found = two_masses_of_model(numbers, CHIRP, 1e-3, 5)
+    assert found.shape == (3, 215)
+    assert np.isnan(found).all()

@@ -5,6 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.identification.panel import data
 from wavesweep.identification.points import read_response, response_of, walls_of
 
 RESPONSE = "frequency_hz,admittance_abs,admittance_deg\n1,0.002,-1\n2,0.003,-5\n"
@@ -28,6 +29,17 @@ def test_walls_and_responses_are_read_from_the_folder_of_the_spec(tmp_path):
     parts = "\ufefffrequency_hz,admittance_im,admittance_re,coherence\n1,-2,1,0.5\n"
     found = response_of(spec_of(tmp_path, "response", parts))
     assert (found.admittance.tolist(), found.coherence.tolist()) == ([1 - 2j], [0.5])
+
+
+def test_a_page_has_the_walls_with_whether_they_were_stable_and_the_response(tmp_path):
+    found = data(spec_of(tmp_path, "z_width", "B_VE,K_VE,stable\n0,900,1\n1.5,1000,0\n"))["measured"]["walls"]
+    assert found["points"] == [(0.0, 900.0, True), (1.5, 1000.0, False)]
+    assert (found["stiffness"], found["damping"]) == ("environment.K_VE", "environment.B_VE")
+    (limit,) = data(spec_of(tmp_path, "z_width", "B_VE,K_VE\n0,900\n"))["measured"]["walls"]["points"]
+    assert limit == (0.0, 900.0, None)
+    found = data(spec_of(tmp_path, "response", RESPONSE))["measured"]
+    assert {*found} == {"response"}
+    assert found["response"]["frequency_hz"] == [1, 2]
 
 
 def test_a_drawn_loop_without_wall_or_hand_has_no_measured_ones():
