@@ -42,6 +42,17 @@ def test_a_page_has_the_walls_with_whether_they_were_stable_and_the_response(tmp
     assert found["response"]["frequency_hz"] == [1, 2]
 
 
+@pytest.mark.parametrize(("coherence", "taken"), [("1.00000011", True), ("1.01", False)])
+def test_a_coherence_a_rounding_above_1_is_1(tmp_path, coherence, taken):
+    path = tmp_path / "frf.csv"
+    path.write_text(f"frequency_hz,admittance_re,admittance_im,coherence\n1,1,-1,{coherence}\n2,1,-2,0.9\n")
+    if taken:
+        assert read_response(path, 1).coherence.tolist() == [1.0, 0.9]
+    else:
+        with pytest.raises(UsageError, match="at most 1"):
+            read_response(path, 1)
+
+
 def test_a_drawn_loop_without_wall_or_hand_has_no_measured_ones():
     drawn = {
         "rates": {"tick_hz": 1000},

@@ -108,6 +108,7 @@ def test_a_tick_is_late_by_up_to_all_of_what_is_written():
     [
         ({"tick": {"start": 0.0011, "stop": 0.0012}}, "own tick of 0.001 s"),
         ({"tick": {"start": 0.0009}}, "either late, or start and stop"),
+        ({"tick": {"late": 10.0}}, "10000 of the spec's own ticks"),
         ({"tick": {"late": 0.0002, "steps": "measured"}}, "divides by the measured time is not"),
         ({"tick": {"late": 0.0002}, "contact": True}, "tick alone in [for_all]"),
         ({"tick": {"late": 0.0002}, "lost": 1}, "tick alone in [for_all]"),
@@ -116,6 +117,12 @@ def test_a_tick_is_late_by_up_to_all_of_what_is_written():
 def test_what_is_not_proved_is_refused_at_reading(for_all, words):
     with pytest.raises(SpecError, match=words.replace("[", r"\[")):
         wavesweep.load(changed(for_all=for_all))
+
+
+def test_ticks_of_a_minute_may_be_late():
+    tank = {"type": "tf", "num": [1], "den": [1, 1e-4]}
+    tables = {"rates": {"tick_hz": 1 / 60}, "block": {"tank": tank}, "wire": {"tank.u": "-0.002*tank.y"}}
+    assert wavesweep.load(tables | {"for_all": {"tick": {"late": 60.0}}}).tick.late == 60.0
 
 
 def test_rates_that_do_not_divide_and_numbers_inside_the_device_are_refused():

@@ -19,6 +19,7 @@ from wavesweep.program.reading.units import Unit, column_named, converted, unit_
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
+SINGLE = 1e-6  # by which a coherence of single precision may be above 1
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
 FREQUENCIES = (FREQUENCY, "frequency", "freq", "hz")
 # responses of position, velocity and acceleration: how often the position is derived
@@ -126,13 +127,13 @@ def read_response(
             f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several"
         )
     coherence = rest[0] if rest else np.ones(len(hertz))
-    if ((coherence <= 0) | (coherence > 1)).any():
+    if ((coherence <= 0) | (coherence > 1 + SINGLE)).any():
         raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
     response, unusable = _response(suffixes, *parts)
     if unusable.any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
     admittance = response / (2j * np.pi * hertz) ** DERIVED[quantity]
-    return FrequencyResponse(hertz, admittance, coherence, file.sha256)
+    return FrequencyResponse(hertz, admittance, np.minimum(coherence, 1.0), file.sha256)
 
 
 def _own_names(file: Csv, columns: dict[str, str]) -> dict[str, str]:
