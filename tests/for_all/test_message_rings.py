@@ -103,6 +103,16 @@ def test_an_integrator_tick_by_tick_is_stable_up_to_its_longest_hold():
     assert [decide_ring(found, K).verdict for K in (0.5, 0.67)] == ["proved", "refuted"]
 
 
+@pytest.mark.slow
+def test_a_proof_that_has_reached_the_number_in_question_goes_no_farther():
+    found = ring(integrator(late=40))
+    told = []
+    proof = bracket_ring(found, (0.0, 0.05), lambda *report: told.append(report), value=0.02)
+    assert proof.low <= 0.02 <= proof.high < 0.05
+    assert len(told) == 1
+    assert (proof.below.word, proof.above.word) == ((), ())
+
+
 @pytest.mark.parametrize(("late", "proved", "open_"), [(40, 1.2, 1.6), (100, 0.98, 1.02), (300, 0.98, 1.02)])
 def test_an_integrator_whose_messages_are_late_by_any_of_many_ticks_has_a_small_gain(late, proved, open_):
     """About the newest message it is `K late < 1`; about the middle nearly 3/2, from where the loop is unstable."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from wavesweep.engine.switched import (
     Bracket,
     Decision,
@@ -68,9 +70,10 @@ def bracket_ring(
     family: RingFrames,
     about: tuple[float, float],
     report: Callable[[float, float, float], None] = lambda *_: None,
+    value: float = np.nan,
 ) -> Bracket | None:
     """Return what is proved and refuted within an interval of a number, as `bracket`; None if
-    no start of a proof is found."""
+    no start of a proof is found. value: of the number; a proof that has reached it goes no farther."""
     low, high = about
     gain = family.gain
     starts = [low + share * (high - low) for share in STARTS]
@@ -81,6 +84,8 @@ def bracket_ring(
     reached = gain.reached(begun, high)
     below = gain.reached(begun, low)
     report(below, reached, 100 * (reached - low) / (high - low))
+    if below <= value <= reached:
+        return Bracket(below, reached, Refuted(), Refuted())
 
     def told(end: float, _: float) -> None:
         # Norms begin below what the small gain has proved.

@@ -381,9 +381,13 @@ class _Loop:
         bracket = self.bracketed(case, about)
         return bracket and self._row(case, bracket)
 
-    def bracketed(self, case: Case, about: tuple[float, float]) -> Bracket | None:
-        """What is proved and refuted of a case about an interval."""
-        return bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
+    def bracketed(
+        self, case: Case, about: tuple[float, float], value: float = np.nan
+    ) -> Bracket | None:
+        """What is proved and refuted of a case about an interval; value: see `bracket_ring`."""
+        return bracketed_over(
+            self.rules, case.values, self.along, case.ranges, self.span, about, value
+        )
 
     def _on_average(self) -> list[Row]:
         """The rows of what is at random: what the intervals of all cases have in common."""
@@ -657,7 +661,7 @@ def _decided(spec, rules, number, case):
     along = loop.cases[number]
     for interval in searched(loop.cases, span):
         try:
-            bracket = loop.bracketed(along, (interval.low, interval.high))
+            bracket = loop.bracketed(along, (interval.low, interval.high), value)
         except UsageError:  # its frames cannot be cut there
             return decided_over(*loop_and_ranges)
         said, by = decided_along(rules, along.values, path, along.ranges, value, bracket)

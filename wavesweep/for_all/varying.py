@@ -283,14 +283,18 @@ def _shown(text: str, number: str) -> Callable[[float, float, float], None]:
 
 
 def bracketed(
-    family: LoopFrames, along: str, span: tuple[float, float], about: tuple[float, float]
+    family: LoopFrames,
+    along: str,
+    span: tuple[float, float],
+    about: tuple[float, float],
+    value: float,
 ) -> Bracket | None:
     """What is proved and refuted about an interval of the nominal loop along a number; None if no
-    start of a proof is found."""
+    start of a proof is found. value: see `bracket_ring`."""
     low, high = about
     report = _shown(ON_THE_WAY, name_of(along))
     if isinstance(family, RingFrames):
-        return bracket_ring(family, about, report=report)
+        return bracket_ring(family, about, report=report, value=value)
     for share in STARTS:
         bracket_found = bracket(family, low + share * (high - low), span, report=report)
         if np.isfinite(bracket_found.low):
@@ -314,12 +318,13 @@ def bracketed_over(
     ranges: Sequence[Axis],
     span: tuple[float, float],
     about: tuple[float, float],
+    value: float = np.nan,
 ) -> Bracket | None:
     """What is proved and refuted about an interval for all numbers of some ranges, if there are
-    any; None if no start of a proof is found."""
+    any; None if no start of a proof is found. value: see `bracket_ring`."""
     family = None if ranges else rules.family(values, along)
     if family is not None and not rules.at_random and family.drift is None:
-        bracket = bracketed(family, along, span, about)
+        bracket = bracketed(family, along, span, about, value)
         return bracket and told(bracket, lambda _: family)
     # Numbers in a box, or a drift that depends on the number along which the interval is.
     loops = _over(rules, values, along, ranges, span)
