@@ -165,6 +165,10 @@ DELAYS = {"values": [1, 2], "varying": True}
             {"environment.delay": DELAYS | {"next": [[1, 1]] * 2}},
             "expected shares of delays, or a list of them for each length",
         ),
+        (
+            {"environment.delay": DELAYS | {"shares": [[1, 1]]}},
+            "for_all.environment.delay.shares: expected 2 lists, one for each length of frames, found a list",
+        ),
         ({"loss": 1.5}, "for_all.loss: expected a number <= 1"),
     ],
 )

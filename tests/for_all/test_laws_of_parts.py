@@ -139,7 +139,10 @@ VARYING = {"values": [1, 2], "varying": True}
         ({"n": {"values": [2, 2]}}, "for_all.n: expected values that differ, found 2, 2"),
         ({"n": VARYING | {"next": [[1, 0]]}}, "for_all.n.next: expected 2 lists, one for each value"),
         ({"n": VARYING | {"next": [1, 0]}}, "for_all.n.next: expected 2 lists, one for each value"),
-        ({"n": VARYING | {"shares": [[1, 0]]}}, "for_all.n.shares: expected 2 lists, one for each length of frames"),
+        (
+            {"n": VARYING | {"shares": [[1, 0], [0, 1]]}},
+            "for_all.n.shares: expected a list of 2 weights, found a list of lists",
+        ),
         ({"n": VARYING | {"shares": [0, 0]}}, "for_all.n.shares: expected a weight above 0 in each list, found none"),
         ({"n": {"values": [*range(1, 66)], "varying": True}}, "expected at most 64 values of a number that varies"),
         ({"k": {"start": 1, "stop": 2}}, "for_all.k: expected a number that [sweep] does not have as well, found k"),

@@ -215,8 +215,11 @@ def _refuse_what_is_swept(request: Request, axes: Iterable[Axis]) -> None:
 
 
 def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> None:
-    """Add the mistakes of numbers from which others follow: a case has its own numbers in their
-    places, and no more."""
+    """Add the mistakes of axes from which other numbers follow: of slow_hz the ratio does, of a
+    band's edges the order and cutoff_hz, of fast_hz beside one of these as well.
+
+    A case changes the numbers of its axes alone: what follows from them would stay.
+    """
     request.refuse_other_edges("for_all", axes)
     leaves = request.given.leaves
     edges = [path for path in leaves if path.rpartition(".")[2] in BAND_EDGES]
@@ -291,22 +294,25 @@ def _with_chances(request: Request, table: ForAll, numbers: Iterable[AskedNumber
 
 
 def _weights(mistakes: Mistakes, number: AskedNumber, frames: int) -> tuple[tuple[float, ...], ...]:
-    """The rows of weights of the values of a number; their mistakes are added. frames: lengths
-    of them."""
+    """The rows of weights of the values of a number; their mistakes are added. frames: number of
+    lengths of frames."""
     leaf = number.weights
     path = f"{number.label}.{number.chances}"
     in_rows = isinstance(leaf.value, list) and bool(leaf.value) and isinstance(leaf.value[0], list)
     after_each = number.chances == "next"
-    may_be_rows = after_each or (in_rows and number.axis.path == DELAY)
-    if in_rows != may_be_rows or (in_rows and len(leaf.value) != frames):
+    count = len(number.axis.values)
+    expected_row = f"a list of {count} weights"
+    if in_rows and not after_each and number.axis.path != DELAY:
+        mistakes.refuse(leaf, path, expected_row, "a list of lists", of_key=False)
+        return ()
+    if (after_each and not in_rows) or (in_rows and len(leaf.value) != frames):
         expected = f"{frames} lists, one for each {'value' if after_each else 'length of frames'}"
         mistakes.refuse(leaf, path, expected, show(leaf.value), of_key=False)
         return ()
-    count = len(number.axis.values)
     rows = []
     for row in leaf.value if in_rows else [leaf.value]:
         listed = replace(leaf, value=row)
-        weights = mistakes.check_list(WEIGHT, listed, path, f"a list of {count} weights", count)
+        weights = mistakes.check_list(WEIGHT, listed, path, expected_row, count)
         if weights and None not in weights and not any(weights):
             mistakes.refuse(leaf, path, "a weight above 0 in each list", "none", of_key=False)
         rows.append(tuple(weights))
