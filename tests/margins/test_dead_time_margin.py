@@ -70,7 +70,7 @@ def test_an_integrator_alone_has_a_delay_margin_or_a_sentence_says_why_not():
 
 
 def test_a_delay_margin_that_is_not_found_is_told(monkeypatch):
-    monkeypatch.setattr("wavesweep.margins.dead_time_margin.STATES_TIMES_TICKS", 10.0)
+    monkeypatch.setattr("wavesweep.margins.dead_time_margin.MOST_WORK", 10.0)
     table = margins(load(integrator(20.0)), "c.y")
     assert "delay" not in table.columns["margin"].tolist()
     assert [said for said in table.facts["notices"] if "no delay margin" in said]

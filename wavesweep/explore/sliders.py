@@ -307,11 +307,14 @@ def text_of(spec: Spec) -> str:
     Frequencies of [bode] end at half the rate. Other parts of [sweep], [bode], [simulate] and
     [design] that its numbers rule out are left out.
     """
+    # Without being asked for [design] a spec leaves it out of its tables.
     tables = (spec.asking("design") if spec.design else spec).tables()
+    # The ratio follows from a slow rate that is given.
     if _keeps_slow_rate(spec) and tables["rates"].pop("ratio", None):
         tables["rates"]["slow_hz"] = spec.own("rates.slow_hz")
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
+        # Keys that other kinds of controllers read are left out, what is asked of the loop is not.
         kept = {*keys_of_page(spec.values), *_paths(spec), *spec.given}
         for path in spec.given:
             stem, _, last = path.rpartition(".")

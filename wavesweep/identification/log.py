@@ -141,10 +141,10 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
     raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
 
 
-def _taken_name(kind, turns, columns, places):
+def _taken_name(kind, by_values, columns, places):
     """The quantity that a log is taken to have, of a kind: of those in the file one that `columns`
     names, then the first; without any the first of all."""
-    names = list(dict.fromkeys(kind.values() if turns else kind))
+    names = list(dict.fromkeys(kind.values() if by_values else kind))
     named = [name for name in names if columns.get(name)]
     return next((name for name in (*named, *names) if name in places), names[0])
 
@@ -195,15 +195,16 @@ def _columns_used(
     """The place of each name in a file, whether it is of a turning device, and of a circuit, and the
     names of time, push and motion that are read. Errors: UsageError for names that are not known or not
     there."""
-    turning = {**PUSHES, **MOTIONS}
-    column_names = dict.fromkeys(["time", *turning, *turning.values(), "voltage", "charge"])
+    quantities = {**PUSHES, **MOTIONS}
+    column_names = dict.fromkeys(["time", *quantities, *quantities.values(), "voltage", "charge"])
     _refuse_unknown(columns, scales, column_names)
     places = _places_of(file.names, column_names, columns)
     turns = _is_turning(columns, places)
     circuit = _is_circuit(columns, places)
     pushes, motions = (VOLTAGE, CURRENTS) if circuit else (PUSHES, MOTIONS)
-    push = _taken_name(pushes, turns or circuit, columns, places)
-    motion = _taken_name(motions, turns or circuit, columns, places)
+    by_values = turns or circuit  # the keys are the names of what moves along a line
+    push = _taken_name(pushes, by_values, columns, places)
+    motion = _taken_name(motions, by_values, columns, places)
     used = ("time", push, motion)
     for name in used:
         if name not in places:

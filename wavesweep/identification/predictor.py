@@ -160,16 +160,20 @@ class Predictor:
         return self._without_initial(effect[skip:])
 
     def _seen(self, parts):
-        """What is read of the states that signals move, each by its effect, from rest: one pole
-        after the other."""
+        """C s[k] of `s[k+1] = M s[k] + sum push signal[k]` from rest. parts: pairs (push, signal).
+
+        With M = Q R Q* (`_basis`, `_triangle`) and s = Q q, q comes row by row from the last one
+        on, as R is triangular.
+        """
         seen = np.zeros(len(parts[0][1]), dtype=complex)
         states = []
         for row in reversed(range(len(self.M))):
             drive = np.zeros(len(seen), dtype=complex)
             for push, signal in parts:
                 drive[1:] += (self._basis[:, row].conj() @ push) * signal[:-1]
-            for later, state in enumerate(states):
-                drive[1:] += self._triangle[row, len(self.M) - 1 - later] * state[:-1]
+            below = range(len(self.M) - 1, row, -1)
+            for column, state in zip(below, states, strict=True):
+                drive[1:] += self._triangle[row, column] * state[:-1]
             state = lfilter([1.0], [1.0, -self._triangle[row, row]], drive)
             states.append(state)
             seen += (self.tick.C @ self._basis[:, row]) * state

@@ -23,8 +23,9 @@ from wavesweep.program.sweep.grid import own_loop
 
 BLOCK, SECONDS = "late by the cut", "dead time of the cut"  # no block or number is called so
 MOST_DEAD_TICKS = 1000  # ticks that are looked at
-# of the search, see `dead_time_pieces.about`: some 70 ticks of small loops, in three seconds
-STATES_TIMES_TICKS = 2e5
+# of the search, in squares of states, see `dead_time_pieces.about`: some 70 ticks of small loops,
+# in three seconds
+MOST_WORK = 2e5
 TICKS_BETWEEN_TRIALS = 4  # ticks from one dead time that is tried beforehand to the next
 
 
@@ -53,7 +54,7 @@ def delay_margin(spec: Spec, signal: str) -> Margin | None:
     span = (0.0, MOST_DEAD_TICKS / float(loops.rate))
     groups = ((np.zeros(1, int), loops.unbuilt),)
     search = Search(path_of(SECONDS), span, groups, lines=False, checked=True)
-    records, (_, looked_at) = search.about(0.0, STATES_TIMES_TICKS)
+    records, (_, looked_at) = search.about(0.0, MOST_WORK)
     for row in records:
         ends_within = 0 < row["high"] < looked_at
         if row["intervals"] and row["low"] == 0 and ends_within and row["certified"]:
@@ -62,9 +63,9 @@ def delay_margin(spec: Spec, signal: str) -> Margin | None:
 
 
 def _fails_within_reach(loops: Loops) -> bool:
-    """Whether the loop is unstable with a dead time of some whole ticks that the search gets to:
-    if it is not, the search would end there without an answer."""
-    work = STATES_TIMES_TICKS
+    """Whether the loop is not known to be stable with one of the dead times of 4, 8, 12, .. ticks
+    that the search may get to: if it is with all, the search would end there without an answer."""
+    work = MOST_WORK
     for ticks in range(TICKS_BETWEEN_TRIALS, MOST_DEAD_TICKS, TICKS_BETWEEN_TRIALS):
         later = loops.unbuilt.changed({path_of(SECONDS): ticks / float(loops.rate)})
         ((_, built),) = later.built_alike(np.zeros(1, int))

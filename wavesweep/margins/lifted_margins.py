@@ -100,11 +100,12 @@ class LiftedLoop:
 
     @cached_property
     def _returned_matrices(self):
-        """E, G, O and T of H: a state from frame to frame, how samples reach it, how they read
-        it, and each other.
+        """E less identity, G, O and T of `H = T + O (z - 1 - E)^-1 G`.
 
-        Drifts v by constant factors are in no response, O v = 0: their eigenvalue 1 is moved to 0,
-        by `E - v w`, as next to 0 rad/s rounding alone would be left of theirs.
+        A drift v, by constant factors or of a state that nothing reads, has E v = 0 and O v = 0.
+        `E - v e'`, e the unit vector of its lead and v_lead = 1, moves its eigenvalue of the frame
+        from 1 to 0 and changes no other one, nor H, of which its pole would leave nothing but rounding
+        next to z = 1.
         """
         H = self.returned
         E = H.E[0].copy()

@@ -107,8 +107,8 @@ Pairs = Callable[[np.ndarray], PairMap]
 
 
 def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: float = 0.0) -> Pairs:
-    """Loops along a number, with so much damping (N*s/m) taken away at both ports: `f + damping
-    y/T` in place of f."""
+    """From values of a number to the loops, with damping (N*s/m) taken away at both ports:
+    `f + damping y/T` in place of f, y the displacement in a tick."""
     drift = loop.changed({path: inner_numbers(span)}).drift(watched=(POSITION, OTHER))
     ports = Ports(loop.drawing.hand[0], POSITION, others=((loop.drawing.environment[0], OTHER),))
 
@@ -123,17 +123,18 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
         with np.errstate(all="ignore"):
             port = Port.of(drawn, ports, drift)
             for E, B, C, D in port.maps:
+                # y = C x + D g of g = f + damping y/T, so g = f + back (C x + D f)
                 back = inverse(np.ravel(drawn.period)[0] * np.eye(2) - damping * D) * damping
                 tick_maps.append(
                     (E + B @ back @ C, B + B @ back @ D, C + D @ back @ C, D + D @ back @ D)
                 )
             lifted = TickMaps.of(tick_maps, port.kind, p.shape).lifted(measured=False)
-            sums = np.tile(np.eye(2), port.kind.size).T
-            moved = -solve(lifted.E, lifted.G @ sums)
+            constant = np.tile(np.eye(2), port.kind.size).T  # a force at each port in all ticks
+            at_rest = -solve(lifted.E, lifted.G @ constant)  # 0 = E x + G f
             if port.drifts:
-                h = sums.T @ (lifted.T @ sums + lifted.O @ moved)
+                h = constant.T @ (lifted.T @ constant + lifted.O @ at_rest)
             else:
-                h = port.position @ moved
+                h = port.position @ at_rest
         return PairMap(lifted, h, 2 - port.drifts, pivots_of(at, path, port.pivot, p.shape))
 
     return remembered(maps)

@@ -179,16 +179,17 @@ def _joined(
 def of_ticks(
     port: Port, kept: np.ndarray, batch: tuple[int, ...]
 ) -> list[tuple[Bounded, Bounded, Bounded, Bounded]]:
-    """E less identity, B, C and D of each kind of tick, of some states and the first output,
-    each with a bound on its error.
+    """E less identity, B, C and D of each kind of tick, of the states `kept` of a port with one
+    input and one output, each with a bound on its error.
 
-    States are in units, powers of two, in which entries of all loops have similar sizes: in those
-    of derivatives of a fast mode, pencils have no eigenvalues left but rounding.
+    States x = u x' are in units u, powers of two, in which entries of all loops have similar sizes:
+    `E_ij u_j/u_i`, `B_i/u_i` and `C_j u_j`. In units of derivatives of a fast mode, pencils have no
+    eigenvalues left but rounding.
     """
     rows = kept[:, None]
     ticks = []
     n = kept.size
-    sizes = np.zeros((1, n + 1, n + 1))
+    sizes = np.zeros((1, n + 1, n + 1))  # of [[E, B], [C, 0]], the input and output as a state more
     for matrices, errors in zip(port.maps, port.sizes, strict=True):
         pairs = []
         for matrix, size in zip(matrices, errors, strict=True):

@@ -168,18 +168,20 @@ class InTime(Between):
     def labelled(
         self, column: np.ndarray, low: np.ndarray, high: np.ndarray, bounds: list[np.ndarray]
     ) -> np.ndarray:
-        port, shape, judged = self._about(column, low, high, bounds)
-        maps = by_panel(self.over_frame(port, judged.size * shape[1]), shape)
+        """GOOD of panels all over which the value is at most the level, BAD of those all over which
+        it is above it, LOST of those given up, OPEN of the others."""
+        port, shape, known = self._about(column, low, high, bounds)
+        maps = by_panel(self.over_frame(port, known.size * shape[1]), shape)
         for matrix, size in maps:
-            judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
+            known &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
         rows = max(ROWS_OF_BLOCK, port.kind.size)
-        # Outputs of a block of frames, of some panels.
+        # So that points x outputs x (inputs + states) of a block of frames stay below 2e6.
         at_once = max(1, 2_000_000 // (shape[1] * rows * (self.read.size + self.kept.size)))
-        known = np.flatnonzero(judged)
-        for first in range(0, known.size, at_once):
-            at = known[first : first + at_once]
-            # Outputs of a slice, on all points of all panels; some 18 s.
+        known_panels = np.flatnonzero(known)
+        for first in range(0, known_panels.size, at_once):
+            at = known_panels[first : first + at_once]
+            # Outputs of a column, on all points of all its panels; some 18 s.
             spent = self.looked_at[column[at]] > 2e8
             label[at[spent]] = LOST
             at = at[~spent]

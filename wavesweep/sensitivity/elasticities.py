@@ -104,8 +104,8 @@ def _in_order(batches: Sequence[dict], names: Sequence[str]) -> dict[str, np.nda
 
 
 class Moves(NamedTuple):
-    """Change of a limit per relative change of each moving number, and the relative error of that,
-    `(crossings, moving)`."""
+    """Change of a limit per relative change of each moving number, and the error of that over the
+    limit, `(crossings, moving)`."""
 
     slope: np.ndarray
     error: np.ndarray
@@ -388,17 +388,17 @@ def _one_sided(loops: _VariedLoops, ends: _Ends, crossings: EndCrossings, sign) 
 
 
 def _felt(stepped, stiffness, size, crossings: EndCrossings) -> Moves:
-    """Total derivatives of the stiffness felt at the end of each crossing, and their relative
-    errors.
+    """Of the stiffness k felt at the end e of each crossing `dk/dlog n + dk/de de/dlog n` by each
+    number n, and the bound `|dk/de| error/|k|` that the error of de/dlog n leaves.
 
-    stepped `(crossings, 1 + numbers)`: this stiffness with a complex step in the end (of `size`),
-    and in each number.
+    stepped `(crossings, 1 + numbers)`: k with a complex step in e, times `size` (of e), and in each
+    log n. stiffness: k, `(crossings,)`; where it is 0, `|dk/de| size` is in its place.
     """
     by_end = stepped.imag[:, :1] / COMPLEX_STEP / size[:, None]
     direct = stepped.imag[:, 1:] / COMPLEX_STEP
     with np.errstate(all="ignore"):
-        relative_to = np.where(stiffness == 0, np.abs(by_end[:, 0]) * size, stiffness)
-        error = np.abs(by_end) * crossings.error / relative_to[:, None]
+        unit = np.where(stiffness == 0, np.abs(by_end[:, 0]) * size, stiffness)
+        error = np.abs(by_end) * crossings.error / unit[:, None]
         error = np.where((by_end == 0) & np.isfinite(crossings.error), 0.0, np.abs(error))
     return Moves(direct + by_end * crossings.slope, error)
 

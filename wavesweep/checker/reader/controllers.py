@@ -223,11 +223,13 @@ class Controller:
                 aligned[int(place)] = event
             else:
                 between.append((place, event))
-            arrives.setdefault(self.shown(place) % ticks, []).append(event)
+            arrives.setdefault(self.first_tick_with_result(place) % ticks, []).append(event)
         kinds: dict[object, Instant] = {}
+        # (time, kind of instant), and between them what comes first at a time: 1 tick, 2 motors, 3 slow event between ticks.
         rank: list[tuple[Any, int, object]] = []
         for tick in range(ticks):
             events = arrives.get(tick, [])
+            # A result of this tick itself is not read from memory: `tick` has an equation for it.
             come = tuple(event for event in events if not self.at_once(event, aligned, tick))
             kind = ("tick", () if lost else come, aligned.get(tick))
             if kind not in kinds:
@@ -242,7 +244,7 @@ class Controller:
         shown = SHOWN | (WAVES if self.kind.startswith("pmw") else {})
         return Schedule.of(ticks * self.T, kinds, rank, self.motion(), shown, self.arithmetic.least)
 
-    def shown(self, place: Fraction) -> int:
+    def first_tick_with_result(self, place: Fraction) -> int:
         """The first tick in which the result of an event at a place, in ticks, is in place."""
         if self.delay == "frame":
             return math.ceil(place + self.ratio)

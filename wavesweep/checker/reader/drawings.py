@@ -136,8 +136,8 @@ def called_of(block: str):
     """What a name on the left of a law stands for, in a block."""
 
     def called(name: str) -> str:
-        table, _, part = name.partition(".")
-        return MEANT[table].format(block, part)
+        prefix, _, part = name.partition(".")
+        return MEANT[prefix].format(block, part)
 
     return called
 
@@ -752,13 +752,16 @@ class Drawing:
         return equations_of(law, called_of(block), self.value_in(block), self.arithmetic)
 
     def value_in(self, block: str):
-        """What a name in a law of a block stands for: a port, an output, a variable, memory, or a number."""
+        """What a name in a law of a block stands for, {variable: factor} with "" for a constant.
+
+        "into.PORT" is what its wire gives, "out.PORT", "inner.NAME" and "memory.NAME" a variable (see MEANT), NAME a number.
+        """
 
         def value_of(name: str) -> dict:
-            table, _, port = name.partition(".")
-            if table == "into":
-                return self.into(block, port)
-            if port:
+            prefix, _, part = name.partition(".")
+            if prefix == "into":
+                return self.into(block, part)
+            if part:
                 return {called_of(block)(name): 1}
             if name in ("pi", "dt"):
                 return {"": self.constant(name, self.period(block))}

@@ -373,12 +373,11 @@ def has_messages(loop: Loop) -> bool:
 
 
 def messages_of(loop: Drawing) -> tuple[dict[str, Schedule], Moves, Any]:
-    """Stretches of a period from each tick in which a message may come or be lost, {state: {letter: (stretch, state, None)}}, and
-    the state in which a run begins, all messages there.
+    """{letter: stretch}, {state: {letter: (letter, next state, None)}}, and the state in which a run begins, all messages there.
 
-    Message i back is the one that was sent so many messages before the newest. A receiver that has message h keeps it until a
-    newer one comes, which is no older than `late` ticks; of those that are newer than what it has no more than `lost` may be as
-    old as that. A state is (place of the next stretch, what each receiver has); a letter says the tick and what they then have.
+    A stretch goes from a tick in which a message may come, or has to be there, to the next such tick. A state is (place of the
+    next stretch, what each receiver has), a message by how many were sent after it: 0 is the newest. A letter says the tick, and
+    what each receiver then gets, or has and keeps: see `_next`.
     """
     channels = {
         name: channel_of(loop, name)
@@ -497,7 +496,11 @@ def _stretches(loop: Drawing, channels) -> tuple[list[int], list[int]]:
 
 
 def _next(channel, tick: int, back: int) -> list[tuple[int, bool]]:
-    """What a receiver may have after a tick, that had the message so far back before it: (message, whether it is new)."""
+    """What a receiver that had the message `back` before a tick may have after it: (message, whether it is new).
+
+    A message comes no later than `late` ticks after it was sent. Of those newer than what is there, at most `lost` were sent so
+    long ago, or longer.
+    """
     every, phase, late, lost = channel
     age = (tick - phase) % every
     oldest = back + (age == 0)

@@ -40,7 +40,7 @@ from wavesweep.engine._stability.dominance import (
 )
 from wavesweep.engine._stability.entries import Panels
 
-# of half a panel, how far the proof may reach: the first that succeeds
+# in halves of a panel, how far the proof may reach: the first that succeeds is the farthest
 REACHES = 0.25 ** np.arange(25)
 # The hypotheses of the proof above, without unit:
 MOST_TURNED = 0.1  # the most of |a|
@@ -52,13 +52,13 @@ WITHIN = 3.0
 def proved_from_one(
     panels: Panels, panel: np.ndarray, errors: Callable[..., Any], low: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far from `low` on no eigenvalue is on the unit circle, and how many are outside,
-    of each panel of `panel`.
+    """Return the value up to which, from `low` on, no eigenvalue is on the unit circle, and how
+    many are outside there, `(panel.size,)` both.
 
-    low: the low end of these panels, where the frame has the eigenvalue 1 exactly; it is returned
-    where nothing is proved. errors: see `regions_along_any`.
+    panel: indices into `panels`. low: the low end of these, where the frame has the eigenvalue 1
+    exactly; it is returned where nothing is proved. errors: see `regions_along_any`.
     """
-    reached = np.zeros(panel.size)
+    reached = np.zeros(panel.size)  # in halves of a panel
     todo = np.arange(panel.size)
     with np.errstate(all="ignore"):
         beside = _BesideOne.of(panels, panel, errors, low)

@@ -101,16 +101,20 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
 
 def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, object]:
     """Return what a spec could give for a port, wire or signal, or for a number that follows
-    from others."""
-    leaf, (table, _, rest) = given.leaves[path], path.partition(".")
+    from others; empty for what is written elsewhere."""
+    leaf = given.leaves[path]
+    table, _, rest = path.partition(".")
     if path.startswith(NAMED_PORTS):
+        # The unit of a port is written with it; a port itself may be called "unit".
         if path.endswith(".unit") and path.removesuffix(".unit") in given.leaves:
             return {}
         word = given.leaves.get(f"{path}.unit")
         place = tuple(path.split(".", 2))
         return {(*place, "signal"): leaf.value, (*place, "unit"): word.value if word else ""}
     if table in ("wire", "signals", "ports"):
-        return {tuple(path.split(".")) if table == "ports" else (table, rest): leaf.value}
+        # The name of a wire or a signal is one key, with its dots.
+        place = tuple(path.split(".")) if table == "ports" else (table, rest)
+        return {place: leaf.value}
     if (
         table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS)
     ):  # one that follows from others
