@@ -24,7 +24,7 @@ def regions(*parts):
 
 
 def rows_of(*parts, doubt=Doubt.COUNTS):
-    return in_rows(intervals_of(regions(*parts), np.array([doubt]), np.array([1.0])))
+    return in_rows(intervals_of(regions(*parts), np.array([doubt]), np.array([1.0]), np.array([0])))
 
 
 def test_pieces_around_an_open_place_are_one_interval_and_a_proved_hole_stays_one():
@@ -54,15 +54,15 @@ def test_a_column_of_which_nothing_is_known_to_be_stable_has_its_open_places_and
 
 
 def test_an_open_place_goes_on_over_the_seam_of_two_parts_of_a_range():
-    of = lambda *parts: intervals_of(regions(*parts), np.array([Doubt.CROWDED]), np.array([1.0]))  # noqa: E731
+    of = lambda *parts: intervals_of(regions(*parts), np.array([Doubt.CROWDED]), np.array([1.0]), np.array([0]))  # noqa: E731
     rows, open_ = in_rows(without_seams(joined([of((0, 1, 0), (1, 2, -1)), of((2, 3, -1), (3, 4, 0))])))
     assert (rows.low.item(), rows.high.item(), rows.count.item()) == (0, 4, 1)
     assert (open_.places.item(), open_.low.item(), open_.high.item()) == (1, 1, 3)
 
 
 def test_loops_beside_each_other_are_open_where_one_is_and_the_others_are_not_unstable():
-    one = intervals_of(regions((0, 2, 0), (2, 6, -1), (6, 9, 0)), np.array([Doubt.COUNTS]), np.array([1.0]))
-    other = intervals_of(regions((0, 4, 0), (4, 5, 1), (5, 9, 0)), np.array([0]), np.array([1.0]))
+    one = intervals_of(regions((0, 2, 0), (2, 6, -1), (6, 9, 0)), np.array([Doubt.COUNTS]), np.array([1.0]), np.array([0]))
+    other = intervals_of(regions((0, 4, 0), (4, 5, 1), (5, 9, 0)), np.array([0]), np.array([1.0]), np.array([0]))
     rows, open_ = in_rows(common([one, other]))
     assert list(zip(rows.low.tolist(), rows.high.tolist(), strict=True)) == [(0, 2), (6, 9)]
     assert open_.places.tolist() == [1, 1]
