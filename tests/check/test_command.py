@@ -6,8 +6,9 @@ import re
 import pytest
 
 import wavesweep as library
+from wavesweep.check.command import _places
 from wavesweep.check.room_of_numbers import limits
-from wavesweep.program.spec import SYMBOLS
+from wavesweep.program.spec import SYMBOLS, load
 
 DESIGN = """
 [controller]
@@ -55,6 +56,25 @@ def test_json_holds_the_verdict_and_the_plan(check):
     assert found["verdict"] == library.verdict("mine.toml")
     assert found["plan"][0].startswith("mine.toml: valid, controller pmw")
     assert {limit["name"] for limit in found["verdict"]["limits"]} <= set(SYMBOLS)
+
+
+@pytest.mark.parametrize(
+    ("out", "settings", "place"),
+    [
+        (None, ("b=10.5",), "results/mine,b=10.5/check.proof"),
+        ("run.1", (), "run.1/check.proof"),
+        ("there/loop.svg", (), "there/check.proof"),
+        ("folder.svg", (), "folder.svg/check.proof"),
+    ],
+    ids=["a number with a point", "a folder's name with a point", "beside pictures", "a folder named as a picture"],
+)
+def test_a_proof_goes_to_the_folder_of_the_pictures(out, settings, place, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(DESIGN)
+    (tmp_path / "folder.svg").mkdir()
+    places = _places(["diagram", "timing"], out, load("mine.toml", settings), settings, proof=True)
+    assert places["proof"].as_posix() == place
+    assert {path.parent.as_posix() for path in places.values()} == {place.removesuffix("/check.proof")}
 
 
 def test_a_slow_rate_that_is_taken_as_a_fraction_is_said_so(wavesweep, tmp_path):

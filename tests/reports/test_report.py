@@ -125,6 +125,14 @@ def test_a_loop_without_an_axis_has_a_report_that_assumes_nothing_of_intervals()
     assert "What the proof assumes" not in words
 
 
+def test_of_a_spec_without_numbers_no_ranges_are_claimed():
+    fixed = load(
+        PD | {"numbers": {}, "block": {"axis": PD["block"]["axis"] | {"inertia": 0.01}, "gain": {"type": "gain", "k": 40.0}}}
+    )
+    for spec, claimed in ((fixed, False), (load(PD), True)):
+        assert ("Ranges of each number alone" in content._own_lines(spec, None)[-1]) == claimed
+
+
 @pytest.mark.parametrize(
     ("certified", "said"),
     [
@@ -142,6 +150,7 @@ def test_what_is_not_known_is_not_called_uncertified(certified, said):
 
 
 def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, capsys):
+    """Which is told by the head of the page; the page that stands in for a report here has none."""
     monkeypatch.setattr("wavesweep.reports.content.report", lambda _, asked: f"{asked.overrides}<title>")
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text('[controller]\nkind = "dc"\n', encoding="utf-8")
@@ -151,8 +160,9 @@ def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, c
     assert "the file is no report of mine" in capsys.readouterr().err
     Path("own.html").write_text(wavesweep.reports.report_page.page("mine", ["by hand"]), encoding="utf-8")
     assert main(["report", "mine.toml", "-o", "own.html", "--set", "b=20"]) == 0
+    assert Path("own.html").read_text(encoding="utf-8") == "('b=20',)<title>"
+    Path("nowhere").touch()  # a file, where a folder is asked for
     for wrong in ("report.pdf", "", "-", "nowhere/mine.toml/x.html"):
-        Path("nowhere").touch()
         assert main(["report", "mine.toml", "-o", wrong]) == 2
 
 

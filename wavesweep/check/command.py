@@ -400,13 +400,15 @@ def _places(
     from wavesweep.program import plots, results
 
     to = Path(out or own_folder([spec.name], overrides))
+    # Of a folder's name, as mine,b=0.5, what follows a point says nothing.
+    is_picture = to.suffix[1:].lower() in FORMATS and not to.is_dir()
     places = {name: to / f"{name}.png" for name in figures}
-    if figures and to.suffix[1:].lower() in FORMATS and not to.is_dir():
+    if figures and is_picture:
         places = {name: to.with_stem(f"{to.stem}-{name}") for name in figures}
         places[figures[0]] = to
     if proof:
-        folder_of_proof = to if not to.suffix else to.parent
-        places["proof"] = folder_of_proof / "check.proof"
+        folder = to.parent if is_picture else to
+        places["proof"] = folder / "check.proof"
     for path in places.values():
         results.refuse_unusable(path.parent)
     refuse_other_things(*places.values())

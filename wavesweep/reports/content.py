@@ -206,8 +206,8 @@ def _found(title: str, table: Table, command: str) -> ReportSection:
 
 
 def _own_lines(spec: Spec, swept: Table | None) -> tuple[list[Line], Verdict, str]:
-    """What is known of the spec's own numbers, the verdict on what it asks, and how that is
-    known.
+    """The lines about the spec's own numbers, each with whether it warns, the verdict on what the
+    spec asks, and how the ranges and the modes in these lines are known.
 
     swept: the spec's table of intervals, None without one.
     """
@@ -227,13 +227,15 @@ def _own_lines(spec: Spec, swept: Table | None) -> tuple[list[Line], Verdict, st
     warning = re.compile("not certified|not known|not stable|UNSTABLE")
     marked = [(line, bool(warning.search(line))) for line in lines]
     own = own_claim(spec, found)
-    certified = all(limit["certified"] for limit in found.get("limits", ()))
-    ranges = Property("ranges of each number alone", "figures")
+    claims_of_lines = []
+    if limits := found.get("limits"):
+        ranges = Property("ranges of each number alone", "figures")
+        certified = all(limit["certified"] for limit in limits)
+        status = Status.CERTIFIED if certified else Status.COMPUTED
+        claims_of_lines.append(replace(own, what=ranges, status=status, reason=""))
     modes = Property("modes and what is felt", "figures")
-    status = Status.CERTIFIED if certified else Status.COMPUTED
-    figures = [replace(own, what=ranges, status=status, reason="")]
-    figures.append(replace(own, what=modes, status=Status.COMPUTED, reason=""))
-    return marked, Verdict.of(spec, [own, *claims]), known_in_words(figures)
+    claims_of_lines.append(replace(own, what=modes, status=Status.COMPUTED, reason=""))
+    return marked, Verdict.of(spec, [own, *claims]), known_in_words(claims_of_lines)
 
 
 def _picture_of_time(spec: Spec) -> str:
