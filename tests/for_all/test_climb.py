@@ -135,6 +135,7 @@ def test_the_nearest_value_that_fails_is_found_where_numbers_matter_only_togethe
     "keys", [LOST, LOST | {"every": 3}, AT_CHANCE, EVERY_N], ids=["lost", "lost of three ticks", "at random", "frames"]
 )
 def test_members_in_a_batch_have_the_frames_of_each_alone(keys):
+    """By the spectral radius of the matrix of each symbol."""
     spec = load(delay(LARGE, keys, **({"n": FRAMES} if keys is EVERY_N else {})))
     rules = Rules.of(spec)
     case = cases_of(rules, "", (0.0, 0.0), own_loop(spec))[0]
@@ -146,7 +147,7 @@ def test_members_in_a_batch_have_the_frames_of_each_alone(keys):
     points = np.random.default_rng(0).uniform(*case.box, (5, 2))
     for point, together in zip(points, np.moveaxis(members.at(points), 1, 0), strict=True):
         family = rules.family(case.values | dict(zip(paths, point.tolist(), strict=True)), "")
-        alone = family.at(0.0)[0] if rules.at_random else family.at(0.0)
-        radii = (np.abs(np.linalg.eigvals(each)).max(-1) for each in (together, alone))
-        assert next(radii) == pytest.approx(next(radii), rel=1e-12)
+        alone = family.at(0.0)[0] if rules.at_random else family.at(0.0)  # at random: matrices and probabilities
+        of_batch, of_alone = (np.abs(np.linalg.eigvals(frames)).max(-1) for frames in (together, alone))
+        assert of_batch == pytest.approx(of_alone, rel=1e-12)
     assert members.states == alone.shape[-1]

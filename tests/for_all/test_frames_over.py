@@ -128,7 +128,11 @@ FILTERED = {
 
 @pytest.mark.parametrize(("number", "ends", "own_units"), [("share", (0.3, 0.4999), True), ("f", (90.0, 110.0), False)])
 def test_states_of_a_filter_have_own_units_but_where_they_drift_with_others_by_a_fixed_factor(number, ends, own_units):
-    """Nothing holds the mass, and the filter's states follow it: by factors that depend on its share of the rate alone."""
+    """Nothing holds the mass, and the filter's states follow it by factors that depend on the filter's share of the rate alone.
+
+    While f varies these are fixed: the drift takes the states out, and they have to keep their units. While the share varies
+    they may be in units that depend on it. A trace does not depend on units: that of the enclosed frames is that of members.
+    """
     loop = own_loop(load(FILTERED))
     box = np.array(ends)[:, None]
     frames = constant_frames(loop, [Side(f"numbers.{number}")], box)
@@ -140,5 +144,6 @@ def test_states_of_a_filter_have_own_units_but_where_they_drift_with_others_by_a
     for unit in (-1.0, -0.3, 0.5, 1.0):
         value = box.mean() + unit * np.ptp(box) / 2
         member = loop.changed({f"numbers.{number}": np.array([value])})
+        # frames less identity, of five states without those of the drift
         exact = np.trace(np.eye(5) + member.frames(member.drift_of_frames())[0])
         assert np.polynomial.polynomial.polyval(unit, trace) == pytest.approx(exact, abs=off)

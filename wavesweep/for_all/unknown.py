@@ -197,11 +197,11 @@ class Case:
         """What is left of the parts after climbs, over all numbers and along the parts, to
         members that are unstable there."""
         growth = self._growth
-        # Climbs for worse numbers within what the others leave.
+        # Up to 8 rounds of climbs for worse numbers, each within what the last one left.
         for _ in range(8 if self.ranges else 0):
             before = parts
             for part in before:
-                low, high = part.within(0.0)
+                low, high = part.within(0.0)  # all of it, but for what is next to 0
                 box = np.column_stack([[low, high], self.box])
                 starts = [np.insert(self._starts, 0, end, axis=1) for end in (low, high)]
                 starts += [[[low, *point]] for point in self._setting(part.low_by)]

@@ -98,16 +98,15 @@ def by_prediction(
     residual = np.append(np.full(prediction.skip, np.nan), prediction.left)
     rows = LogRows(force, reading, period, resolution, prediction.skip, prediction.used)
     return Fit(
-        prediction.model,
-        prediction.theta,
-        prediction.half,
-        rows,
-        reading - residual,
-        residual,
-        prediction.noise,
-        None,
-        prediction.walked,
-        prediction.static,
+        model=prediction.model,
+        theta=prediction.theta,
+        half=prediction.half,
+        rows=rows,
+        readings=reading - residual,  # as predicted from one row to the next
+        residual=residual,
+        noise=prediction.noise,
+        walked=prediction.walked,
+        static=prediction.static,
     )
 
 

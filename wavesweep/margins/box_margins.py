@@ -225,6 +225,8 @@ def _factors(name, size):
 
 
 def _value(name, size):
+    """The value of a margin that lets a signal go so far, the inverse of `size_of`; of one without
+    a limit 0 for `gain_down`, and LARGEST_GAIN_FACTOR for `gain_up` and for a delay in frames."""
     match name:
         case "delay_frames":
             return min(size, LARGEST_GAIN_FACTOR)

@@ -80,8 +80,9 @@ class ByForms:
         return told
 
     def _worst(self, loops, factor, p, zooms=ZOOMS):
-        """The logarithm of the largest radius of the loop at a value with factors of the range, and
-        the number of that factor."""
+        """The logarithm of the largest spectral radius of the loop at p, over the factors of the
+        range, and the factor that has it: as far as a search finds it, which zooms in about the
+        largest peaks."""
         step = (factor.stop - factor.start) / (LOOKED_AT - 1)
         places = np.linspace(factor.start, factor.stop, LOOKED_AT)
         growth = Growth.of_loops(loops, [self.along, factor.path])

@@ -197,28 +197,33 @@ class _Worst(NamedTuple):
 
 
 def _panels(judge, domain, accuracy):
-    """Panels that cover the span: their columns, low ends and labels."""
+    """Panels that cover the span, as `[column, low, label]`, each `(panels,)`, in no order; column:
+    index into judge.columns.
+
+    Those that are neither labelled nor narrow are halved; of a column with too many of them they
+    are LOST.
+    """
     width = domain.width
     bounds = [bound[judge.columns] for bound in domain.bounds]
     count = len(judge.columns)
-    first = [_first_edges(judge, column, domain, accuracy) for column in judge.columns.tolist()]
-    column = np.repeat(np.arange(count), [edges.size - 1 for edges in first])
-    low = np.concatenate([edges[:-1] for edges in first])
-    high = np.concatenate([edges[1:] for edges in first])
+    edges = [_first_edges(judge, column, domain, accuracy) for column in judge.columns.tolist()]
+    column = np.repeat(np.arange(count), [of_column.size - 1 for of_column in edges])
+    low = np.concatenate([of_column[:-1] for of_column in edges])
+    high = np.concatenate([of_column[1:] for of_column in edges])
     many = judge.many
     # Entries of matrices at a time.
     at_once = max(1, 2_000_000 // (2 * HALF_RIM.size * judge.order**2))
-    tried = np.zeros(count, int)
+    tried = np.zeros(count, int)  # panels of each column, in all rounds
     helped = np.zeros(count, bool)  # by forms
     done = []
     while column.size:
         label = np.full(column.size, OPEN)
         portion = np.flatnonzero(domain.resolved(judge.columns[column], low, high))
-        for first in range(0, portion.size, at_once):
-            batch = portion[first : first + at_once]
+        for begin in range(0, portion.size, at_once):
+            batch = portion[begin : begin + at_once]
             label[batch] = judge.label(column[batch], low[batch], high[batch], bounds)
 
-        open_panels = np.bincount(column, minlength=count)
+        open_panels = np.bincount(column, minlength=count)  # as this round began
         tried += open_panels
         struggles = judge.forms and (judge.struggles(tried) & ~helped)
         for place in np.flatnonzero(struggles).tolist():

@@ -24,6 +24,7 @@ def test_a_solve_of_the_states_that_are_kept_is_one_of_all(seed):
     """At real and at complex angles."""
     E, B, C = random_system(seed)
     lines, random = DelayLines.of(E), np.random.default_rng(seed)
+    assert lines.steps.tolist() == [1] * lines.delayed.size
     theta = random.uniform(0.1, 3, (len(E), 5)) + (0.2j * random.normal(size=(len(E), 5)) if seed % 2 else 0)
     w = on_circle(theta)
     A = w[..., None, None] * np.eye(E.shape[-1]) - E[:, None]

@@ -64,9 +64,10 @@ def test_the_bound_on_an_ellipse_holds_and_is_not_far_from_what_is_there(seed):
     column = np.zeros(dense.size, int)
     tiles = _Tiles(column, edges[:-1], edges[1:], np.stack([dense, dense], -1), np.zeros(dense.size))
     middle = (edges[10:80:7] + edges[11:81:7]) / 2
-    half = 0.6 * np.diff(edges)[10:80:7]
+    half = 0.6 * np.diff(edges)[10:80:7]  # of a panel and its overlaps, and a little more
+    # One function, twice: leaves have two.
     bound, _ = Leaves.of(1, tiles, degree).bound(column[: middle.size], middle, half, 2.5)
-    rim = 2.5 * np.exp(1j * np.linspace(0, np.pi, 400))
+    rim = 2.5 * np.exp(1j * np.linspace(0, 2 * np.pi, 800))  # all of it: the zeros lie above the axis
     true = log_size(middle[:, None] + half[:, None] * (rim + 1 / rim) / 2).max(-1)
     assert (true <= bound + 1e-9).all()
     assert (bound - true < np.log(1e4)).all()

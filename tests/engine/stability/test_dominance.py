@@ -145,6 +145,24 @@ def test_crossings_that_are_looked_for_in_the_wrong_place_are_never_missed(monke
     assert wrong == 0
 
 
+def polynomial(C, p):
+    """The sum of C_k p^k."""
+    return sum(c * np.asarray(p)[..., None, None] ** k for k, c in enumerate(C))
+
+
+def panels_of_polynomial(C):
+    """The panels of the matrices of `polynomial`."""
+
+    def frames(_, p):
+        return polynomial(C, p) - np.eye(C.shape[-1])
+
+    def errors(column, p):
+        E = frames(column, np.ravel(p))
+        return E, 4e-16 * np.abs(E)
+
+    return panels_of(frames, errors, SPAN, 1, np.array([[-np.inf], [np.inf]]))[0]
+
+
 @pytest.mark.slow
 def test_what_traces_prove_unstable_is():
     """Polynomials in the number whose largest eigenvalues are between 0.3 and 100."""
@@ -152,18 +170,13 @@ def test_what_traces_prove_unstable_is():
     for _ in range(60):
         n, terms = int(r.integers(1, 7)), int(r.integers(2, 9))
         C = r.normal(size=(terms, n, n)) * 10.0 ** r.uniform(-2, 2, (terms, 1, 1))
-
-        def matrices(p, C=C):
-            return sum(c * np.asarray(p)[..., None, None] ** k for k, c in enumerate(C))
-
-        C *= 10.0 ** r.uniform(-0.5, 2) / np.abs(np.linalg.eigvals(matrices(np.linspace(-1, 1, 9)))).max()
-        frames = lambda _, p, A=matrices, n=n: A(p) - np.eye(n)  # noqa: E731
-        errors = lambda _, p, E=frames: (E(_, np.ravel(p)), 4e-16 * np.abs(E(_, np.ravel(p))))  # noqa: E731
-        panels, _ = panels_of(frames, errors, SPAN, 1, np.array([[-np.inf], [np.inf]]))
+        largest = np.abs(np.linalg.eigvals(polynomial(C, np.linspace(-1, 1, 9)))).max()
+        C *= 10.0 ** r.uniform(-0.5, 2) / largest
+        panels = panels_of_polynomial(C)
         if panels is None:  # followed nowhere
             continue
         unstable, _ = covering._unstable_by_traces(panels)
         for low, high in zip(unstable.low, unstable.high, strict=True):
             looked += 20
-            assert np.abs(np.linalg.eigvals(matrices(np.linspace(low, high, 20)))).max(1).min() > 1
+            assert np.abs(np.linalg.eigvals(polynomial(C, np.linspace(low, high, 20)))).max(1).min() > 1
     assert looked > 500

@@ -52,8 +52,9 @@ def edge_behind_ticks(ticks, hold, rate):
 
 
 @pytest.mark.parametrize(("ticks", "hold"), [(100, 3), (401, 2), (997, 7)])
-def test_a_delay_beside_a_slower_hold_is_of_that_hold(ticks, hold):
-    """Before it, behind it, and on both sides of it, each with a phase of its own; certified from 0 on."""
+def test_a_delay_may_stand_on_either_side_of_a_slower_hold(ticks, hold):
+    """Before it, behind it, and 31 ticks behind and the rest before: but for a shift of time all three are the loop of
+    `edge_behind_ticks`. Certified from 0 on."""
     wires = [{"d.u": "x.y", "h.u": "d.y", "x.u": "-K*h.y"}, {"h.u": "x.y", "d.u": "h.y", "x.u": "-K*d.y"}]
     wires.append({"d.u": "x.y", "h.u": "d.y", "e.u": "h.y", "x.u": "-K*e.y"})
     for way in wires:

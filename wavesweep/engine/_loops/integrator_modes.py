@@ -405,9 +405,13 @@ def _add_plant(rest: RestEquations, plant: Plant, value: Callable[..., Any], blo
 def _discrete_tf(
     num: list[Fraction], den: list[Fraction], delta: bool, states: tuple[str, ...]
 ) -> tuple[list[list[Any]], ...]:
-    """A transfer function in z or z - 1 at rest; the last of its states may be delays (see
-    `blocks.tf`)."""
-    n = sum(name.startswith("x") for name in states)
+    """Return `at_rest` of a transfer function in z, or in z - 1 if `delta`.
+
+    The last k of its states may be delays, for poles at 0 (see `blocks.tf`). Then the denominator
+    is z^k below(z), the numerator z^k above(z) + later(z), and the function at z = 1 is
+    (above(1) + sum(later))/below(1), unless that is a pole.
+    """
+    n = sum(name.startswith("x") for name in states)  # without the delays
     num = [Fraction(0)] * (len(den) - len(num)) + num
     above = num[: n + 1]
     below = den[: n + 1]

@@ -268,8 +268,8 @@ def _closure(needs: np.ndarray) -> np.ndarray:
 def _closed(
     system: StateSpace, C: np.ndarray, read: np.ndarray, through: np.ndarray, ports: np.ndarray
 ) -> StateSpace:
-    """Return the blocks `x+ = E x + B u` with the outputs `y = C x + R u + D w`, connected by
-    `u = K x + L w`; read: R; through: D; ports: `[K L]`."""
+    """Return the blocks `x+ - x = E x + B u`, with outputs `y = C x + R u + D w` in place of their
+    own, connected by `u = K x + L w`; read: R; through: D; ports: `[K L]`."""
     n = system.E.shape[-1]
     K = ports[..., :n]
     L = ports[..., n:]

@@ -44,15 +44,18 @@ class DelayLines:
         entries = (passed != 0).any(0)
         passed_on = (passed == 1).all(0)
         delayed = (passed.diagonal(axis1=1, axis2=2) == 0).all(0)
+        # First no row may have two entries, or one that is not 1; then no column: two states that
+        # take over the same one.
         for branches in (False, True):
             while True:
+                # links[i, j]: state i takes over j, z x_i = x_j, both delayed
                 links = entries & delayed & delayed[:, None]
                 several = links.sum(0) > 1 if branches else links.sum(1, keepdims=True) > 1
                 branching = links & (~passed_on | several)
                 if not branching.any():
                     break
                 delayed[np.argmax(np.maximum(branching.sum(0), branching.sum(1)))] = False
-        after = np.where(links.any(0), links.argmax(0), -1)
+        after = np.where(links.any(0), links.argmax(0), -1)  # after[j]: what takes over j, or -1
         lines = []
         for first in np.flatnonzero(delayed & ~links.any(1)).tolist():
             line = [first]
@@ -61,7 +64,7 @@ class DelayLines:
             lines.append(np.array(line))
         # States in a ring are not reached, and are solved for.
         solved = np.setdiff1d(np.arange(len(links)), np.concatenate([*lines, []]))
-        return DelayLines(solved, tuple(lines), np.ones(delayed.sum(), int))
+        return DelayLines(solved, tuple(lines), np.ones(sum(map(len, lines)), int))
 
     def condensed(self, system: StateSpace) -> tuple["DelayLines", StateSpace]:
         """Return the same lines and loops, `(loops, ...)`, with one state in place of a run of those

@@ -187,6 +187,11 @@ class _Way:
         are searched for a number further on, and the proof goes back from there to what is already
         proved; and so on. Each search begins with the least graph: one that was refined for other
         numbers takes up to three times the nodes.
+
+        A number for which neither norms nor a word are found is a ceiling: the next search is
+        half-way to it, until half of the tolerance is left. If nothing is refuted, the ceiling is
+        then dropped, once for each tolerance that the proof has gone on. If it is the limit for
+        which none are found, the goal is a little short of that from then on.
         """
         family = self.family
         word = refuted.word
@@ -226,7 +231,7 @@ class _Way:
                     self.tell(reached, goal)
                     continue
                 nearer = self.grown(aim, word, MORE)
-                if word and not nearer.word:
+                if word and not nearer.word:  # or between that number and what is refuted
                     nearer = self.grown((aim + refuted.x) / 2, word, MORE)
             if nearer.word:
                 return reached, nearer

@@ -172,7 +172,8 @@ def _of_large(innovations, slopes, to_theta):
     no innovation counts for more than `LARGE_INNOVATION` standard deviations (Huber 1981).
 
     Ticks in which friction holds the device for a moment leave such innovations, and they do not
-    have a mean of 0.
+    have a mean of 0. With the slopes J, `(rows, numbers)`, J' e = 0 at the numbers found, so that
+    the step, -J^+ clip(e), is J^+ (e - clip(e)). to_theta: `(theta, numbers)`.
     """
     deviation = np.median(np.abs(innovations)) / 0.6745  # of normal ones
     bound = LARGE_INNOVATION * deviation

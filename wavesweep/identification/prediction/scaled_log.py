@@ -208,21 +208,27 @@ def scaled(
 
 
 def spikes(reading, resolution):
-    """Which readings are far to one side of both neighbours, which are near to each other and to
-    their own: outliers.
+    """Which readings are outliers, `(rows,)`: far to one side of both neighbours, which are near to
+    each other and to their own neighbours. None if OUTLIER_SHARE of the rows are: then it is not
+    single readings that err.
 
     A velocity under a force that turns round is as far from its neighbours, but so are these from
     theirs.
     """
     change = np.diff(reading)
-    before = change[:-1]
-    after = -change[1:]
+    before = change[:-1]  # r_i - r_(i-1), of all i with two neighbours
+    after = -change[1:]  # r_i - r_(i+1)
+    # Standard deviation of a second difference, if these are normal.
     usual = np.median(np.abs(before + after)) / 0.6745
     height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
     around = np.abs(np.pad(change, 1))
-    alone = np.maximum(np.abs(before - after), np.maximum(around[:-3], around[3:])) < 0.5 * height
-    # Standard deviations of a second difference, beyond which a single reading is an outlier.
-    outliers = np.pad(alone & (height > max(20.0 * usual, 3 * resolution)), 1)
+    farther_before = around[:-3]  # |r_(i-1) - r_(i-2)|
+    farther_after = around[3:]  # |r_(i+2) - r_(i+1)|
+    between_neighbours = np.abs(before - after)  # |r_(i+1) - r_(i-1)|
+    apart = np.maximum(between_neighbours, np.maximum(farther_before, farther_after))
+    # 20 standard deviations of a second difference: beyond these a single reading is an outlier.
+    is_high = height > max(20.0 * usual, 3 * resolution)
+    outliers = np.pad((apart < 0.5 * height) & is_high, 1)
     if outliers.mean() < OUTLIER_SHARE:
         return outliers
     return np.zeros(len(reading), bool)

@@ -43,9 +43,14 @@ def peak_of_encoder(loop: Loops, signal: str = REACTION) -> PeakGain | None:
     from wavesweep.engine.response import l1_norm
 
     device = device_of(loop.drawing)
-    if device is None or loop.drawing.hand[2] is None:
+    if device is None:
         return None
-    drawn, drift = loop.drawn(), loop.drift(watched=(POSITION, signal))
+    _, _, reaction = loop.drawing.hand
+    if reaction is None:
+        return None
+    drawn = loop.drawn()
+    # Of the motors' force it is that of `drift_at_hand`, which is found once.
+    drift = loop.drift(watched=(POSITION, signal))
     with drawn.naming_blocks():
         return l1_norm(Port.between(readings(drawn, device), ROUNDING, signal, drift))
 
