@@ -66,6 +66,7 @@ def test_what_acts_on_a_device_from_outside_is_none_of_the_controllers(tmp_path)
     assert "/* ref */" in files["controller.h"]
     assert "load.f: from outside alone, so the host's" in files["controller.h"]
     check(tmp_path)
+    # The example of a host gives 1 to the first input, the torque, for 2 s: 2000 ticks.
     seen = simulated(wavesweep.load(tables), np.ones(2000)).signals["place"]
     np.testing.assert_allclose(host_of(tmp_path)["ws_load_x"], seen, rtol=1e-9, atol=1e-11)
 

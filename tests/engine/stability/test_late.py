@@ -163,15 +163,16 @@ def frames_taken(tables, number="K"):
 
 
 def test_whole_frames_are_taken_where_every_way_passes_the_delay_once():
-    """Of a delay of 130 ticks in frames of 4, 31; none where a way leads past it, or back to it without the number."""
+    """Of a delay of 130 ticks in frames of 4, 32 less one that it keeps; none where a way leads past it, or back to it
+    without the number."""
     assert frames_taken(IN_SERIES["before a hold"]) == 31
-    assert frames_taken(IN_SERIES["in slower ticks"]) == 23
+    assert frames_taken(IN_SERIES["in slower ticks"]) == 23  # 48 steps of 3 ticks are 24 frames of 6, less one
     assert frames_taken(IN_SERIES["two"]) == 24 + 8
     late = {"mass": MASS, "d": delay(90)}
     past = drawn(late, {"d.u": "mass.x", "mass.f": "-K*d.y - K*mass.v"})
     back = drawn(late, {"d.u": "mass.x", "mass.f": "-K*d.y - 3*d.y"})
     beside = drawn({**late, "e": delay(90)}, {"d.u": "mass.x", "e.u": "mass.v", "mass.f": "-K*d.y - 3*e.y"})
-    short = drawn({"mass": MASS, "d": delay(21)}, {"d.u": "mass.x", **FORCE})
-    outside = drawn(late, {"d.u": "mass.x", "mass.f": "-K*mass.x"})
+    short = drawn({"mass": MASS, "d": delay(21)}, {"d.u": "mass.x", **FORCE})  # 20 frames, which are few
+    outside = drawn(late, {"d.u": "mass.x", "mass.f": "-K*mass.x"})  # the delay is in no loop
     assert [frames_taken(tables) for tables in (past, back, short, outside)] == [0, 0, 0, 0]
     assert frames_taken(beside) == 89  # 3 goes past the delay of K, and is no way from K to it
