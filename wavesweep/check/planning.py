@@ -43,14 +43,13 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
         if command != "zwidth" or not drawing or drawing.wall:
             lines += _interval_lines(spec, command, along, estimated)
     if drawing and drawing.hand is None and not spec.routes:
-        lacking = [
-            "bode",
-            *filter(home_of, ("passivity", *(() if drawing.inputs else ("simulate",)))),
-        ]
         if drawing.inputs:
             names = "neither a hand nor outputs"
+            others = ["passivity"]
         else:
             names = "neither a hand nor inputs"
+            others = ["passivity", "simulate"]
+        lacking = ["bode", *filter(home_of, others)]  # of the others those that a capability has
         return [*lines, f"  {', '.join(lacking)}: not possible, [ports] names {names}"]
     lines += _bode_lines(spec, estimated)
     for said, jobs in asked("on_check", "sweep_plan", spec):

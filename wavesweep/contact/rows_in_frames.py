@@ -218,7 +218,8 @@ class Along:
         for graph in self.loop.graphs:
             tops.append(self._end(graph, low, ceiling, tops[-1]))
         best: list[Piece] = []
-        for graph, top in zip(self.loop.graphs[::-1], tops[:0:-1], strict=True):
+        # The largest graph reaches highest; a smaller one is tried above what is proved already.
+        for graph, top in zip(reversed(self.loop.graphs), reversed(tops[1:]), strict=True):
             # How far below the end that is found a proof is tried, of that.
             for back in (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.3):
                 begun = (1 - back) * top

@@ -695,6 +695,8 @@ def _how_far(spec, ends, columns):
 
 
 def _notices(job):
+    """Yield with what designs were tried and proved, what was not tried, and which wishes or varied
+    numbers say little."""
     spec = job.grid.spec
     study = job.asked
     ends = count_of(spec)
@@ -713,7 +715,7 @@ def _notices(job):
             yield f"walls are proved from {100 * share:g} % of z_width on"
     if not _checked(job):
         yield f"values between the ends of the ranges were not tried: with them there are more than {MOST_SCENARIOS} combinations"
-    if all(wish.kind.reads for wish in spec.design.wishes):
+    if all(wish.kind.reads for wish in spec.design.wishes):  # no wish reads the whole loop
         alone = " and ".join(wish.name for wish in spec.design.wishes)
         yield f"{alone} depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"
     unread = [axis.name for axis in spec.design.vary if axis.path not in keys_of(spec)]

@@ -167,8 +167,9 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     alone = replace(drawing, tick_hz=rate, blocks=plants, wires=(), hand=None, outputs=(), named=())
     # Both may be rounded: times and rates are given in decimals.
     low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)
-    # Order of the Taylor models of a cell.
-    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], 24)
+    # LENGTH has this value only until its side, the cell, takes its place.
+    values = {**loops.values, LENGTH: low}
+    enclosed = EnclosedLoop(alone, values, [Side(LENGTH)], order=24)
     model = enclosed.over(np.array([[low], [high]]))
     names = moving(drawing)
     return {name: (_curve(model.blocks[name].E), _curve(model.blocks[name].B)) for name in names}

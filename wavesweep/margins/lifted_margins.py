@@ -190,8 +190,8 @@ class LiftedLoop:
         return TickMaps((matrices,), np.zeros(1, int))
 
     def slope_and_error(self, theta: float) -> tuple[complex, float]:
-        """Return the derivative of L by the angle, and a bound on its error: of the frame's
-        entries, and of rounding; of a signal that is made once."""
+        """Return the derivative of L by the angle, and a bound on the error of L itself: of the
+        frame's entries, and of rounding; of a signal that is made once."""
         E, B, C, _ = self.cut.with_integrator()
         dE, dB, dC, _ = self.cut.errors_with_integrator()
         w = complex(on_circle(theta))
@@ -441,18 +441,23 @@ def _at_unit_gain(loop) -> Iterator[Margin]:
     1."""
     theta, certain, hidden = loop.unit_gains()
     doubt = Doubt.NONE if certain else Doubt.CROWDED
-    slow = abs(complex(loop.at_line(np.pi))) < 1 - TOUCHES
+    slow = abs(complex(loop.at_line(np.pi))) < 1 - TOUCHES  # otherwise see Doubt.FAST
     if not theta.size:
         if hidden:
+            # Up to the angle `hidden` L is about 1, turned by at most `turned`: to reach -1 takes
+            # 180 degrees less that, or a delay of about pi/hidden frames or more.
             turned = abs(loop.slope_and_error(BESIDE_ZERO)[0]) * hidden
             yield margin_within("phase", 180.0, 0.0, turned / np.pi, doubt)
             doubt = doubt if hidden * LARGEST_GAIN_FACTOR <= np.pi else Doubt.ROUNDING
         else:
             yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
+        doubt = doubt if slow else Doubt.FAST
+        yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt)
+        return
     response = loop.at_line(theta)
     lag = np.angle(-response)
     limits = (("phase", np.abs(lag), np.pi / 180), ("delay_frames", lag % (2 * np.pi), theta))
-    for name, turns, unit in limits[: 1 + slow if theta.size else 0]:
+    for name, turns, unit in limits[: 1 + slow]:
         values = turns / unit
         worst = int(np.argmin(values))
         L = response[worst]
@@ -463,8 +468,8 @@ def _at_unit_gain(loop) -> Iterator[Margin]:
             error *= 1 + abs(slope * L) / abs((slope * L.conj()).real)
         omega = float(theta[worst]) / loop.period
         yield margin_within(name, float(values[worst]), omega, error / turns[worst], doubt)
-    if not (theta.size and slow):
-        yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt if slow else Doubt.FAST)
+    if not slow:
+        yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, Doubt.FAST)
 
 
 def _phase(loop):

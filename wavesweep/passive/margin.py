@@ -133,6 +133,7 @@ def _margins(port, batch, decide) -> PortMargin:
         # Something holds the scene, so a constant force, of some direction, moves nothing.
         theta = np.where(margin > 0, 0.0, theta)
         margin = np.minimum(margin, 0.0)
+    # certain: its digits stand. below: it is negative beyond rounding. told: its sign is known.
     certain = np.ones(rows.size, bool)
     below = margin < -ZERO_MARGIN * scale
     asked = np.flatnonzero(~below) if decide else np.arange(rows.size)
@@ -143,6 +144,8 @@ def _margins(port, batch, decide) -> PortMargin:
         )
     told = below | (margin > FAINT_MARGIN * scale)
     margin = np.where(certain & np.isfinite(margin), np.where(told, margin, 0.0), np.nan)
+    # What is held is back after a frame at rest whatever the forces: its displacements add up to 0,
+    # and nothing is dragged along. A free scene may be, if its frame has several ticks.
     free = port.drifts == port.axes and ticks.kind.size > 1
     not_negative = margin >= -ZERO_MARGIN * scale
     at = np.flatnonzero(free & not_negative & (~below | (theta == 0)))

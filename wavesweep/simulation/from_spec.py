@@ -90,7 +90,7 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
     frames = spec.simulate["frames"] or ()
     if frames != RANDOM:
         return frames
-    for_all, frames_run, length, ticks = spec.for_all, [], 0, 0
+    for_all, frames_run, ticks = spec.for_all, [], 0
     lengths, delays = [spec.values.get("rates.ratio")], [None]
     for axis in for_all.changing:
         if axis.path == "environment.delay":
@@ -99,11 +99,13 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
             lengths = lengths_at(spec, axis)
     kinds = [Frame(0, delay) for delay in delays] + [Frame(0, lost=True)]
     draw = random_frames(effects)
+    last = 0  # index of the last length; the first frame comes as after the first length
     while ticks < count or not frames_run:
-        length = draw(for_all.lengths[length % len(for_all.lengths)])
-        result = kinds[draw(for_all.results[length % len(for_all.results)])]
-        frames_run.append(replace(result, ticks=lengths[length]))
-        ticks += lengths[length]
+        chances = for_all.lengths[last % len(for_all.lengths)]  # the row after it, or the only one
+        last = draw(chances)
+        result = kinds[draw(for_all.results[last % len(for_all.results)])]
+        frames_run.append(replace(result, ticks=lengths[last]))
+        ticks += lengths[last]
     return tuple(frames_run)
 
 

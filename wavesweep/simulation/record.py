@@ -51,8 +51,8 @@ class Simulation:
     `F_s` also without waves.
     `energy`: see `Energy`.
     `frame`: ticks in a frame, 1 for `dc`.
-    `late`: ticks by which each slow result was late, -1 for one that was lost; of the first of
-    several slow loops.
+    `late`: ticks by which each slow result, or message of a channel, was late, -1 for one that was
+    lost; of the first of several slow loops or channels.
     `stopped`: why the simulation ended before the last tick of the force; empty if it did not.
     `starts`: ticks in a frame at which a slow one begins, if these vary in length and the frame is
     all of them.

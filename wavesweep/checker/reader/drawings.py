@@ -164,13 +164,16 @@ def named_numbers(entries: dict) -> dict[str, Any]:
 
 
 class Drawing:
-    """Numbers, blocks, wires and ports of a spec, with its classes written out."""
+    """Numbers, blocks, wires and ports of a spec, with its classes written out.
+
+    arithmetic: of its numbers. cut: see `loop_of`. Errors: Unreadable.
+    """
 
     def __init__(self, tables: dict, arithmetic, cut: str = ""):
         self.arithmetic = arithmetic
         self.cut = cut
         self.key = Keys(written_out(tables))
-        self.key("type")
+        self.key("type")  # asked for, so that it is a known key
         self.numbers = named_numbers(self.key("numbers", {}))
         for name, value in self.numbers.items():
             if not isinstance(value, str):
@@ -200,7 +203,7 @@ class Drawing:
                 if key in OF_BLOCKS.get(keys.get("type"), {}):
                     self.refuse(block, key)
             self.refuse_unfit(block, keys)
-            self.phase(block)
+            self.phase(block)  # raises if it is not below every
         # (what, "" of each tick or a block of its runs)
         self.remembered: set[tuple[str, str]] = set()
         self.plants = {name: self.plant(name) for name in self.blocks if self.is_plant(name)}

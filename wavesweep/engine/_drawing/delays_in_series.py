@@ -105,6 +105,9 @@ def _in_slower_ticks(drawing: Drawing, constants: dict[str, float]) -> Drawing:
                 or clock.every % clock_of_delay.every
             ):
                 continue
+            # wait: from the sources' tick to the delay's next run, or from a run to the readers' tick.
+            # It then runs `rest` ticks behind the sources, or before the readers, at every tick of
+            # their clock, and shows what it read `runs` such ticks before: as late as it was.
             wait = sign * (clock_of_delay.phase - clock.phase) % clock_of_delay.every
             runs, rest = divmod(wait + steps[name] * clock_of_delay.every, clock.every)
             if not runs:

@@ -26,12 +26,15 @@ def with_late_signal(drawing: Drawing, runs: int) -> Drawing:
 def _with_block(
     drawing: Drawing, signal: str, name: str, kind: str, key: tuple[str, Tree]
 ) -> Drawing:
-    """The drawing with a block behind a signal, which runs when that of the signal does."""
+    """The drawing with a block of this name behind a signal, which runs when that of the signal does.
+
+    All wires read NAME.y in place of the signal, and nothing else does.
+    """
     source = next(block for block in drawing.blocks if block.name == signal.rpartition(".")[0])
     added = DrawnBlock(name, kind, (key,), source.every, source.phase, source.phases)
     behind = {signal: f"{name}.y"}
     wires = tuple(
-        (port, tuple((behind.get(name, name), factor) for name, factor in terms))
+        (port, tuple((behind.get(term, term), factor) for term, factor in terms))
         for port, terms in drawing.wires
     )
     wires += ((f"{name}.u", ((signal, ONE),)),)

@@ -98,6 +98,8 @@ def product_with_tight_errors(
     def of_loops(index: Any) -> np.ndarray:
         ticks = [_of_loops(change, batch, index) for change in changes]
         errors = [ENTRY_ROUNDING * _of_loops(size, batch, index) for size in sizes]
+        # Joined two by two, as in `product_with_errors`; dE bounds the error of `again`, joined one
+        # by one, so their distance is added to it.
         E = in_a_row(list(kinds), ticks, lambda P, Q: P + Q + Q @ P)
         once: dict[_Step, tuple[np.ndarray, np.ndarray]] = dict(
             enumerate(zip(ticks, errors, strict=True))
