@@ -7,7 +7,9 @@ import pytest
 
 from wavesweep.engine._drawing.mass_matrix import at_axes
 from wavesweep.engine._loops.values import keys_with, numbers_of
+from wavesweep.engine.keys import Leaf, Place
 from wavesweep.program.spec import load
+from wavesweep.program.spec.shipped_classes import with_classes
 
 STEP = 1e-5  # m, of central differences of second order: a relative error of about 1e-7
 GAUSS = np.polynomial.legendre.leggauss(2)  # exact for the squares of velocities along a rod
@@ -127,3 +129,10 @@ def test_the_matrices_at_the_hand_are_those_of_its_links(kind, seed):
     expected = turned @ np.diag(dampings) @ turned.T + own["damping"]
     assert np.allclose(D, expected, rtol=1e-5, atol=1e-7 * np.abs(expected).max())
     assert np.array_equal(K, own["stiffness"])
+
+
+def test_classes_are_added_in_the_order_in_which_blocks_name_them():
+    names = ["wall-3d", "delta", "wall", "pantograph", "five-bar"]
+    leaves = {("block", f"b{i}", "type"): Leaf(name, Place()) for i, name in enumerate(names)}
+    added = [path[1] for path in with_classes(leaves) if path[0] == "type"]
+    assert list(dict.fromkeys(added)) == names

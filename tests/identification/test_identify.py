@@ -128,6 +128,27 @@ def test_friction_that_turns_round_at_a_speed_is_that_of_a_fine_march(sided):
     assert np.abs(at_once - places).max() > 4e-6
 
 
+@pytest.mark.parametrize("damping", [-40.0, 40.0])
+def test_with_friction_that_vanishes_a_march_is_that_of_the_damping_alone(damping):
+    """Also of one below 0, as a fit may try: v' = 40 v + 10 f by e^(40 t)."""
+    device = {
+        "mass": 0.1,
+        "damping": 0.1 * damping,
+        "stiffness": 0.0,
+        "friction": 0.0,
+        "delay": 0.0,
+        "offset": 0.0,
+        "bias": 0.0,
+    }
+    device |= {"start": 0.0, "velocity": 0.02, "turning": 1e-6}
+    force = np.sin(0.3 * np.arange(40))
+    decay = np.exp(-damping * 1e-3)
+    speeds = [0.02]
+    for push in force[:-1]:
+        speeds.append(decay * speeds[-1] + 10 * push * (1 - decay) / damping)
+    assert measured(device, "velocity", force, 1e-3) == pytest.approx(speeds, rel=1e-9, abs=1e-9)
+
+
 @pytest.mark.slow
 def test_friction_that_creeps_does_not_move_the_numbers_out_of_their_intervals():
     """If it turned round at once, damping and friction would be 4 half-widths off."""

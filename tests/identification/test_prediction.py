@@ -145,6 +145,25 @@ def test_a_delay_is_found_across_a_whole_number_of_ticks():
     assert found["delay"] == pytest.approx(1.875, abs=0.01)
 
 
+def test_a_point_at_which_effects_are_no_numbers_is_passed_over(monkeypatch):
+    """Where a filter overflows, also if the errors of the readings do not."""
+    source = np.random.default_rng(3)
+    force = source.standard_normal(100)
+    speeds = read(marched(0.1, 1.0, force, measured="velocity"), 1e-3, source)
+    log = scaled(Model(delay=0.0, measured="velocity"), force, speeds, 1e-3, 1e-3)
+    search = Search(log, {"rate": 5.0, "square": 0.0, "delay": 0.0, "white": 1e2, "drift": 1e-9})
+    points = []
+
+    def overflown(*point):
+        points.append(point)
+        predictor, errors, effects = errors_of(*point)
+        return predictor, errors, effects if len(points) != 2 else np.full_like(effects, np.nan)
+
+    monkeypatch.setattr("wavesweep.identification.prediction.search.errors_of", overflown)
+    assert np.isfinite(least_of(log, search, search.begun, 8, 3)).all()
+    assert len(points) > 2
+
+
 @pytest.mark.slow
 def test_a_drag_is_not_friction_below_zero():
     (log,) = of_curves("drag", 1, 0, 0.3)

@@ -295,11 +295,19 @@ def _linear(numbers, push, period, row):
 
 
 def _turning(numbers, parts, row):
-    """The same with friction F_c tanh(v/v_t), which lets a device that sticks creep.
+    """Velocity (row 0) or position (row 1) at the start of each tick, with friction
+    F_c tanh(v/v_t), which lets a device that sticks creep.
 
     A step of h is that of the equation with a straight line for the friction near v: with
-    J = F_c (1 - tanh^2)/(m v_t) + d/m and z = J h, the velocity changes by a (1 - e^-z)/J. Near
-    0 it changes by a quarter of v_t at most in a step; elsewhere friction is constant.
+    J = F_c (1 - tanh^2)/(m v_t) + d/m and z = J h, the velocity changes by h phi_1(z) a and the
+    position by h v + h^2 phi_2(z) a, with phi_1 = (1 - e^-z)/z and phi_2 = (1 - phi_1)/z. Near 0
+    the velocity changes by about a quarter of v_t in a step, unless this would be less than 1/256
+    of a part; elsewhere friction is constant. parts: (seconds, force in each tick) of the parts of a
+    tick in turn.
+
+    With `sided` the offset f_0, which all forces have in them, acts as f_0 |tanh(v/v_t)|: the rest
+    f_0 (1 - |tanh|) is taken off, and F_c - f_0 sgn(v) is in the place of F_c in J. A fit tries it
+    for f_0 below F_c.
     """
     friction, damping, stiffness = (
         numbers[name] / numbers["mass"] for name in ("friction", "damping", "stiffness")
@@ -324,12 +332,12 @@ def _turning(numbers, parts, row):
                 # Steps in which a part of a tick is marched through a turn.
                 h = min(seconds_left, max(longest, seconds / 256))
                 a = net - stiffness * (x + v * h / 2)
-                rubbed = friction - copysign(sided, v)
-                z = (rubbed * (1 - side * side) / turning + damping) * h
-                first = -expm1(-z) / z if z > SMALL else 1 - z / 2
-                second = (1 - first) / z if z > SMALL else 0.5 - z / 6
-                x += h * v + h * h * second * a
-                v += h * first * a
+                moving_friction = friction - copysign(sided, v)
+                z = (moving_friction * (1 - side * side) / turning + damping) * h
+                phi_1 = -expm1(-z) / z if abs(z) > SMALL else 1 - z / 2
+                phi_2 = (1 - phi_1) / z if abs(z) > SMALL else 0.5 - z / 6
+                x += h * v + h * h * phi_2 * a
+                v += h * phi_1 * a
                 seconds_left -= h
     return np.array(states)
 

@@ -54,6 +54,13 @@ def test_a_folder_with_the_name_of_a_file_is_written_into_only_if_that_is_said(w
 
 
 @pytest.mark.parametrize("out", ["-", "t.csv"])
+def test_a_figure_that_is_asked_for_is_not_left_out_for_a_table_alone(wavesweep, spec, sweep, out):
+    code, _, err = wavesweep("zwidth", spec, "--plot", "--out", out)
+    assert (code, f"--plot draws a figure, and --out {out} writes none" in err, sweep.seen) == (2, True, [])
+    assert wavesweep("zwidth", spec, "--out", out)[0] == 0
+
+
+@pytest.mark.parametrize("out", ["-", "t.csv"])
 def test_a_table_that_fails_in_its_middle_leaves_nothing(wavesweep, spec, monkeypatch, out):
     from wavesweep.program.results import table_writing as writing
 

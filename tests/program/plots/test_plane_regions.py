@@ -14,9 +14,10 @@ from wavesweep.program.analyses.plane_columns import (
     PlaneCurve,
     View,
     curves_of,
+    seconds_of_curves,
 )
 from wavesweep.program.plots.plane_regions import region_of
-from wavesweep.program.spec import load
+from wavesweep.program.spec import load, sweep_axes
 from wavesweep.program.tables.interval_table import intervals
 
 from .conftest import table_of_intervals
@@ -163,6 +164,16 @@ def test_dear_columns_are_no_more_than_those_of_the_table(dear_columns, count):
     assert len(dear_columns) <= count
     assert bool(dear_columns) == (count > 4)  # of so few nothing between is known
     assert set(dear_columns) <= set(curve.columns)
+
+
+def test_the_time_of_further_columns_is_told(monkeypatch):
+    """Each takes 0.02 s here, along a cut."""
+    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.cost_of", lambda *_: (0.02, Way.CUT))
+    values = np.linspace(60, 108, 20).tolist()
+    spec = load({"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 4000}, "B_VE": values}})
+    seconds = seconds_of_curves(spec, *sweep_axes(spec, "K_VE"), 0.02)
+    added = len(curve_of_design(values).columns) - len(values)
+    assert 0 < 0.02 * added <= seconds
 
 
 def test_dear_columns_in_doubt_are_left_out_between_certified_ones(dear_columns):

@@ -183,6 +183,8 @@ def least_of(log, search, point, skip, most_steps):
     scale = None
 
     def residual(scaled):
+        """The innovations that the best gains leave, `(rows,)`, over their standard deviation at
+        the first point that has any; 1e6 where there are none."""
         nonlocal scale
         with np.errstate(all="ignore"):
             try:
@@ -190,11 +192,13 @@ def least_of(log, search, point, skip, most_steps):
             except np.linalg.LinAlgError:
                 return np.full(len(log.reading) - skip, 1e6)
             # Squares of larger ones are no doubles.
-            if not max(np.abs(errors).max(), np.abs(effects).max()) < 1e150:
+            usable = np.abs(errors).max() < 1e150 and np.abs(effects).max() < 1e150
+            if not usable:
                 return np.full(len(log.reading) - skip, 1e6)
             gains, rest = projected(errors, effects)
-            if not gains[0] > 0:  # no mass is negative
+            if not gains[0] > 0:  # it is 1/mass, and no mass is negative: all errors stay
                 rest = errors
+        # of all points of the search, so that their sums of squares compare
         scale = scale or float(rest.std())
         return np.clip(rest / scale, -1e6, 1e6)
 

@@ -151,16 +151,20 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
 
 
 def seconds_of_curves(spec: Any, axis: Any, axes: Sequence[Any], slice_seconds: float) -> float:
-    """Seconds that further columns may take, at most; axes: of the table, slice_seconds: of one
-    of its slices."""
+    """Seconds that further columns may take, by an estimate; none are computed if no axis is plain.
+
+    Dear columns are no more than the table has, each as long as one of its slices; those of a cut
+    are computed within BUDGET, which is spent in each plane of a figure and counted once. axes: of
+    the table; slice_seconds: of one of its slices.
+    """
     from wavesweep.program.analyses.interval_jobs import Way, cost_of
     from wavesweep.program.sweep.grid import is_plain
 
     _, method = cost_of(spec, axis)
-    if method is Way.CUT or not any(
-        len(swept.values) > 1 and is_plain(spec, swept.path) for swept in axes
-    ):
+    if not any(len(swept.values) > 1 and is_plain(spec, swept.path) for swept in axes):
         return 0.0
+    if method is Way.CUT:
+        return BUDGET
     return prod(len(swept.values) for swept in axes) * slice_seconds
 
 

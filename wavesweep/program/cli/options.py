@@ -262,8 +262,13 @@ def run_options(*groups: str) -> Callable[..., Any]:
 
 
 def _consistent(options: Options) -> Options:
-    """The options of a run. Raises UsageError for those that contradict each other."""
+    """The options of a run, without a figure if its only file is a table. Raises UsageError for
+    those that contradict each other."""
     if options.file and options.file.suffix.lower()[1:] not in FORMATS:
+        if options.plot and is_given("plot"):
+            raise click.UsageError(
+                f"--plot draws a figure, and --out {options.out} writes none; name a folder, or leave one of them out"
+            )
         options = replace(options, plot=False)
     elif options.file and not options.plot:
         raise click.UsageError(f"--out {options.out} is a figure; leave --no-plot out")

@@ -12,7 +12,7 @@ from wavesweep.engine.keys import Leaf, Path, Place, leaves_of
 
 def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:
     """Return the leaves with the classes that a capability has, of those that blocks name and
-    the spec does not draw."""
+    the spec does not draw, in the order in which blocks name them."""
     kinds = {
         path: leaf for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)
     }
@@ -24,10 +24,12 @@ def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:
     }
     shipped = shipped_classes() if missing else {}
     completed = dict(leaves)
-    for name in missing.keys() & shipped.keys():
+    for name, user in missing.items():
+        if name not in shipped:
+            continue
         tables = tomllib.loads(shipped[name].read_text(encoding="utf-8"))
         completed |= {
-            path: replace(leaf, place=missing[name].place)
+            path: replace(leaf, place=user.place)
             for path, leaf in leaves_of(tables, Place(), ("type", name))
         }
     return completed
