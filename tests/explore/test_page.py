@@ -98,6 +98,8 @@ def data_of(text):
 
 @pytest.mark.slow
 def test_a_saved_page_has_the_sweep_in_it():
+    """HOLE sweeps K_VE to 6000, B_VE in 11 values and b in 2; its own values are 500, 1 and 25. All values of b and some of the
+    others, with the ends and its own, make at most 100 designs."""
     heard = []
     data = data_of(saved_page(load(HOLE), lambda *report: heard.append(report)))
     stops, own = data["stops"], {"environment.K_VE": 500.0, "environment.B_VE": 1.0, "controller.b": 25.0}

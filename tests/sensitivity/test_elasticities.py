@@ -219,7 +219,8 @@ def test_along_a_dead_time_an_end_at_a_whole_tick_moves_as_the_loop_on_the_side_
 
 @pytest.mark.slow
 def test_along_a_dead_time_every_part_of_the_range_has_the_derivatives_of_its_loop():
-    """The end is at seven ticks, the spec's own dead time at three."""
+    """The end is in the seventh tick, the spec's own dead time in the third. Along the end `largest_gain(lag, hz) = k`, so in
+    logarithms d lag/d k = 1/(d gain/d lag), and d lag/d hz = -(d gain/d hz)/(d gain/d lag)."""
     rows = wavesweep.compile(with_dead_times(0.25)).sensitivity("lag", (0, 2)).set_index("number")
     end = rows.limit_value.iloc[0]
     assert largest_gain(end, 10.0) == pytest.approx(3.0)
@@ -229,7 +230,7 @@ def test_along_a_dead_time_every_part_of_the_range_has_the_derivatives_of_its_lo
     assert rows.elasticity["k"] == pytest.approx(1 / by_lag, abs=1e-5)
     assert rows.elasticity["rates.tick_hz"] == pytest.approx(-by_rate / by_lag, abs=1e-5)
     assert rows.elasticity.tolist() == rows.elasticity_down.tolist()
-    assert 0 < rows.damping_ratio.iloc[0] < 0.1
+    assert 0 < rows.damping_ratio.iloc[0] < 0.1  # just inside the end
 
 
 def test_what_is_felt_has_derivatives_also_beside_an_end_at_0():

@@ -114,23 +114,25 @@ class Flow:
     """
 
     def __init__(self, motion: dict[str, dict[str, Number]], duration: Number):
-        self.motion = {
+        self.exponent = {  # G
             name: {k: c * duration for k, c in row.items()} for name, row in motion.items()
         }
-        reads = {name: set(row) for name, row in self.motion.items()}
+        reached = {name: set(row) for name, row in self.exponent.items()}
         while True:
             further = {
-                name: row.union(*(reads.get(k, ()) for k in row)) for name, row in reads.items()
+                name: row.union(*(reached.get(k, ()) for k in row)) for name, row in reached.items()
             }
-            if further == reads:
+            if further == reached:
                 break
-            reads = further
-        self.powers = reads
-        self.reads = {name: {name, *row} for name, row in reads.items()}
-        self.moves = any(c.moves for row in self.motion.values() for c in row.values())
+            reached = further
+        self.pattern = reached  # of E: what each row of G, G^2, ... reads
+        self.reads = {name: {name, *row} for name, row in reached.items()}  # of exp(G) = 1 + E
+        self.moves = any(c.moves for row in self.exponent.values() for c in row.values())
 
     def map(self, cell: Cell):
-        G = {name: {k: c.value(cell) for k, c in row.items()} for name, row in self.motion.items()}
+        G = {
+            name: {k: c.value(cell) for k, c in row.items()} for name, row in self.exponent.items()
+        }
         halvings = max(0, _size(G).bit_length() - BITS + 4)
         if halvings > 30:
             raise Refused("a plant that moves too fast for its tick")
@@ -159,7 +161,7 @@ class Flow:
         rest = (1, 0)
         E = {
             name: {k: add(E[name].get(k, (0, 0)), rest) for k in row}
-            for name, row in self.powers.items()
+            for name, row in self.pattern.items()
         }
         for _ in range(halvings):
             squared = _times(cell, E, E)

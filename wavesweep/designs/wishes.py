@@ -204,21 +204,24 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     name = spec.drawing.wall[0] if spec.drawing else "K_VE"
     axis = Axis(name, spec.wall[0], (), 0.0, stop, False)
 
-    def stiffest_of(points):  # all different
+    def stiffest_of(points):
+        """Of points that all differ the stiffest wall, the stiffness felt of it and whether they
+        are certified, `(points,)` each: the end of the interval from 0 on, or where an open place
+        begins before it; 0 if no interval begins at 0."""
         value = np.zeros(points.size)
         felt = np.zeros(points.size)
         certified = np.ones(points.size, bool)
         for batch, _ in _batches(spec, points):
             changes = {path: column[batch] for path, column in points.changes.items()}
             rows = at_points(spec, axis, changes, felt=wished)
-            at = batch[rows["slice"]]
-            certified[at] = rows["certified"]
-            from_start = (rows["interval"] == 0) & (rows["low"] <= 0)
-            first = (rows["intervals"] > 0) & from_start
+            point = batch[rows["slice"]]  # of each row, which is an interval or says there is none
+            certified[point] = rows["certified"]
+            is_first = (rows["intervals"] > 0) & (rows["interval"] == 0)
+            from_start = is_first & (rows["low"] <= 0)
             known_up_to = np.fmin(rows["high"], rows["open_low"])
-            value[at[first]] = known_up_to[first]
+            value[point[from_start]] = known_up_to[from_start]
             felt_there = np.where(rows["open_low"] < rows["high"], np.nan, rows["felt_high"])
-            felt[at[first]] = felt_there[first]
+            felt[point[from_start]] = felt_there[from_start]
         return value, felt, certified
 
     once, back = distinct_rows(points.changes, points.size)
@@ -413,7 +416,9 @@ def _delay_margin(spec, wish, points):
 
 
 def _damping_ratio(spec, wish, loops, size):
-    """Least damping ratio of the modes that count; 0 or negative if the loop is unstable."""
+    """Least damping ratio of the modes that count, 0 or negative if the loop is unstable, and
+    whether it is known, `(size,)` each. In a frame of several ticks a mode turns by its strongest
+    line."""
     E, certain = _frames(loops, size)
     drawn = loops.drawn()
     seconds = wish.options.get("slower_than", 0.0)
@@ -426,12 +431,14 @@ def _damping_ratio(spec, wish, loops, size):
         return np.where(certain, least, np.nan), certain & sure
     delta, _ = eigenvalues(E)
     with np.errstate(all="ignore"):
+        # s T of each mode, `(size, 1)`
         exponents = [*np.moveaxis(np.log1p(delta), -1, 0)[..., None]]
+        # Hz, `(size, modes, 3)`, see `range_of_lines`
         lines = np.stack([*lines_of_each(loops.read, exponents, ranges=True)], axis=1)
-    # The wish has the ratio by the own line; it is sure if no line that may be the own one makes
-    # another ratio the least.
-    own, lowest, highest = (2 * np.pi * period[:, None] * lines[..., at] for at in range(3))
-    least, sure = least_damping(E, gone, pairs=pairs, turns=own)
+    strongest, lowest, highest = np.moveaxis(2 * np.pi * period[:, None, None] * lines, -1, 0)
+    least, sure = least_damping(E, gone, pairs=pairs, turns=strongest)
+    # A ratio is monotone in the turns of its mode, so the least one by any lines that may be the
+    # strongest is between those by the lowest and by the highest of them.
     for turns in (lowest, highest):
         other, _ = least_damping(E, gone, pairs=pairs, turns=turns)
         # Least damping ratios by several lines of modes that differ by less are the same.

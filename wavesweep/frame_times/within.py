@@ -115,18 +115,19 @@ def within(
 
     expected: these lengths, in ticks, in any order if `varying`. left: how many frames are not
     certain to be among them; first: of the first one, its number from 1, when it begins (s), and
-    its measured length in ticks. every: if all these lengths are multiples of a number of ticks,
-    and all frames are among them for a loop that looks for results in every so many ticks, this
-    number; otherwise 1. taken: what is said of another unit. columns, scales: see `times.read_run`. Errors: UsageError.
+    its measured length in ticks. every: the greatest common divisor E of lengths that vary, if some
+    frames are left, but none are for a loop that looks for results in every E ticks alone, whose
+    frames are multiples of E; otherwise 1. taken: what is said of another unit. columns, scales: see `times.read_run`. Errors: UsageError.
     """
     expected, varying = lengths_of(spec)
     run = read_run(path, spec.tick_hz, columns or {}, scales or {})
     allowed = expected
-    if not varying:  # all frames have the length of the first one
+    if not varying:  # all frames have the length of the first one, in whole ticks
         allowed = tuple(ticks for ticks in expected if ticks == run.lengths[0])
     left = _outside(run, allowed)
     every = gcd(*expected) if varying else 1
-    coarse = len(left) and every > 1 and not len(_outside(replace(run, every=every), allowed))
+    counted = replace(run, every=every)  # frames as multiples of it
+    coarse = len(left) > 0 and every > 1 and not len(_outside(counted, allowed))
     first = None
     if len(left):
         index = left[0]

@@ -107,7 +107,8 @@ def _numbers(
     axes: Sequence[str], predictions: Sequence[Prediction]
 ) -> dict[str, tuple[float, float]]:
     """The numbers and half the widths of their intervals; one that several axes tell is their mean
-    and has the mean of the widths, as if all errors were the same."""
+    and has the mean of the widths, as if all errors were the same. In the first round nothing is
+    coupled: its fits end before the couplings, which are 0 with no width."""
     pairs = [*map("".join, combinations_with_replacement(axes, 2))]
     told = {f"{matrix}_{pair}": [] for matrix in ("mass", "damping") for pair in pairs}
     for axis, prediction in zip(axes, predictions, strict=True):
@@ -118,14 +119,15 @@ def _numbers(
         values[0] = np.exp(values[0])
         half = prediction.half.copy()
         half[0] *= values[0]
-        if prediction.place.log.one_way:
+        if prediction.place.log.one_way:  # friction, number 2, may be a constant force
             half[2] = np.inf
+        # without couplings in the first round
         for name, value, width in zip(names, values, half, strict=False):
             told[name].append((value, width))
     told["delay"] = told.pop("delay", [(predictions[0].searched["delay"], 0.0)])
     return {
-        name: tuple(np.mean(prediction or [(0.0, 0.0)], axis=0).tolist())
-        for name, prediction in told.items()
+        name: tuple(np.mean(of_fits or [(0.0, 0.0)], axis=0).tolist())
+        for name, of_fits in told.items()
     }
 
 

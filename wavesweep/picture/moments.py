@@ -129,16 +129,17 @@ def _in_frames(spec: Spec, late: bool = False, lost: int = 0) -> Moments:
     """The frames of a spec's own numbers with their oldest number.
 
     late: whether messages come as late as they may. lost: slow results of a controller in a row
-    that never come.
+    that never come. Of a drawn loop with late messages the age is that with as many lost in a row as
+    may be; the number is shown as it is without losses, and `lost` of `Moments` is the difference.
     """
     drawing = spec.drawing or loop_drawing(spec.values)
     flow = DataFlow.of(drawing, spec.values, late)
     lanes = _lanes(flow)
     at_random = drawing.at_random or bool(spec.for_all and spec.for_all.loss)
-    alone = Moments("", flow.ticks, flow.tick_s, lanes, at_random)
+    without_force = Moments("", flow.ticks, flow.tick_s, lanes, at_random)
     acting = [lane for lane in lanes if lane.lives]
     if not acting:
-        return alone
+        return without_force
 
     def oldest(lane: Lane) -> float:
         stays = lost * lane.every if lane.every > 1 else 0.0
@@ -147,17 +148,14 @@ def _in_frames(spec: Spec, late: bool = False, lost: int = 0) -> Moments:
     main = max(acting, key=oldest)
     age = oldest(main)
     if late and spec.drawing:
-        lossy = [
-            frames
-            for frames in _lanes(DataFlow.of(drawing, spec.values, late, lost=True))
-            if frames.lives
-        ]
-        worst = max(lossy, key=oldest)
+        with_losses = _lanes(DataFlow.of(drawing, spec.values, late, lost=True))
+        worst = max((lane for lane in with_losses if lane.lives), key=oldest)
         age = oldest(worst)
+        # The same number as it is without losses.
         main = replace(worst, lives=tuple(Ages(flow).lives(worst.signal, worst.port)))
         lanes = tuple(main if lane.every == main.every else lane for lane in lanes)
     shown = _oldest(main.lives)
-    return replace(alone, lanes=lanes, main=main, shown=shown, lost=age - shown.oldest)
+    return replace(without_force, lanes=lanes, main=main, shown=shown, lost=age - shown.oldest)
 
 
 def _oldest(lives: Iterable[Life]) -> Life:

@@ -84,8 +84,9 @@ def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, late, cl
 
 @pytest.mark.parametrize(("late", "fixed"), [(0, None), (1, None), (24, -2.5), (999, None), (1000, None), (1000, 0.7)])
 def test_the_boundary_along_delay_lines_is_within_its_errors(late, fixed):
-    """Down to the ends of the circle, where the late part of both functions is known best, and at angles with many turns; of
-    the line of ten states the fourth is read as well."""
+    """`value` and `beyond` of `_boundary`, down to the ends of the circle, and at angles at which late numbers turn many times;
+    of the line of ten states the fourth is read as well."""
+    # Less identity: state 0 has its pole at 0.99, state 1 adds it up (a pole at 1), and 2 to 11 are the line.
     E = np.diag([1.0] * 11, -1) - np.eye(12)
     E[:2, :2] = [[-0.01, 0.0], [0.02, 0.0]]
     rows = np.zeros((2, 12))

@@ -27,13 +27,15 @@ class Bordered:
     """The response from one system that holds both the fast states at the hand's frequency and the
     frame's states.
 
-    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X
-    at its start. The fast states are those that change in the most frequent kind of tick, with the
-    matrices E and C. The equations are `w Y = E Y + q` and `o = C Y + r`, q and r being what other
-    states and other ticks add, `M Y = s X + t` (Y is the component of the fast states at w) and, of
-    the other states, those of the frame. Together they are equivalent to `(w - E) X = g` of the
-    frame. If a mode of the fast side has an alias at w, it costs no digit of Y, even if it has
-    little or no damping; neither does a mode at w itself.
+    Unknowns: the outputs o and the fast states Y at the hand's frequency, z = e^(j w T) and
+    w = z - 1 in what follows, and the frame's state X at its start. The fast states are those that
+    change in the most frequent kind of tick, the common one, with the matrices E and C. The
+    equations are `w Y = E Y + q` and `o = C Y + r`, `M Y = s X + t` and, of the other states, those
+    of the frame. M is the number of its ticks; `s X + t` is the sum over its ticks i of z^-i x_i, x_i
+    being the fast states in tick i, and q and r are the means of z^-i times what tick i adds to their
+    change and to the outputs beyond E x_i and C x_i. Together they are equivalent to
+    `(z^M - 1 - E) X = g` with E and g of the frame. If a mode of the fast side has an alias at z, it
+    costs no digit of Y, even if it has little or no damping; neither does a mode at z itself.
     """
 
     def __init__(
@@ -42,7 +44,7 @@ class Bordered:
         over_frame: Callable[[Port], Any],
         sums_of: Callable[[Any, Circle], Any],
     ) -> None:
-        # What these give is of `lifted`, which imports this module.
+        """over_frame, sums_of: `Stretch.of` and `Sums.of` of `lifted`, which imports this module."""
         common = int(np.bincount(port.kind).argmax())
         E, _, C, _ = port.maps[common]
         of_E, _, of_C, _ = port.sizes[common]
@@ -56,8 +58,10 @@ class Bordered:
         self.E = E[..., *among_fast]
         self.dC = ENTRY_ROUNDING * of_C[..., self.fast]
         self.dE = ENTRY_ROUNDING * of_E[..., *among_fast]
+        # Sums over the frame of these outputs of its ticks are r, q and s X + t.
         maps = []
         sizes = []
+        # The common tick adds nothing by fast states, exactly; of others the sizes of both add up.
         for tick, terms in zip(port.maps, port.sizes, strict=True):
             rows = self._outputs(tick, port.maps[common], -1.0)
             of_rows = self._outputs(
@@ -67,7 +71,7 @@ class Bordered:
             maps.append(rows)
             sizes.append(of_rows)
         self.stretch = over_frame(replace(port, maps=tuple(maps), sizes=tuple(sizes)))
-        self.place = None
+        self.place = None  # which fast state the position is, times `reads`, if it is one alone
         if port.position is not None:
             read = port.position[..., 0, :].reshape(-1, E.shape[-1]).any(0)
             where = np.flatnonzero(read)
@@ -76,8 +80,8 @@ class Bordered:
                 self.reads = port.position[..., 0, where]
 
     def _outputs(self, tick: StateSpace, common: StateSpace, sign: float) -> StateSpace:
-        """Return the map of a tick from the force to what it adds to the outputs and the fast
-        states, and to these states."""
+        """Return the map of a tick from the force to C and E_fast of the tick plus `sign` times those
+        of the common one among fast states, and to the fast states themselves."""
         E, B, C, D = tick
         outputs = C + 0 * common.C[..., :1]
         outputs[..., self.fast] += sign * common.C[..., self.fast]

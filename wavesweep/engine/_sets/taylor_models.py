@@ -376,13 +376,14 @@ class TaylorModel:
     def _bounded(
         self, series: TaylorModel, low: np.ndarray | float, high: np.ndarray, informed: bool
     ) -> TaylorModel:
-        """The model of a function f of it, in each cell the narrower of two: the series `series`, or
-        the interval of all values of f as a constant with a rest.
+        """The model of a function f of it, in each cell one of two: the series `series`, or, where
+        this leaves out more than WORSE times `radius = max(high - c, c - low)`, a constant c of the
+        interval of all values of f, with this radius as its rest.
 
         low, high: ends of that interval, which hold for all arguments in the cell. informed: the
-        cells in which the interval may stand for f. The constant is the series' value in the middle
-        of the cell, or one that is nearer to 0, so that its size is not more than that of f. Errors:
-        UnresolvedError for cells in which there is neither.
+        cells in which the interval may stand for f. c is the series' value in the middle of the
+        cell, clipped to between 0 and (low + high)/2 and then to the interval, so that
+        |c| <= |low + high|/2. Errors: UnresolvedError for cells in which there is neither.
         """
         with np.errstate(invalid="ignore"):
             half = (low + high) / 2
@@ -393,14 +394,15 @@ class TaylorModel:
             radius = np.maximum(high - middle, middle - low) * OUTWARD + NEXT_TO_ZERO
         bounded = informed & np.isfinite(radius)
         worse = ~(series.rest <= np.where(bounded, WORSE * radius, LARGEST_DOUBLE))
-        # Elsewhere they are those of the polynomial again, so that what only spans decades is
-        # divided.
+        # Where the interval may not stand for f only the polynomial bounds it: a cell in which f
+        # just spans decades is divided.
         bounds = np.where(informed, low, -np.inf), np.where(informed, high, np.inf)
         if not np.any(worse):
             return self._like(series.terms, series.rest, bounds)
         if np.any(worse & ~bounded):
             raise UnresolvedError(worse & ~bounded, self.widest())
-        # Its terms are as small as to change nothing, and say on which numbers it depends.
+        # The constant has terms that are too small to matter and say on which numbers f depends;
+        # they move it by at most their sum.
         moves = np.moveaxis(self._moves(), -1, 0)
         share = MARKED * radius / np.maximum(moves.sum(0), NEXT_TO_ZERO) * moves
         terms = np.zeros_like(series.terms)

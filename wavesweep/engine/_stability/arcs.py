@@ -47,19 +47,23 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
 
     On each arc the boundary equation, without its poles and its zeros at z = +-1, is interpolated
     at points of state space; see `panel_roots` for the proof. An arc is left out if the number is
-    proved to be beyond the span on it: if a filter transmits nothing there, the equation vanishes to
-    a high order.
+    proved to be beyond the span on it, as where a filter transmits nothing: the equation vanishes to
+    a high order there.
     """
     equations = _BoundaryEquations.of(columns, max(map(abs, span)))
     E = equations.opened.E
+    degree = E.shape[-1] + columns.cut.late + 1
+    # Of the two functions that are sampled, 0 vanishes at crossings, and 1 is positive where the
+    # number is beyond the span, which settles an arc.
     panels = panel_roots(
         equations.sample,
         np.linspace(0, np.pi, 5),
         columns.fixed.size,
         PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT),
         settling=1,
-        degree=E.shape[-1] + columns.cut.late + 1,
+        degree=degree,
     )
+    # Next to z = 1, where poles may hide the first function from panels.
     unproved = np.flatnonzero(panels.open_low)
     if unproved.size:
         panels.open_low[unproved] = ~_is_clear_next_to_one(

@@ -62,8 +62,9 @@ def inertia_of_cells(A: Polynomials, pieces: int = 1) -> Inertia:
 
 
 def _bases(A: Polynomials, pieces: int) -> np.ndarray:
-    """Bases of the states before each piece: eigenvectors, in units in which all pieces are
-    alike."""
+    """Bases V_j of the states before each piece j, `(cells pieces, n, n)`: eigenvectors of the
+    product `A_(j+p-1) ... A_j` of the p pieces from j on, in the middle, in units (powers of 2) that
+    balance the cycle of all `|V_(j+1)^-1 A_j V_j|`; one piece has unit eigenvectors."""
     n = A.rest.shape[-1]
     middle = A.terms[0].reshape(-1, pieces, n, n)
     products = middle
@@ -74,6 +75,7 @@ def _bases(A: Polynomials, pieces: int) -> np.ndarray:
         return basis[:, 0]
     after = np.linalg.inv(np.roll(basis, -1, 1))
     sizes = np.abs(after @ A.terms.reshape(-1, *basis.shape) @ basis).sum(0)
+    # Block (j + 1, j) is the size of piece j in these bases.
     cycle = np.zeros((len(basis), pieces, n, pieces, n))
     for piece in range(pieces):
         cycle[:, (piece + 1) % pieces, :, piece] = sizes[:, piece]

@@ -68,9 +68,8 @@ class LoopFrames:
     patterns: entries of each symbol that may be nonzero. kept: the states that remain: without
     drift, and without those that every frame forgets or sets to zero. symbols: the kind of frame of
     each matrix. at_once: the frames in a simpler form if the number acts in no more than one of
-    their ticks, and no drift depends on numbers. drift: one that does, or None; its rest is then
-    found at each value of the number. free: gives the frames from a number 0 on, if one more shift
-    stays there, else None.
+    their ticks, and no drift depends on numbers. drift: the marginal modes if they depend on numbers,
+    whose rest is then found at each value of the number, else None.
     """
 
     ticks: Ticks
@@ -101,13 +100,13 @@ class LoopFrames:
         states = np.array(states)
         if not drift:
             states = alive(np.logical_or.reduce(patterns), states)
-        acting = []
+        acting = []  # the indices of the ticks of each row in which the number acts
         for row in whole_rows:
             acting.append([i for i, kind in enumerate(row) if ticks.maps[kind].inputs])
         at_once = None
-        if not drift and all(len(kinds) <= 1 for kinds in acting):
-            places = [(*kinds, -1)[0] for kinds in acting]
-            at_once = _AtOnce.of(ticks, whole_rows, places, states)
+        if not drift and all(len(indices) <= 1 for indices in acting):
+            acting_tick = [indices[0] if indices else -1 for indices in acting]
+            at_once = _AtOnce.of(ticks, whole_rows, acting_tick, states)
         return LoopFrames(
             ticks, rows, samples, tuple(patterns), states, symbols, follows, at_once, drift
         )
@@ -240,7 +239,8 @@ class _AtOnce:
     def of(
         ticks: Ticks, rows: list[tuple[int, ...]], acting: list[int], states: np.ndarray
     ) -> _AtOnce:
-        """acting: the index of the tick in which the number acts in each row."""
+        """acting: the index of the tick in which the number acts in each row; -1, the last one, if
+        it acts in none."""
         n = len(ticks.states)
         nothing = np.zeros((1, n, n))
         changes = np.concatenate([[tick_map.E for tick_map in ticks.maps], nothing])

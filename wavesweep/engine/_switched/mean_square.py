@@ -56,7 +56,8 @@ class Chances:
 
     family: along the number if matrices depend on it. graph: the chain; edges whose probability is
     always 0 are left out. factors: of the probability of each edge, at values 0 and 1 of the number
-    if it is one of them, `(edges, factors, 2)`.
+    if it is one of them, `(edges, factors, 2)`. in_matrices: whether matrices depend on the number,
+    and probabilities do not.
     """
 
     family: LoopFrames
@@ -68,8 +69,9 @@ class Chances:
         """The probabilities from low to high as control points of polynomials in the number,
         `(points, edges)`.
 
-        Each factor is linear, so that their product is a convex combination of the products'
-        control points.
+        With x = low + t (high - low) the product of n factors (1 - t) a_i + t b_i is
+        `sum_k c_k t^k (1 - t)^(n - k)`. Its control points are c_k/binomial(n, k), and for t from 0
+        to 1 it is a convex combination of these. One point if low is high or none depends on x.
         """
         slope = self.factors[..., 1] - self.factors[..., 0]
         ends = np.clip(
