@@ -94,3 +94,18 @@ def test_a_frame_is_a_matrix_in_the_order_of_its_states():
         dict(zip(found.parts, bordered, strict=True)), [[0] * 4] * 4
     )
     assert form.matrix_of(cell, A, ["b"], ["a"]) == form.Matrix({(0,): [[5]]}, [[1]])
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_a_matrix_is_a_convex_combination_of_its_control_points(width):
+    """Of degree 2 in its last side, with the weights of Bernstein, but for errors."""
+    draw = random.Random(width)  # noqa: S311
+    matrix = drawn(draw, width, (2, 3))
+    points = form.control_points(matrix)
+    for _ in range(5):
+        *others, s = (Fraction(draw.randint(-9, 9), 9) for _ in range(width))
+        t = (1 + s) / 2
+        shares = (1 - t) ** 2, 2 * t * (1 - t), t**2
+        found = sum(share * member(point, others) for share, point in zip(shares, points, strict=True))
+        assert (found == member(matrix, [*others, s])).all()
+        assert all(point.error == matrix.error for point in points)

@@ -296,15 +296,20 @@ def test_signals_that_break_no_loop_are_refused(cut, said):
 
 
 def test_a_loop_over_a_network_is_cut_where_its_messages_come():
-    """A damper beside the channel acts on the mass as well: it is no margin of the network."""
+    """A damper beside the channels acts on the mass as well: it is no margin of a network, there and back.
+
+    One channel alone is the bus of a drive.
+    """
     tables = {
         "rates": {"tick_hz": 1000},
         "numbers": {"K": 50.0},
         "block": {"m": {"type": "mass", "mass": 0.3, "damping": 8.0}, "b": {"type": "difference"}}
-        | {"net": {"type": "channel", "lost": 1}},
-        "wire": {"b.u": "m.x", "net.u": "m.x", "m.f": "-2*b.y - K*net.y"},
+        | {"there": {"type": "channel", "lost": 1}, "back": {"type": "channel", "lost": 1}},
+        "wire": {"b.u": "m.x", "there.u": "m.x", "back.u": "there.y", "m.f": "-2*b.y - K*back.y"},
     }
-    assert default_cut(load(tables)) == "net.y"
+    assert default_cut(load(tables)) == "back.y"
+    tables["block"]["back"] = {"type": "hold"}
+    assert default_cut(load(tables)) == "b.y"
 
 
 @pytest.mark.parametrize("late", [0.0002, 0.001, 0.0016])

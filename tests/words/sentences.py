@@ -128,12 +128,34 @@ def own(run):
     return pole(run, numbers["n"], numbers["c"], numbers["K"]), seconds
 
 
+def noise(run, lost):
+    """The root mean square of y under white noise of 1 in r, the mean over all ticks, with samples lost with a probability.
+
+    With g as at the head of `loops`, s = n (T c)^2 and m = lost/(1 - lost), a frame begins with E x^2 = X,
+    X = s/(2 g - g^2 (1 + 2 m)), and holds h with E h^2 = X and E x h = X (1 - m g); its tick j has x - (j/n) g h and
+    the noise of j ticks, j s/n.
+    """
+    numbers = run.case.tables["numbers"]
+    n, c = numbers["n"], numbers["c"]
+    g = 1 - pole(run, n, c, numbers["K"])
+    s = n * (T * c) ** 2
+    m = lost / (1 - lost)
+    X = s / (2 * g - g**2 * (1 + 2 * m))
+    part = np.arange(n) / n
+    return sqrt(np.mean(X * (1 - 2 * part * g * (1 - m * g) + (part * g) ** 2) + part * s))
+
+
 @shape(
     r"Wrote .* in \S+ s|(?:still [a-z ]+|at work(?: on [a-z ]*)?) after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
     r"|all \d+ done after \d+ (?:s|min|h)[;,]?.*|assumes: kept.*"
 )
 def nothing(run, *_):
     """Times that a clock has measured."""
+
+
+@shape(rf"  white noise of 1 in r: rms of y {N}, {N} with all in time", "check")
+def white_noise(run, at_random, in_time):
+    return near(at_random, noise(run, run.case.members["lost"])) and near(in_time, noise(run, 0.0))
 
 
 @shape(

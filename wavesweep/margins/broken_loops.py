@@ -195,8 +195,8 @@ def _readings(drawing: Drawing) -> set[tuple[str, str]]:
 def cuts_of(spec: Spec) -> list[str]:
     """The signals at which the spec's own loop can be broken.
 
-    First what channels show, since all that crosses a network is cut there, then those of controllers that a plant
-    reads, and rare ones.
+    First what channels show if there are several, as there and back of a network, since all that crosses it is cut
+    there; then those of controllers that a plant reads, and rare ones.
     """
     loop = own_loop(spec)
     drawing = loop.drawing
@@ -212,6 +212,8 @@ def cuts_of(spec: Spec) -> list[str]:
         if often <= MOST_TIMES and (_block_of(name), _block_of(name)) in reads:
             times[name] = often
     channels = {channel.name for channel in spec.drawing.channels} if spec.drawing else set()
+    if len(channels) == 1:
+        channels = set()
 
     def rank(name: str) -> tuple[bool, bool, bool, int]:
         block = _block_of(name)

@@ -14,7 +14,7 @@ from wavesweep.program.cli.study_commands import one_spec, with_proof
     metavar="SIGNAL",
     default="",
     help="The signal at which the loop is broken: an output of a block that a wire reads, BLOCK.PORT, or a name in [signals] "
-    "[default: the cut of the spec's require.margins, or of a wish, else a channel's, else the one that acts on the plant].",
+    "[default: the cut of the spec's require.margins, or of a wish, else of several channels, else the one that acts on the plant].",
 )
 @with_proof
 @run_options()

@@ -37,7 +37,7 @@ class LoopMargins(api.Loop):
         ----------
         cut : str, optional
             An output of a block that a wire reads, "block.port"; by default the cut of
-            the spec's `require.margins`, or of a wish, else a channel's, else the one that acts on the plant.
+            the spec's `require.margins`, or of a wish, else of several channels, else the one that acts on the plant.
 
         Returns
         -------

@@ -26,8 +26,8 @@ FILE = "report.html"
     "--cut",
     metavar="SIGNAL",
     default="",
-    help="The signal for the margins, BLOCK.PORT [default: the cut of the spec's require.margins, or of a wish, else the one "
-    "of a channel, or that acts on the plant].",
+    help="The signal for the margins, BLOCK.PORT [default: the cut of the spec's require.margins, or of a wish, else of several "
+    "channels, else the one that acts on the plant].",
 )
 @of_hands
 @overwriting("Replace a file that is no report of this spec.")

@@ -26,7 +26,7 @@ def report(
         The file to write it to as well; an earlier one is replaced.
     cut : str, optional
         The signal for the margins, "block.port"; by default the cut of the spec's
-        `require.margins`, or of a wish, else a channel's, else the one that acts on the plant.
+        `require.margins`, or of a wish, else of several channels, else the one that acts on the plant.
     for_hands : str or iterable of str, optional
         Words for guarantees, as for `zwidth`.
 
