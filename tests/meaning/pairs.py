@@ -25,7 +25,6 @@ from wavesweep.checker.reader.loops import Unreadable
 from wavesweep.engine.drawing import TYPES, keys_of_block
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.keys import Key, Names
-from wavesweep.for_all.varying import Rules
 from wavesweep.program.reading.keys import BUILT_IN
 from wavesweep.program.spec import load
 from wavesweep.program.spec.resolving import LIMITS, TWINS
@@ -274,6 +273,8 @@ def taken(tables: dict, overrides=()):
 
 def computed(tables: dict):
     """The same of a spec whose axes, ranges and frames are computed too, at both ends of each."""
+    from wavesweep.for_all.varying import Rules  # a capability, which may be away
+
     spec, why = taken(tables)
     if spec is not None:
         try:
