@@ -132,7 +132,7 @@ def test_summary_json_and_table_say_where_nothing_is_known(blind, tmp_path, caps
     rows = (tmp_path / "out" / "stability-region.csv").read_text().splitlines()
     assert len(rows) == 2
     assert rows[0].endswith("open_places,open_low,open_high,argument")
-    assert rows[1].endswith(",1,2.0,2.5")
+    assert rows[1].endswith(",1,2.0,2.5,")
 
 
 @pytest.mark.parametrize(("low", "high", "ended"), [(2.0, 2.5, True), (3.0, 4.0, False)])
