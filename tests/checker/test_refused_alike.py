@@ -74,6 +74,9 @@ DRAWINGS = {
     "a result that is lost": "[for_all]\nlost = 1",
     "a key of no range": "[sweep]\n'block.x.damping' = [nan]",
     "a port of two names": "[ports]\nhand.force = 'push'",
+    "a hand that turns and has volts": "[ports]\nhand = { force = 'f', displacement = 'x.x', turns = true, volts = true }",
+    "a hand that has volts as a number": "[ports]\nhand = { force = 'f', displacement = 'x.x', volts = 1 }",
+    "a tick longer than 10,000 own ones": "[for_all]\ntick = { late = 100.0 }",
 }
 
 
@@ -128,6 +131,22 @@ def test_a_drawing_that_the_program_refuses_is_refused(case):
     theirs, ours = refused(DRAWN.format("hold") + DRAWINGS[case])
     assert theirs
     assert SAID.match(ours), ours
+
+
+@pytest.mark.parametrize(
+    ("own", "more"),
+    [
+        ('{ type = "hold" }', "[for_all]\ntick = { late = 20.0 }\n"),
+        ('{ type = "channel", late = 1, loss = 0.0 }', ""),
+        ('{ type = "channel", late = 1, burst = "0" }', ""),
+    ],
+)
+def test_a_drawing_that_the_program_takes_is_taken(own, more, tmp_path):
+    """A loop of 0.1 Hz, whose ticks may last longer than 10 s, and messages that are lost with the probability 0."""
+    spec = DRAWN.format("hold").replace("tick_hz = 100", "tick_hz = 0.1").replace('{ type = "hold" }', own) + more
+    assert refused(spec) == ("", "")
+    code, words = checked(tmp_path, spec, [{"claim": "for all", "states": []}])
+    assert (code, "the states are" in words) == (1, True), words
 
 
 @pytest.mark.parametrize("name", ["contact", "tick", "lost", "loss", "shares", "next", "late", "values", "lambda"])

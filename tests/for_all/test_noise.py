@@ -119,6 +119,7 @@ def test_intervals_of_a_root_mean_square_end_where_that_of_the_products_is_the_l
     ends = []
     for row in rows.itertuples():
         assert row.certified
+        assert row.argument == "sampled"
         ends += [(row.low, row.fails_below), (row.high, row.fails_from)]
     beyond = [(end, refuted) for end, refuted in ends if not np.isnan(refuted)]
     assert beyond

@@ -258,21 +258,22 @@ def schedules_of(tables: dict, claim: Claim, member: Mapping[str, Any]):
     unknown = unknown_key(tables, loop)
     if unknown:
         raise Unreadable(f"the key {unknown} is not known to this checker, or nothing reads it")
+    allowed = for_all.read(tables, balls.exact)
+    times = for_all.time_of_tick(loop, allowed.tick) if allowed.tick else ()
     alike = {"": schedule}, ALIKE, None
     if claim.claim in ("modes", "gain", "port"):
         return alike
-    return _schedules_of_set(tables, claim, loop, loop_with) or alike
+    if times and claim.claim in ("for all", "refuted"):
+        claim.times = times_of(claim, *times)
+        return *for_all.ticks_of(loop, claim.times), 0
+    return _schedules_of_set(allowed, claim, loop, loop_with) or alike
 
 
-def _schedules_of_set(tables: dict, claim: Claim, loop, loop_with: Callable):
-    """The same if frames, ticks or messages vary by the spec, or None where all frames are alike."""
-    allowed = for_all.read(tables, balls.exact)
+def _schedules_of_set(allowed: for_all.ForAll, claim: Claim, loop, loop_with: Callable):
+    """The same if frames or messages vary by the spec, or None where all frames are alike."""
     vary = bool(allowed.varying or allowed.lost or allowed.loss)
     messages = for_all.has_messages(loop)
     random = claim.claim == "mean square"
-    if allowed.tick and claim.claim in ("for all", "refuted"):
-        claim.times = times_of(claim, *for_all.time_of_tick(loop, allowed.tick))
-        return *for_all.ticks_of(loop, claim.times), 0
     if claim.claim in OF_WALLS and (messages or allowed.ranges or allowed.tick):
         raise Refused("a wall that lets go beside ranges, or ticks and messages that vary")
     if claim.claim == "goes on" and vary != bool(claim.word):

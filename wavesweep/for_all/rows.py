@@ -13,7 +13,7 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.intervals import SHARE_OF_SPAN, blank_records
+from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals, blank_records
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.switched import (
     SOON,
@@ -222,7 +222,10 @@ def intervals_for_all(
         none = not rows and not searched(loop.cases, span)  # some member is unstable at every value
         if none:
             why = loop.nowhere()
-    return recorded(rows, loop.certified, agreed=agreed, none=none, why=why)
+    records = recorded(rows, loop.certified, agreed=agreed, none=none, why=why)
+    if rules.at_random and rules.require:  # a root mean square on panels, with sampled rims
+        records["argument"] = Intervals.SAMPLED
+    return records
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ COMPUTED: Mapping[str, RowKind] = {
 }
 """Intervals of one loop; the others are searched for, at the swept values alone."""
 ARGUMENTS: Mapping[str, str] = {
-    "": "a row that is not certified, or of a set of loops or hands",
+    "": "a row that is not certified, or is proved by forms, or of hands",
     "enclosed": "all bounds by which no crossing can be missed are enclosures",
     "first order": "some of these bounds hold to first order in a rounding",
     "sampled": "some of these bounds are sampled, with a margin",

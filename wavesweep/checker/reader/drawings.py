@@ -15,6 +15,7 @@ proof files, is written at the end of an instant with what stands behind it (B i
     @before SIGNAL, @last SIGNAL   of prev(...): in the last tick, of an impulse in its last run
 """
 
+import ast
 import math
 from fractions import Fraction
 from functools import cached_property
@@ -140,6 +141,12 @@ def called_of(block: str):
         return MEANT[prefix].format(block, part)
 
     return called
+
+
+def loses_at_random(channel: dict) -> bool:
+    """Whether messages of a channel are lost with a probability: it has loss or burst, which is not just the number 0."""
+    chances = [parsed(channel[key]) for key in ("loss", "burst") if key in channel]
+    return any(not isinstance(node, ast.Constant) or Fraction(node.value) != 0 for node in chances)
 
 
 def is_name(name) -> bool:
@@ -285,7 +292,7 @@ class Drawing:
         )
         if ends(share)[0] < 1 - Fraction(1, 10**6):
             raise Unreadable(f"{path}.tracking_s is less than the period of the block")
-        if any(keys.get(key, 0) for key in ("loss", "burst")) and keys.get("type") == "channel":
+        if keys.get("type") == "channel" and loses_at_random(keys):
             for key in ("late", "lost"):
                 if ends(number(keys.get(key, 0))) != (0, 0):
                     raise Unreadable(f"{path}.{key} stands beside messages that are lost at random")
@@ -328,6 +335,9 @@ class Drawing:
             entry = self.key(f"ports.{port}", {})
             if entry and needed - entry.keys():
                 raise Unreadable(f"ports.{port}.{min(needed - entry.keys())} is missing")
+        of_hand = [self.key(f"ports.hand.{key}", False) for key in ("turns", "volts")]
+        if not all(isinstance(flag, bool) for flag in of_hand) or all(of_hand):
+            raise Unreadable("ports.hand: turns and volts are true or false, and not both true")
         signals: set[str] = set()
         for end in ("hand", "environment"):
             force = self.key(f"ports.{end}.force", [])

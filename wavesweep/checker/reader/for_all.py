@@ -13,7 +13,7 @@ from math import prod
 from typing import Any
 
 from .controllers import Controller
-from .drawings import Drawing
+from .drawings import Drawing, loses_at_random
 from .expressions import names_in, parsed
 from .loops import Instant, Schedule, Unreadable
 from .names import EDGES, FILTERS, OWN, axes, called, path_of, rule_of, values_of
@@ -32,7 +32,7 @@ COUNTS = {
 }  # of blocks: a number that one of them reads is whole
 MOST = 256  # combinations of listed values, and kinds of frames
 MESSAGES = {"late", "lost", "loss", "burst"}  # what may happen to those of a channel
-LONGEST_TICK = 10  # s
+LONGEST_TICK = 10_000  # of the spec's own ticks
 MOST_VARYING, MOST_LOST, LARGEST_WEIGHT = 64, 16, 10**12
 MOST_STATES = 10_000  # of what receivers have
 
@@ -103,8 +103,8 @@ def read(tables: dict, exact: Callable[[Any], Fraction]) -> ForAll:
     if not isinstance(found.contact, bool) or not isinstance(found.tick, dict):
         raise Unreadable("for_all.contact is true or false, and for_all.tick a table")
     times = [exact(time) for key, time in found.tick.items() if key != "steps"]
-    if "tick" in entry and not (times and all(0 < time <= LONGEST_TICK for time in times)):
-        raise Unreadable(f"for_all.tick: times are above 0 and at most {LONGEST_TICK} s")
+    if "tick" in entry and not (times and all(time > 0 for time in times)):
+        raise Unreadable("for_all.tick: times are above 0")
     wide = any(low < high for low, high in found.ranges.values())
     channels = [keys for keys in blocks if keys["type"] == "channel" and keys.keys() & MESSAGES]
     if found.contact and (found.loss or wide or found.shares or found.following or channels):
@@ -322,9 +322,10 @@ def time_of_tick(loop: Loop, entry: dict) -> tuple[Fraction, Fraction]:
         raise Unreadable(
             "for_all.tick: a program that divides by the measured time has no proof here"
         )
-    if not 0 < low <= own <= high or low == high:
+    if not 0 < low <= own <= high <= LONGEST_TICK * own or low == high:
         raise Unreadable(
-            "for_all.tick: times up from start to stop, above 0, with the spec's own one among them"
+            "for_all.tick: times up from start to stop, above 0, with the spec's own one among them, "
+            f"and at most {LONGEST_TICK} times this one"
         )
     return low, high
 
@@ -471,7 +472,7 @@ def channel_of(loop: Drawing, name: str) -> tuple[int, int, int, int]:
     """(every, phase, late, lost)."""
     late = loop.whole(name, "late", 0)
     lost = loop.whole(name, "lost", 0)
-    if loop.blocks[name].keys() & {"loss", "burst"}:
+    if loses_at_random(loop.blocks[name]):
         raise Unreadable(
             f"messages of {name} are lost at random, which no proof for all of them holds for"
         )

@@ -259,7 +259,7 @@ def _columns(job, combination, records):
         if name != "slice" and not name.endswith("_cause")
     }
     columns["doubt"] = words(columns["doubt"])
-    columns["argument"] = _arguments(records, bool(job.asked.guarantee))
+    columns["argument"] = _arguments(records)
     required = job.asked.require
     columns |= columns_of_ends(records, required.bound.set_by if required else ())
     if job.asked.guarantee:  # what refutes it names what sets an end
@@ -270,10 +270,10 @@ def _columns(job, combination, records):
     return job.grid.axis_columns(combination) | {"along": along} | columns
 
 
-def _arguments(records: np.ndarray, of_set: bool) -> np.ndarray:
-    """The words of the column `argument`; of_set: of rows that are not for one loop."""
-    told = records["certified"] & (not of_set)
-    return np.array(list(ARGUMENTS), object)[np.where(told, records["argument"], 0)]
+def _arguments(records: np.ndarray) -> np.ndarray:
+    """The words of the column `argument`."""
+    codes = np.where(records["certified"], records["argument"], 0)
+    return np.array(list(ARGUMENTS), object)[codes]
 
 
 def _sample(job):
@@ -480,7 +480,7 @@ def at_points(
     records = _searches(spec, query, loops, **how).records()
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names}
     columns["doubt"] = words(records["doubt"])
-    columns["argument"] = _arguments(records, False)
+    columns["argument"] = _arguments(records)
     return columns | columns_of_ends(records)
 
 
