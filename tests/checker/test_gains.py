@@ -22,7 +22,7 @@ lag = { type = "lowpass", a = "1 - a", every = 2 }
 [wire]
 "lag.u" = "k*ref"
 [ports]
-inputs = { ref = "ref", other = "other" }
+inputs = { ref = "ref" }
 outputs = { y = "lag.y" }
 """
 # an integrator in a loop of one tick: L = K/(z - 1), 1/(1 + L) = (z - 1)/(z - 1 + K), largest at z = -1: 2/(2 - K)

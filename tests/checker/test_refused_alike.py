@@ -76,6 +76,11 @@ DRAWINGS = {
     "a port of two names": "[ports]\nhand.force = 'push'",
     "a hand that turns and has volts": "[ports]\nhand = { force = 'f', displacement = 'x.x', turns = true, volts = true }",
     "a hand that has volts as a number": "[ports]\nhand = { force = 'f', displacement = 'x.x', volts = 1 }",
+    "a reaction in a list": "[ports]\nhand = { force = 'f', displacement = 'x.x', reaction = ['c.y'] }",
+    "a force that no wire reads": "[ports]\nenvironment = { force = 'f', displacement = 'x.x' }",
+    "an input that no wire reads": "[ports]\ninputs.f = 'f'",
+    "a unit that is a number": "[ports]\noutputs.x = { signal = 'x.x', unit = 3 }",
+    "a wall of one number": "[ports]\nwall = { stiffness = 'k', damping = 'k' }",
     "a tick longer than 10,000 own ones": "[for_all]\ntick = { late = 100.0 }",
 }
 

@@ -27,6 +27,7 @@ PORTS = {
     "inputs": {"signal", "unit"},
     "outputs": {"signal", "unit"},
 }
+NAME = re.compile(r"[\w.]+")
 LIMITS = {"high", "low", "anti_windup", "tracking_s"}  # the linear loop is within them
 MESSAGES = {
     "late",
@@ -77,17 +78,22 @@ def unknown_key(tables: dict, loop: Controller | Drawing) -> str | None:
         parts = [part for part in entry.values() if isinstance(part, dict)] if named else [entry]
         keys = {key for part in parts for key in part} - PORTS.get(port, set())
         own += [f"ports.{port}.{key}" for key in keys] + [f"ports.{port}"] * (port not in PORTS)
+        units = [part["unit"] for part in parts if "unit" in part]
+        own += [f"ports.{port}: unit = {unit}" for unit in units if not isinstance(unit, str)]
     for name, block in loop.blocks.items():
         free = {"type"} | (LIMITS | MESSAGES) & OF_BLOCKS.get(block["type"], {}).keys()
         unread = [key for key in block if key not in free and (name, key) not in loop.read]
         own += [f"block.{name}.{key}" for key in unread]
     own += [f"wire.{port}" for port in loop.wires if f"wire.{port}" not in loop.key.asked]
-    texts = [
-        str(value)
+    texts = {
+        path: str(value)
         for path, value in flat(tables).items()
         if not path.startswith("ports.wall.") and not path.endswith((".unit", ".description"))
-    ]
-    mentioned = {name for text in texts for name in re.findall(r"[\w.]+", text)}
+    }
+    of_wires = [text for path, text in texts.items() if not path.startswith("ports.")]
+    read = {name for text in of_wires for name in NAME.findall(text)}
+    own += [f"ports: {signal}" for signal in sorted(loop.inputs() - read)]
+    mentioned = read.union(*(NAME.findall(text) for text in texts.values()))
     own += [f"numbers.{name}" for name in loop.numbers if name not in mentioned]
     own += [f"signals.{name}" for name in loop.signals if "." not in name and name not in mentioned]
     return own[0] if own else None

@@ -338,6 +338,11 @@ class Drawing:
         of_hand = [self.key(f"ports.hand.{key}", False) for key in ("turns", "volts")]
         if not all(isinstance(flag, bool) for flag in of_hand) or all(of_hand):
             raise Unreadable("ports.hand: turns and volts are true or false, and not both true")
+        if not isinstance(self.key("ports.hand.reaction", ""), str):
+            raise Unreadable("ports.hand.reaction is an expression")
+        wall = self.key("ports.wall", {})
+        if wall and wall["stiffness"] == wall["damping"]:
+            raise Unreadable("ports.wall: stiffness and damping are two numbers")
         signals: set[str] = set()
         for end in ("hand", "environment"):
             force = self.key(f"ports.{end}.force", [])
